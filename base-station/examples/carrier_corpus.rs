@@ -1,5 +1,4 @@
-//! Writes the seeds of the fuzz targets into `base-station/fuzz/corpus`. The tests say when they are not what they
-//! were.
+//! Writes the seeds of the fuzz targets into `base-station/fuzz/corpus`. The tests report seeds that have changed.
 
 #[path = "../tests/parsers/bodies.rs"]
 mod bodies;

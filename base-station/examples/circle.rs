@@ -1,6 +1,6 @@
-//! A flight controller's side without a flight controller: sends what a drone with three receivers would forward that
-//! flies in a circle, as MAVLink to UDP port 14550 of this machine. The values are made up here; the objects, the
-//! forwarder and the messages are the real ones.
+//! Simulates a flight controller's side: sends what a drone with three receivers that flies in a circle would forward,
+//! as MAVLink to UDP port 14550 of this machine. The values are invented here; the objects, the forwarder and the
+//! messages are the real ones.
 //!
 //!     cargo run -p base-station --example circle -- [SYSTEM] [SECONDS] [ADDRESS:PORT]
 
@@ -36,8 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// What the DPR would show `ms` after HORUS's start: 150 m around a point, 20 m up and down, half a minute a turn.
-/// From 20 to 40 s of each minute the third receiver drifts off, and is excluded.
+/// The DPR's image `ms` after HORUS's start: 150 m around a point, 20 m up and down, half a minute a turn. From 20 to
+/// 40 s of each minute the third receiver drifts off, and is excluded.
 fn image(ms: u32) -> Vec<u8> {
     let seconds = f64::from(ms) / 1e3;
     let angle = TAU * seconds / 30.0;

@@ -1,15 +1,15 @@
-//! A day of one drone's profiles, recorded, read again and judged again: what it takes in memory, and whether all of it
-//! is there.
+//! A day of one drone's profiles, recorded, read again and judged again: the test measures memory and checks that all
+//! data are there.
 //!
 //!     cargo run -p base-station --example endurance -- [HOURS] [FOLDER]
 //!
 //! 24 hours are 8.64 million images of three receivers at 100 Hz. A hundredth of them is damaged, and as many arrive
-//! twice. They go through the same intake and recorder as in `horus-base`, without its threads and as fast as they can;
-//! what is written is not forced to the disk each half second, which would be the most of the time. Then each part is
-//! read by the `mcap` crate's reader, which checks the CRC of each chunk, judged by an intake that knows nothing, and
-//! removed. About 8 GB lie in FOLDER meanwhile.
+//! twice. They go through the same intake and recorder as in `horus-base`, without its threads and as fast as possible;
+//! the files are not forced to the disk each half second, which would take most of the time. Then the `mcap` crate's
+//! reader reads each part and checks the CRC of each chunk, a fresh intake judges it, and it is removed. FOLDER holds
+//! about 8 GB meanwhile.
 //!
-//! It fails if anything is missing or was judged otherwise the second time, or if memory grows.
+//! It fails if anything is missing or was judged differently the second time, or if memory grows.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,43 +21,44 @@ use base_station::{Verdict, export};
 use indicatif::{ProgressBar, ProgressStyle};
 use profile::{GpsStatus, GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// Images an hour.
+/// The number of images per hour.
 const HOUR: u64 = 360_000;
 
-/// When the first one arrives, µs since 1970.
+/// The instant at which the first one arrives, µs since 1970.
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// Memory may grow by so much from the first tenth of the work on, kB: the index of a part, which ends with it.
+/// The limit for the growth of memory from the first tenth of the work on, kB. The index of a part grows with it, and
+/// is freed when the part ends.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
-/// What a run came to.
+/// The outcome of a run.
 #[derive(Debug, Default)]
 pub(crate) struct Figures {
-    /// Images that arrived, those that arrived twice counted twice.
+    /// The images that arrived; those that arrived twice count twice.
     pub(crate) arrivals: u64,
-    /// Objects that were shown.
+    /// The number of objects that were shown.
     pub(crate) shown: u64,
-    /// Objects that were refused.
+    /// The number of objects that were refused.
     pub(crate) refused: u64,
-    /// Parts of the recording.
+    /// The number of parts of the recording.
     pub(crate) parts: usize,
-    /// Bytes of all parts.
+    /// The size of all parts, bytes.
     pub(crate) bytes: u64,
-    /// Arrivals that were read, and found as they were.
+    /// The number of arrivals that were read back unchanged.
     pub(crate) read: u64,
     /// Memory at each tenth of the recording, and at each of the reading, kB.
     pub(crate) memory_kb: Vec<u64>,
 }
 
 impl Figures {
-    /// What memory grew by from the first tenth on, kB.
+    /// The growth of memory from the first tenth on, kB.
     #[must_use]
     pub(crate) fn growth_kb(&self) -> u64 {
         let first = self.memory_kb.first().copied().unwrap_or_default();
         self.memory_kb.iter().max().map_or(0, |most| most.saturating_sub(first))
     }
 
-    /// Whether everything was read again, and memory stayed what it was.
+    /// Whether all arrivals were read again, and memory stayed within its limit.
     #[must_use]
     pub(crate) fn is_good(&self) -> bool {
         self.read == self.arrivals && self.growth_kb() <= GROWTH_KB
@@ -79,11 +80,11 @@ impl Parts for Unforced {
     }
 }
 
-/// Records so many images into `folder`, and reads them again. `progress` is told the share that is done, 0 to 1.
+/// Records `images` images into `folder`, and reads them again. `progress` gets the finished share, 0 to 1.
 ///
 /// # Errors
 ///
-/// What cannot be written or read.
+/// A file cannot be written or read.
 pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Result<Figures> {
     let mut figures = Figures::default();
     let file = folder.join("endurance.mcap");
@@ -141,9 +142,9 @@ pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Res
     Ok(figures)
 }
 
-/// What arrives at a hundredth of a second of this number.
+/// The arrival with this number; there are a hundred a second.
 fn arrival(number: u64) -> Carried {
-    // HORUS's clock wraps after seven weeks; a day begins at once.
+    // HORUS's clock wraps after seven weeks, far more than a day.
     let time = u32::try_from(number * 10).unwrap_or(u32::MAX);
     let angle = number as f64 / 3_000.0;
     let (latitude, longitude) = (47.497_9 + 1e-3 * angle.cos(), 8.728_9 + 1e-3 * angle.sin());

@@ -1,14 +1,13 @@
-//! How much one `horus-base` carries: a thousand drones at once, as MAVLink over UDP, and how long it takes from a
+//! Measures the load that one `horus-base` carries: a thousand drones at once, as MAVLink over UDP, and the time from a
 //! datagram to its event on the page.
 //!
 //!     cargo run -p base-station --example load -- [DRONES] [SECONDS]
 //!
-//! Each drone has a system id of its own. MAVLink has 255; those above go with the flag for ids of 32 bits, which the
-//! `mavlink` crate reads, and which is what tells a thousand drones at one port apart. Each sends {Link-Status,
-//! Reported-Position} and both messages of its three receivers ten times a second, in a turn of its own within the
-//! tenth of a second. The station and its page run here as in `horus-base serve`, on threads of their own; the drones
-//! and the readers of the page take of the same processors. Of a reader's drone each event is held against when its
-//! datagram was sent.
+//! Each drone has its own system id. MAVLink has 255; those above use the flag for ids of 32 bits, which the `mavlink`
+//! crate reads, and which distinguishes a thousand drones at one port. Each sends {Link-Status, Reported-Position} and
+//! both messages of its three receivers ten times a second, at its own turn within the tenth of a second. The station
+//! and its page run here as in `horus-base serve`, on threads of their own; the drones and the readers of the page
+//! share the processors. Each event of a watched drone is compared with the instant at which its datagram was sent.
 //!
 //! It fails if anything was dropped, an object was not shown, or the 99th percentile is above 50 ms.
 
@@ -29,10 +28,10 @@ use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use profile::{GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 use serde_json::Value;
 
-/// Drones whose page is watched.
+/// The number of drones whose page is watched.
 const WATCHED: u32 = 8;
 
-/// The most that 99 of 100 events may take, ms.
+/// The limit for the 99th percentile of events, ms.
 const BOUND_MS: f64 = 50.0;
 
 fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
@@ -44,7 +43,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // When each watched drone's sample of this time was sent, ms of HORUS's time by ns since the beginning.
+    // For each watched drone and sample (ms of HORUS's time): the instant of sending, ns since the beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
         Arc::new((0..WATCHED).map(|_| (0..cycles).map(|_| AtomicU64::new(0)).collect()).collect());
@@ -74,7 +73,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
             for message in messages(system, cycle as u8, time)? {
                 if let Some(nth) = nth {
                     let now = u64::try_from(began.elapsed().as_nanos())?;
-                    // The first message has the position.
+                    // The first message contains the position.
                     let _ = sent[nth][cycle].compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed);
                 }
                 socket.send(&message)?;
@@ -112,7 +111,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// What a drone sends of one cycle.
+/// The messages of a drone for one cycle.
 fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dyn std::error::Error>> {
     let status = ReportedStatus::new().with_position_valid(true);
     let (latitude, longitude) = (47.0 + f64::from(system) / 1e4, 8.0);
@@ -129,7 +128,7 @@ fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dy
     units.into_iter().map(message).collect()
 }
 
-/// Reads the page's events of a drone; what each sample's first one took from its datagram on, ms.
+/// Reads the page's events of a drone and returns the delay of each sample's first event after its datagram, ms.
 fn watch(
     address: std::net::SocketAddr,
     system: u32,

@@ -1,45 +1,46 @@
-//! How old data are whose way here nobody timed.
+//! Determines the age of data whose delay on the way was not measured.
 //!
 //! # Design
 //!
-//! A sample's timestamp is HORUS's time; its arrival is the base station's. What lies between is the offset of the two
-//! clocks and the delay of the way, and one number cannot tell them apart. But a delay only ever adds: the smallest
-//! difference of arrival and timestamp that was seen belongs to the fastest way, and what a later sample exceeds it by
-//! is delay. So a sample that a radio has held back for two seconds is two seconds older than one that it passed on at
-//! once, and is told so when it arrives.
+//! A sample's timestamp is HORUS's time; its arrival is the base station's. The difference is the offset of the two
+//! clocks plus the delay of the way, and one number cannot separate them. But a delay is never negative: the smallest
+//! observed difference of arrival and timestamp belongs to the fastest way, and the excess of a later sample is its
+//! delay. So a sample that a radio has held back for two seconds gets an age two seconds above one that it passed on at
+//! once.
 //!
-//! One sample does not say which way is the fastest: whoever can insert one could make all others look late, for hours.
-//! So a difference that is smaller than all before counts once [`AGREEING`] samples within [`WITHIN_US`] and over at
-//! least [`AGREE_US`] had one; the largest of theirs is it. The first [`AGREEING`] samples count at once, since
-//! there is nothing else to go by.
+//! One sample cannot define the fastest way: an attacker who inserts one could make all others look late, for hours. So
+//! a difference that is smaller than all before counts once [`AGREEING`] samples within [`WITHIN_US`] and over at least
+//! [`AGREE_US`] had one; the largest of theirs is used. The first [`AGREEING`] samples count at once, because there is
+//! no other reference.
 //!
-//! What remains unknown is the fastest way's own delay: about 5 ms from sample to readable (docs/figures.md), up to a
-//! control cycle of the flight controller, and the carrier's. Each age here is *at least* so much, and that much more.
+//! The fastest way's own delay remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
+//! cycle of the flight controller, and the carrier's. Each age here is a lower bound, and the true age exceeds it by
+//! that delay.
 //!
-//! **Drift.** Two crystals differ, so the smallest difference must not be kept for ever: it is let rise by
-//! [`CRYSTAL_DRIFT`] of the time that passes, and by [`NO_CRYSTAL_DRIFT`] while HORUS says that it runs without its
-//! crystal. A HORUS whose clock is slower than that looks ever later, one that is faster ever earlier; both come out as
-//! an [implausible clock](Ages::is_clock_implausible).
+//! **Drift.** Two crystals differ, so the smallest difference must not be kept for ever: it may rise by
+//! [`CRYSTAL_DRIFT`] of the time that passes, and by [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its
+//! crystal. Samples of a HORUS whose clock is slower than that look ever later, those of a faster one ever earlier;
+//! both are reported as an [implausible clock](Ages::is_clock_implausible).
 
-/// The most that a crystal of HORUS and one of a computer may differ by, parts per million: 100 each.
+/// The greatest difference between a crystal of HORUS and one of a computer, parts per million: 100 each.
 pub const CRYSTAL_DRIFT: i64 = 200;
 
-/// The most that HORUS differs by without its crystal, parts per million: what [`profile::sequence`] allows, 2 %.
+/// The greatest error of HORUS's clock without its crystal, parts per million: 2 %, as [`profile::sequence`] allows.
 pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE as i64;
 
-/// Over windows so long the two clocks are compared, µs.
+/// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// A smaller difference is believed from this number of samples on.
+/// The number of samples from which on a smaller difference counts.
 pub const AGREEING: u8 = 3;
 
-/// They come over at least so long, µs, so that no burst of messages does.
+/// The shortest time over which they must come, µs, so that one burst of messages does not suffice.
 pub const AGREE_US: u64 = 1_000_000;
 
-/// And over at most so long, µs.
+/// The longest time over which they may come, µs.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Smaller differences that are not believed yet.
+/// Smaller differences that do not count yet.
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -47,7 +48,7 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference that was seen, and since when it may have risen.
+/// The smallest difference so far, and the instant since which it may have risen.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
@@ -58,7 +59,7 @@ struct Floor {
 #[derive(Clone, Copy, Debug)]
 struct Window {
     began_us: u64,
-    /// The smallest so far, and when.
+    /// The smallest so far, and its instant.
     least: Floor,
     /// That of the window before, if there was one.
     before: Option<Floor>,
@@ -71,7 +72,7 @@ pub struct Ages {
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
-    /// Samples so far, at most [`AGREEING`].
+    /// The number of samples so far, at most [`AGREEING`].
     taken: u8,
     window: Option<Window>,
     implausible: bool,
@@ -79,10 +80,10 @@ pub struct Ages {
 
 impl Ages {
     /// Takes a sample with this timestamp, ms, that arrived at `at_us`. `crystal` is whether HORUS runs on its crystal.
-    /// Answers how much later it came than the fastest one, µs.
+    /// Returns its delay against the fastest one, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // Another object of the same cycle is no other sample.
+        // Another object of the same cycle is not another sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -95,25 +96,25 @@ impl Ages {
         floor_us.map_or(0, |floor_us| difference_us.saturating_sub(floor_us).max(0)).unsigned_abs()
     }
 
-    /// How much earlier than the fastest a sample with this timestamp, ms, would be that arrived at `at_us`, µs; less
-    /// than 0 if it is late.
+    /// The lead over the fastest, µs, of a sample with this timestamp, ms, that arrived at `at_us`, µs; negative if it
+    /// is late.
     #[must_use]
     pub fn early_us(&self, timestamp: u32, at_us: u64, crystal: bool) -> i64 {
         let (_, difference_us) = self.difference(timestamp, at_us);
         self.floor_us(at_us, crystal).map_or(0, |floor_us| floor_us.saturating_sub(difference_us))
     }
 
-    /// The timestamp without wrapping, ms since the first, and how much later than it the sample arrived, µs.
+    /// The timestamp without wrapping, ms since the first, and the sample's delay after it, µs.
     fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
-            // Less than half of the range either way, as `profile::freshness` has it.
+            // The step is less than half of the range either way, as in `profile::freshness`.
             Some((last, unwrapped)) => unwrapped + i64::from(timestamp.wrapping_sub(last).cast_signed()),
         };
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
     }
 
-    /// The smallest difference, as far as it may have risen by `at_us`.
+    /// The smallest difference plus its possible rise by `at_us`.
     fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
         self.floor.map(|floor| {
@@ -140,8 +141,8 @@ impl Ages {
         }
     }
 
-    /// Whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A delay of the
-    /// carrier that grows by more than 0.6 s and stays looks the same.
+    /// Whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A carrier's
+    /// delay that grows by more than 0.6 s and stays looks the same.
     #[must_use]
     pub const fn is_clock_implausible(&self) -> bool {
         self.implausible
@@ -176,7 +177,7 @@ mod tests {
         assert_eq!(ages.take(1_010, 5_030_000, true), 19_994, "20 ms, less 200 ppm of 30 ms");
         assert_eq!(ages.take(1_020, 5_015_000, true), 0, "5 ms earlier than any before");
         assert_eq!(ages.take(1_030, 5_030_000, true), 4_997);
-        // Held back: reordered samples are judged by their own timestamps.
+        // Held-back, reordered samples are judged by their own timestamps.
         assert_eq!(ages.take(1_000, 5_995_000, true), 999_804);
     }
 
@@ -186,7 +187,7 @@ mod tests {
         for cycle in 0..10_u32 {
             ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
         }
-        // One, and a burst of three.
+        // First one early sample comes, then a burst of three.
         for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
             for timestamp in timestamps {
                 assert_eq!(ages.take(*timestamp, at, true), 0);
@@ -195,7 +196,7 @@ mod tests {
             assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
         }
         assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
-        // A way that has become faster by 200 ms is believed after a second; by the slowest of its samples.
+        // A way that has become faster by 200 ms counts after a second, by the slowest of its samples.
         let mut late = vec![];
         for cycle in 130..150_u32 {
             let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
@@ -240,7 +241,7 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The fastest of the first window is at its start, that of the second at its end: 1 s in 60 s is no 2 %.
+            // The fastest of the first window is at its start, that of the second at its end: 1 s in 60 s is below 2 %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -254,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_window_is_over_with_the_sample_at_its_end_and_2_percent_are_plausible() {
-        // By how much less HORUS's clock advances than the station's in each of two windows, ms; 2 % are 600 ms.
+        // The value is the lag of HORUS's clock behind the station's in each of two windows, ms; 2 % are 600 ms.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

@@ -1,13 +1,13 @@
-//! What a person must be told.
+//! The alarms for the user.
 
 use core::fmt;
 
-/// How bad it is.
+/// The severity of an alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// Something is not as it should be; what is shown holds.
+    /// Some condition is wrong, but the displayed data are valid.
     Warning,
-    /// What is shown does not hold, or HORUS has acted.
+    /// The displayed data are not valid, or HORUS has acted.
     Critical,
 }
 
@@ -23,19 +23,19 @@ macro_rules! alarms {
             /// All of them, the gravest first.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// A name for programs: lower case and dashes. It stays the same in later versions.
+            /// The alarm's name for programs: lower case and dashes. It stays the same in later versions.
             #[must_use]
             pub const fn code(self) -> &'static str {
                 match self { $(Self::$name => $code,)* }
             }
 
-            /// How bad it is.
+            /// The alarm's severity.
             #[must_use]
             pub const fn severity(self) -> Severity {
                 match self { $(Self::$name => Severity::$severity,)* }
             }
 
-            /// What it is, in words for a person.
+            /// The alarm's text for the user.
             #[must_use]
             pub const fn words(self) -> &'static str {
                 match self { $(Self::$name => $words,)* }
@@ -45,67 +45,66 @@ macro_rules! alarms {
 }
 
 alarms! {
-    /// HORUS says that it fired the emergency measure.
+    /// HORUS reports that it fired the emergency measure.
     EmergencyFired, "emergency-fired", Critical, "HORUS has fired the emergency measure";
-    /// HORUS says that it cut the motors.
+    /// HORUS reports that it cut the motors.
     MotorsCut, "motors-cut", Critical, "HORUS has cut the motors";
-    /// HORUS says that it switched to the redundant flight controller.
+    /// HORUS reports that it switched to the redundant flight controller.
     SwitchedToRedundant, "switched-to-redundant", Critical, "HORUS has switched to the redundant flight controller";
-    /// HORUS says that the position is outside of the flight range.
+    /// HORUS reports that the position is outside of the flight range.
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
-    /// An input that tells HORUS's state contradicts itself, and nothing graver is known.
+    /// A state input of HORUS contradicts itself, and nothing more severe is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
-    /// HORUS says a state that has no name here: it is one of a later version.
+    /// HORUS reports a state without a name here, which belongs to a later version.
     UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";
-    /// Another sender was heard under the same id, or the same sample with two contents, within the last
+    /// Another sender used the same id, or the same sample came with two contents, within the last
     /// [`RECENT_US`](crate::drone::RECENT_US).
     TwoSenders, "two-senders", Critical, "two senders speak as this drone: one of them may be false";
-    /// HORUS says that it had a position and has none any more.
+    /// HORUS reports that it has lost its position.
     PositionLost, "position-lost", Critical, "HORUS has lost its position and does not monitor";
-    /// HORUS says that it has found a fault of its memory.
+    /// HORUS reports a fault of its memory.
     HorusMemoryFault, "horus-memory-fault", Critical, "HORUS has found a fault of its memory";
-    /// Nothing intact has arrived of this drone for [`SILENT_US`](crate::drone::SILENT_US).
+    /// No intact data of this drone have arrived for [`SILENT_US`](crate::drone::SILENT_US).
     Silent, "silent", Critical, "nothing arrives from this drone";
     /// Reported-Position is older than [`STALE_US`](crate::drone::STALE_US), or was never received.
     Stale, "stale", Critical, "the position shown is old";
-    /// The DPR says that frames of HORUS do not arrive within their deadline.
+    /// The DPR reports that frames of HORUS miss their deadline.
     LinkDown, "link-down", Critical, "the radio link from HORUS to the DPR is down";
-    /// The DPR's front end works and senses no field of HORUS's.
+    /// The DPR's front end works but detects no field of HORUS's.
     NoField, "no-field", Critical, "the DPR senses no field of HORUS's transmitter";
-    /// HORUS repeats its timestamp: the DPR says so, or the same sample keeps arriving.
+    /// HORUS repeats its timestamp: the DPR reports it, or the same sample keeps arriving.
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
-    /// The DPR does not find HORUS's sequence, or what arrives here does not continue what was shown.
+    /// The DPR does not find HORUS's sequence, or the arriving data do not continue the displayed ones.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
-    /// HORUS calls a position valid that cannot be one ([`profile::range`]).
+    /// HORUS marks an impossible position as valid ([`profile::range`]).
     Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
-    /// Reported-Position says that its position is not valid.
+    /// Reported-Position is marked as not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
-    /// The DPR or this station finds HORUS's clock wrong by more than 2 %.
+    /// The DPR or this station finds an error of more than 2 % in HORUS's clock.
     ClockImplausible, "clock-implausible", Critical, "HORUS's clock is wrong by more than 2 %";
     /// The DPR found a fault of its RAM.
     RamFault, "ram-fault", Critical, "the DPR has found a fault of its RAM";
-    /// The DPR's program memory is not what was written.
+    /// The DPR's program memory differs from the programmed contents.
     FlashFault, "flash-fault", Critical, "the DPR's program memory is damaged";
     /// The DPR's RFID front end has a fault.
     FrontEndFault, "front-end-fault", Critical, "the DPR's RFID front end has a fault";
-    /// What is shown of a receiver is older than [`OLD_US`](crate::drone::OLD_US).
+    /// The displayed data of a receiver are older than [`OLD_US`](crate::drone::OLD_US).
     ReceiversOld, "receivers-old", Warning, "what is shown of the receivers is old";
-    /// The Link-Status that is shown is older than [`OLD_US`](crate::drone::OLD_US).
+    /// The displayed Link-Status is older than [`OLD_US`](crate::drone::OLD_US).
     LinkStatusOld, "link-status-old", Warning, "what is shown of the link from HORUS to the DPR is old";
-    /// A receiver calls a position valid that cannot be one.
+    /// A receiver marks an impossible position as valid.
     ReceiverImplausible, "receiver-implausible", Warning, "a receiver calls a position valid that cannot be one";
     /// HORUS started again within the last [`RECENT_US`](crate::drone::RECENT_US).
     Restarted, "restarted", Warning, "HORUS has started again";
-    /// HORUS's last reset was asked for by nobody.
+    /// HORUS's last reset was not requested.
     HorusUnaskedReset, "horus-unasked-reset", Warning, "HORUS was reset by a fault";
-    /// The DPR's last reset was asked for by nobody.
+    /// The DPR's last reset was not requested.
     UnaskedReset, "unasked-reset", Warning, "the DPR was reset by a fault";
     /// Fewer receivers agree than are configured.
     Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
     /// HORUS runs on its internal oscillator.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
-    /// An object that was damaged, or in another's place, arrived within the last
-    /// [`RECENT_US`](crate::drone::RECENT_US).
+    /// A damaged object, or one in another's place, arrived within the last [`RECENT_US`](crate::drone::RECENT_US).
     Damaged, "damaged", Warning, "damaged data arrived and were rejected";
 }
 
@@ -115,26 +114,26 @@ impl fmt::Display for Alarm {
     }
 }
 
-/// Alarms that hold together.
+/// A set of alarms that hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Alarms(u64);
 
 const _: () = assert!(Alarm::ALL.len() <= 64, "a bit for each alarm");
 
 impl Alarms {
-    /// None.
+    /// The empty set.
     #[must_use]
     pub const fn none() -> Self {
         Self(0)
     }
 
-    /// These, and `alarm` if it `holds`.
+    /// The set with `alarm` added if it `holds`.
     #[must_use]
     pub const fn with(self, alarm: Alarm, holds: bool) -> Self {
         if holds { Self(self.0 | 1 << alarm as u64) } else { self }
     }
 
-    /// Whether `alarm` is one of them.
+    /// Whether `alarm` is in the set.
     #[must_use]
     pub const fn has(self, alarm: Alarm) -> bool {
         self.0 & 1 << alarm as u64 != 0
@@ -149,24 +148,24 @@ impl Alarms {
 /// An alarm that holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Raised {
-    /// Which.
+    /// The alarm.
     pub alarm: Alarm,
-    /// Since when, µs.
+    /// The instant since which it holds, µs.
     pub since_us: u64,
 }
 
 /// An alarm came or went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Which.
+    /// The alarm.
     pub alarm: Alarm,
     /// It came.
     pub raised: bool,
-    /// When that was noticed, µs.
+    /// The instant of its detection, µs.
     pub at_us: u64,
 }
 
-/// The alarms that hold, each with since when.
+/// The alarms that hold, each with its beginning.
 #[derive(Clone, Debug, Default)]
 pub struct Board {
     held: Alarms,
@@ -174,7 +173,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// At `at_us` the alarms `now` hold and no others. Answers what changed.
+    /// Sets the alarms that hold at `at_us` to `now`. Returns the changes.
     pub fn set(&mut self, at_us: u64, now: Alarms) -> Vec<Change> {
         let before = core::mem::replace(&mut self.held, now);
         let changed = Alarm::ALL.iter().copied().filter(|alarm| before.has(*alarm) != now.has(*alarm));

@@ -1,8 +1,7 @@
-//! Several objects in one message: which bytes are which.
+//! Several objects in one message, and their places in it.
 //!
-//! Objects travel whole and unchanged. Which of them a message brings, and where, is told by its length (and, over
-//! MAVLink, by its payload type), never by the objects' own bytes: so a damaged identifier costs its object and no
-//! other.
+//! Objects travel whole and unchanged. The message's length (and, over MAVLink, its payload type) determines which
+//! objects it contains and where, never the objects' own bytes: so a damaged identifier costs only its object.
 
 use core::ops::Range;
 
@@ -16,12 +15,12 @@ pub struct Bundle<'a> {
     bytes: &'a [u8],
     /// The first object, by its number in the image.
     first: usize,
-    /// How many objects follow one another from there.
+    /// The number of successive objects from there.
     count: usize,
 }
 
 impl<'a> Bundle<'a> {
-    /// The `count` objects from `first` on, in the order of the image, if `bytes` are as long as they are together.
+    /// The `count` objects from `first` on, in the order of the image, if `bytes` has their total length.
     #[must_use]
     pub fn new(first: Place, count: usize, bytes: &'a [u8]) -> Option<Self> {
         let first = first.index();
@@ -30,7 +29,7 @@ impl<'a> Bundle<'a> {
         (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// As many objects from `first` on, in the order of the image, as make up `bytes`, if there is such a number.
+    /// The successive objects from `first` on, in the order of the image, that fill `bytes`, if there is such a number.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))
@@ -42,7 +41,7 @@ impl<'a> Bundle<'a> {
         Self::new(Place::Reported, layout.objects(), bytes)
     }
 
-    /// A datagram: a profile, or an image, which is Link-Status and a profile. Their eight lengths all differ.
+    /// A datagram is a profile, or an image, which is Link-Status and a profile. Their eight lengths all differ.
     #[must_use]
     pub fn datagram(bytes: &'a [u8]) -> Option<Self> {
         Layout::ALL.into_iter().find_map(|layout| {
@@ -57,7 +56,7 @@ impl<'a> Bundle<'a> {
         self.bytes
     }
 
-    /// Each object's place, and its bytes.
+    /// Each object's place and bytes.
     pub fn objects(&self) -> impl Iterator<Item = (Place, &'a [u8])> + use<'a> {
         let bytes = self.bytes;
         let mut end = 0;

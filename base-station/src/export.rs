@@ -3,13 +3,13 @@
 //! | form | what |
 //! |---|---|
 //! | CSV | every object that was shown, each value to the last bit |
-//! | GPX 1.1 | the track of each drone by its Reported-Position, while that is valid; broken where there is a gap |
+//! | GPX 1.1 | the track of each drone by its Reported-Position, where that is valid; interrupted at a gap |
 //! | KML 2.2 | the same |
 //!
-//! No library writes them: they are numbers, times and names of drones, none of which has a character to escape.
+//! No library is used: the output consists of numbers, times and names of drones, without any character to escape.
 //!
 //! Heights are above the WGS-84 ellipsoid, as in the objects. KML's are above mean sea level, so its track is drawn on
-//! the ground and the heights are in the coordinates alone.
+//! the ground and only the coordinates have the heights.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -22,7 +22,7 @@ use crate::intake::{Intake, Judged};
 use crate::recorder::{Reader, Record};
 use crate::{DroneId, Place, Verdict};
 
-/// What a recording is written as.
+/// The form of an export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// A row for each object.
@@ -37,15 +37,15 @@ pub enum Form {
 pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude_deg,longitude_deg,altitude_m,\
                            pitch_rad,yaw_rad,roll_rad,ax_m_s2,ay_m_s2,az_m_s2,words";
 
-/// A track is broken where nothing valid came for longer, µs.
+/// The time without valid positions after which a track is interrupted, µs.
 pub const GAP_US: u64 = 2_000_000;
 
-/// Writes the recording that `reader` reads; `progress` is told how many of its bytes were read. Answers how many
-/// objects (CSV) or points (GPX, KML) were written.
+/// Writes the recording that `reader` reads; `progress` gets the number of bytes that were read. Returns the number of
+/// objects (CSV) or points (GPX, KML) that were written.
 ///
 /// # Errors
 ///
-/// If the recording cannot be read or `to` not be written. A recording that is cut off is exported as far as it goes
+/// The recording cannot be read or `to` not be written. A recording that is cut off is exported up to that place
 /// ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
@@ -87,17 +87,17 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges once more what was recorded: the objects that were judged then. What was refused for its signature is none.
+/// Judges a record again and returns the objects that were judged then. A message refused for its signature has none.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // Which of its senders it was is found anew.
+        // The sender's number may differ from the recorded one.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
 }
 
-/// An instant of µs since 1970 in words.
+/// An instant in µs since 1970 as text.
 #[must_use]
 pub fn time(at_us: u64) -> String {
     let time = i64::try_from(at_us).ok().and_then(DateTime::from_timestamp_micros);
@@ -107,7 +107,7 @@ pub fn time(at_us: u64) -> String {
 fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     let mut row = format!("{},{},{}", time(at_us), judged.drone, judged.place);
     let Some(drone) = intake.fleet().get(judged.drone) else { return row + "\n" };
-    // Writing to a String does not fail.
+    // A write to a String cannot fail.
     let _ = match judged.place {
         Place::LinkStatus => drone.link().map_or(Ok(()), |held| {
             let age_ms = held.age_us(at_us) / 1_000;
@@ -142,7 +142,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     row + "\n"
 }
 
-/// Rust prints a number with as many digits as tell it from every other. What is not known is left out.
+/// Rust prints a number with the digits that distinguish it from every other. Unknown values are left out.
 fn values(
     row: &mut String,
     (timestamp, age_ms, status): (u32, u64, u16),
@@ -160,17 +160,17 @@ fn values(
     Ok(())
 }
 
-/// Reported-Position, while it is valid.
+/// Reported-Position, where it is valid.
 fn position(intake: &Intake, judged: &Judged) -> Option<[f64; 3]> {
     let held = intake.fleet().get(judged.drone)?.reported().filter(|_| judged.place == Place::Reported)?;
     let values = &held.values;
     values.status.position_valid().then_some([values.latitude, values.longitude, values.altitude])
 }
 
-/// When Reported-Position was new, and where the drone was then, if that was valid.
+/// The instants of new Reported-Positions, with the drone's position then, if it was valid.
 type Tracks = BTreeMap<DroneId, Vec<(u64, Option<[f64; 3]>)>>;
 
-/// The parts of a track without a gap.
+/// The parts of a track between gaps.
 fn segments(points: &[(u64, Option<[f64; 3]>)]) -> impl Iterator<Item = Vec<(u64, [f64; 3])>> {
     let valid = points.split(|(_, position)| position.is_none());
     let near =

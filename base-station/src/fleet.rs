@@ -1,18 +1,18 @@
-//! All drones of which something arrives.
+//! All drones with arriving messages.
 //!
 //! # Design
 //!
-//! **A drone is kept by who it is and by who speaks.** Two drones with one MAVLink system id, or somebody who forges
-//! one, are two senders: each is judged and shown by itself (`7` and `7-2`), and both have the alarm
-//! [`TwoSenders`](crate::Alarm::TwoSenders). A sender is another one if its messages come from elsewhere ([`Source`]),
-//! or if they do not fit what was heard before ([`order`](crate::drone::order)).
+//! **A drone is identified by its id and its sender.** Two drones with one MAVLink system id, or an attacker who forges
+//! one, are two senders: each is judged and shown separately (`7` and `7-2`), and both have the alarm
+//! [`TwoSenders`](crate::Alarm::TwoSenders). A sender is a different one if its messages come from elsewhere
+//! ([`Source`]), or if they do not fit the earlier ones ([`order`](crate::drone::order)).
 //!
-//! **Nobody fills it up.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] of each; when there is no room,
-//! the one that is longest silent goes, one that was hardly heard before one that was heard often. A drone that speaks
-//! is never pushed out.
+//! **The fleet cannot be flooded.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] of each; when it is
+//! full, the one that has been silent longest is dropped, and a rarely received one before a frequent one. A drone that
+//! sends is never dropped.
 //!
-//! **A drone whose address changed** is a new sender beside a silent one. The silent one is forgotten after
-//! [`RECENT_US`], if the new one's HORUS started at the same instant, so that it is the same.
+//! **A drone whose address changed** is a new sender beside a silent one. The silent one is dropped after
+//! [`RECENT_US`], if the new one's HORUS started at the same instant, which identifies it.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -23,27 +23,27 @@ use crate::drone::order::{SEARCH_CYCLES, SLACK_US};
 use crate::drone::{RECENT_US, SILENT_US};
 use crate::{Bundle, Change, Drone, Verdict};
 
-/// How many drones are kept.
+/// The most drones that are kept.
 pub const MAX_DRONES: usize = 4_096;
 
-/// How many senders of one drone are kept.
+/// The most senders of one drone that are kept.
 pub const MAX_SENDERS: u8 = 4;
 
-/// Who a drone says that it is.
+/// The id that a drone claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Who {
-    /// By its MAVLink system id.
+    /// Its MAVLink system id.
     System(u32),
-    /// By where its datagrams come from.
+    /// The source address of its datagrams.
     Address(SocketAddr),
-    /// By the name of the line that it is at the other end of: the number of a serial port without MAVLink.
+    /// The number of its line: a serial port without MAVLink.
     Line(u16),
-    /// By its name, since another base station hears it.
+    /// Its name at another base station that receives it.
     Named(Name),
 }
 
 impl Who {
-    /// The first sender that is heard of it.
+    /// Its first sender.
     #[must_use]
     pub const fn first(self) -> DroneId {
         DroneId { who: self, sender: 1 }
@@ -61,12 +61,12 @@ impl fmt::Display for Who {
     }
 }
 
-/// Which drone it is, and which of those who speak as it.
+/// A drone's id, and one of the senders that use it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
-    /// Who it says that it is.
+    /// The claimed id.
     pub who: Who,
-    /// Which sender, from 1, in the order in which they were heard.
+    /// The sender's number, from 1, in the order of their first messages.
     pub sender: u8,
 }
 
@@ -79,16 +79,16 @@ impl fmt::Display for DroneId {
     }
 }
 
-/// Where messages come from.
+/// The source of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Source {
     /// The line's number.
     pub line: u16,
-    /// The sender's address, if the line has such.
+    /// The sender's address, if the line has addresses.
     pub from: Option<SocketAddr>,
     /// The MAVLink component id.
     pub component: u8,
-    /// Each message has a signature of the station's key.
+    /// Whether each message has a signature of the station's key.
     pub signed: bool,
 }
 
@@ -100,7 +100,7 @@ struct Sender {
 }
 
 impl Sender {
-    /// Who is dropped first has the least.
+    /// The rank for being kept; the least is dropped first.
     fn worth(&self) -> (bool, u64) {
         (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
     }
@@ -120,13 +120,12 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Takes a message's objects, which arrived at `at_us`. Answers which sender it was and what was found of each
-    /// object, in their order; nothing is found if there is no room for another drone, or if it is one that was not
-    /// heard before and brought nothing intact.
+    /// Takes a message's objects, which arrived at `at_us`. Returns the sender and the verdict on each object, in their
+    /// order. It returns none if there is no room for another drone, or if an unknown one brought no intact object.
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // Where only one is known, it says itself whether it is a stranger's.
+        // If only one sender is known, its own judgement decides whether the message is a stranger's.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
             let verdicts = sender.drone.take_bundle(at_us, bundle);
@@ -135,7 +134,7 @@ impl Fleet {
                 return (id, verdicts);
             }
         }
-        // Only an intact object shows that there is a drone at all.
+        // Only an intact object shows that a drone exists.
         let mut drone = Drone::new(at_us);
         let verdicts = drone.take_bundle(at_us, bundle);
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
@@ -160,7 +159,7 @@ impl Fleet {
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// All who speak as this drone learn of one another.
+    /// Notifies all senders of this drone of one another.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -176,7 +175,7 @@ impl Fleet {
         }
     }
 
-    /// Makes room for another sender of this drone, and gives it a name.
+    /// Makes room for another sender of this drone, and returns its id.
     fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
         let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
             senders
@@ -199,13 +198,13 @@ impl Fleet {
         self.dropped += 1;
     }
 
-    /// What is known of a drone.
+    /// The state of a drone.
     #[must_use]
     pub fn get(&self, id: DroneId) -> Option<&Drone> {
         self.drones.get(&id).map(|sender| &sender.drone)
     }
 
-    /// Where a drone's messages come from.
+    /// The source of a drone's messages.
     #[must_use]
     pub fn source(&self, id: DroneId) -> Option<Source> {
         self.drones.get(&id).map(|sender| sender.source)
@@ -216,7 +215,7 @@ impl Fleet {
         self.drones.iter().map(|(id, sender)| (*id, &sender.drone))
     }
 
-    /// Brings every drone's alarms up to `now_us`. Answers what changed.
+    /// Updates every drone's alarms to `now_us`. Returns the changes.
     pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
         let moved: Vec<_> = self.drones.iter().filter(|(id, sender)| self.has_moved(**id, sender, now_us)).collect();
         let moved: Vec<_> = moved.into_iter().map(|(id, _)| *id).collect();
@@ -232,7 +231,7 @@ impl Fleet {
         changes
     }
 
-    /// Whether a sender is silent and another one goes on as the same HORUS.
+    /// Whether a sender is silent and another one continues as the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {
@@ -243,7 +242,7 @@ impl Fleet {
             && self.of(id.who).any(|(other, goes_on)| other != id && !silent(goes_on, SILENT_US) && same(goes_on))
     }
 
-    /// Messages with intact objects that were refused because there was no room.
+    /// Messages with intact objects that were refused because the fleet was full.
     #[must_use]
     pub const fn refused(&self) -> u64 {
         self.refused

@@ -1,5 +1,4 @@
-//! From bytes as a carrier brought them to what is known of all drones: the one path for what arrives and for what is
-//! played back.
+//! Converts a carrier's bytes to the state of all drones, in one path for arriving and played-back data.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -11,10 +10,10 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// No datagram with objects is longer, bytes: more than an Ethernet frame carries. Longer ones are refused unread.
+/// The longest datagram with objects, bytes, which exceeds an Ethernet frame. Longer ones are refused unread.
 pub const MAX_DATAGRAM: usize = 2_048;
 
-/// How a line brings objects.
+/// The form in which a line brings objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
@@ -26,7 +25,7 @@ pub enum Kind {
     Datagrams = 3,
     /// Profiles or images in a byte stream, in frames that end with a zero byte.
     Stream = 4,
-    /// What another base station published, one message at a time.
+    /// The messages that another base station published.
     Published = 5,
 }
 
@@ -48,35 +47,35 @@ impl Kind {
 /// Bytes that arrived together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
-    /// When, µs since 1970; it does not go back.
+    /// The instant, µs since 1970; it does not go back.
     pub at_us: u64,
-    /// How its line brings objects.
+    /// The form in which its line brings objects.
     pub kind: Kind,
-    /// The line's number: which socket or port.
+    /// The line's number, which identifies the socket or port.
     pub line: u16,
-    /// Where a datagram came from, or what a message is about: `STATION/DRONE`. Otherwise nothing.
+    /// A datagram's source, or a published message's drone, `STATION/DRONE`; otherwise empty.
     pub from: String,
     /// The bytes.
     pub bytes: Vec<u8>,
 }
 
-/// What was found of one object.
+/// The verdict on one object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Judged {
-    /// Of which drone.
+    /// The drone.
     pub drone: DroneId,
-    /// Which object.
+    /// The object.
     pub place: Place,
-    /// What was found.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
-/// What a line needs to know of what came before.
+/// The state of a line between its messages.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),
     Stream(Deframer),
-    /// Each message stands alone.
+    /// Each message is complete in itself.
     Messages,
 }
 
@@ -90,44 +89,44 @@ pub struct Intake {
     oversized: u64,
 }
 
-/// What was refused before it was looked at which drone's it is; totals.
+/// Totals of what was refused before its drone was determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Refused {
-    /// Messages that are not signed with this station's key, or were recorded and sent again.
+    /// Messages that are not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// TUNNEL messages whose payload type or length is none of ours.
+    /// TUNNEL messages with another payload type or length.
     pub malformed: u64,
-    /// TUNNEL messages whose MAVLink checksum does not fit.
+    /// TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,
     /// Datagrams of MAVLink 1, in which TUNNEL cannot travel.
     pub version_1: u64,
-    /// MAVLink messages of other kinds, which are no fault.
+    /// MAVLink messages of other kinds, which is not an error.
     pub foreign: u64,
-    /// Datagrams and frames without MAVLink that are no profile and no image by their length.
+    /// Datagrams and frames without MAVLink that have the length of neither a profile nor an image.
     pub damaged: u64,
     /// Datagrams that are longer than [`MAX_DATAGRAM`].
     pub oversized: u64,
 }
 
 impl Intake {
-    /// An intake; with a verifier it takes no MAVLink message that is not signed.
+    /// An intake; with a verifier it only accepts signed MAVLink messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Takes what arrived. Answers what was found of each object in it.
+    /// Takes an arrival. Returns the verdict on each of its objects.
     pub fn take(&mut self, carried: &Carried) -> Vec<Judged> {
         self.take_if(carried, |_, _| true)
     }
 
-    /// As [`take`](Self::take), but of those objects alone that are `wanted`: of a recording, those that were judged.
+    /// Does the same as [`take`](Self::take), but only for `wanted` objects: from a recording, those that were judged.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// As [`take_if`](Self::take_if); `told` is given the objects of each message of a drone that is known, and what
-    /// was found of each.
+    /// Does the same as [`take_if`](Self::take_if); `told` gets the objects of each message of a known drone, and the
+    /// verdict on each.
     pub fn take_each(
         &mut self,
         carried: &Carried,
@@ -156,7 +155,7 @@ impl Intake {
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
             Kind::Datagrams | Kind::Published => Line::Messages,
-            // Link-Status before the largest profile.
+            // The longest frame is Link-Status before the largest profile.
             Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
         };
         match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {
@@ -197,7 +196,7 @@ impl Intake {
         judged
     }
 
-    /// Brings every drone's alarms up to `now_us`. Answers what changed.
+    /// Updates every drone's alarms to `now_us`. Returns the changes.
     pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
         self.fleet.tick(now_us)
     }
@@ -208,13 +207,13 @@ impl Intake {
         &self.fleet
     }
 
-    /// Whether MAVLink is taken with a signature alone.
+    /// Whether only signed MAVLink is accepted.
     #[must_use]
     pub const fn is_signed(&self) -> bool {
         self.verifier.is_some()
     }
 
-    /// What was refused.
+    /// The totals of what was refused.
     #[must_use]
     pub fn refused(&self) -> Refused {
         let begin = Refused { damaged: self.damaged, oversized: self.oversized, ..Refused::default() };

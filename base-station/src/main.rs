@@ -1,4 +1,4 @@
-//! `horus-base`: a base station's command line.
+//! `horus-base`, the command line of a base station.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -28,7 +28,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 #[cfg(unix)]
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Judges, shows and records what drones' flight controllers forward of HORUS.
+/// Judges, shows and records HORUS's objects that drones' flight controllers forward.
 #[derive(Parser)]
 #[command(name = "horus-base", version)]
 struct Cli {
@@ -38,41 +38,41 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Show what arrives on a page, and record it if asked to
+    /// Show arriving data on a page, and record them if requested
     Serve {
         #[command(flatten)]
         listen: Listen,
-        /// Let whoever opens the page send uplink objects to drones, signed with --key
+        /// Allow users of the page to send uplink objects to drones, signed with --key
         #[arg(long, requires = "key")]
         uplink: bool,
         #[command(flatten)]
         output: Output,
     },
-    /// Record what arrives, without a page
+    /// Record arriving data, without a page
     Record {
         /// The file (MCAP); one that exists is not overwritten, the next free number is taken
         file: PathBuf,
         #[command(flatten)]
         listen: Listen,
     },
-    /// Serve, and hand all that was judged on to a broker (MQTT 5), for `subscribe` elsewhere; a recording has what the
-    /// broker did not take, too
+    /// Serve, and pass all judged data on to a broker (MQTT 5), for `subscribe` elsewhere; a recording also has what
+    /// the broker did not accept
     Publish {
         #[command(flatten)]
         broker: BrokerArgs,
-        /// What this station is called: letters, digits, dots, hyphens, underscores, at most 32. The drones it hears
-        /// are `NAME/DRONE` to others, so no two stations at a broker may have one name
+        /// This station's name: letters, digits, dots, hyphens, underscores, at most 32. Other stations name its drones
+        /// `NAME/DRONE`, so no two stations at a broker may have the same name
         #[arg(long, value_name = "NAME")]
         station: String,
         #[command(flatten)]
         listen: Listen,
-        /// Let whoever opens the page send uplink objects to drones, signed with --key
+        /// Allow users of the page to send uplink objects to drones, signed with --key
         #[arg(long, requires = "key")]
         uplink: bool,
         #[command(flatten)]
         output: Output,
     },
-    /// Show what other stations publish on a page, and record it if asked to
+    /// Show what other stations publish on a page, and record it if requested
     Subscribe {
         #[command(flatten)]
         broker: BrokerArgs,
@@ -89,10 +89,10 @@ enum Command {
         files: Vec<PathBuf>,
         #[command(flatten)]
         page: Page,
-        /// How many times faster than it was, up to 100; 0 stands still
+        /// The multiple of the original pace, up to 100; 0 stands still
         #[arg(long, default_value_t = 1.0)]
         speed: f64,
-        /// Begin so many seconds after the recording's start
+        /// Begin this many seconds after the recording's start
         #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
         from: f64,
     },
@@ -100,18 +100,18 @@ enum Command {
     Export {
         /// The recording
         file: PathBuf,
-        /// What to write; by default what the output's name ends with
+        /// The form; by default that of the output's file name
         #[arg(long)]
         form: Option<Forms>,
-        /// Where to
+        /// The output file
         #[arg(long, short, value_name = "FILE")]
         output: PathBuf,
     },
-    /// Copy what can be read of a recording that was cut off into a whole one
+    /// Copy the readable part of a recording that was cut off into a whole one
     Repair {
         /// The recording
         file: PathBuf,
-        /// Where to
+        /// The output file
         #[arg(long, short, value_name = "FILE")]
         output: PathBuf,
     },
@@ -124,39 +124,39 @@ enum Forms {
     Kml,
 }
 
-/// Where to listen. Without any of these: MAVLink on UDP port 14550.
+/// The lines to listen on. Without any of these: MAVLink on UDP port 14550.
 #[derive(Args)]
 struct Listen {
     /// MAVLink on this UDP address
     #[arg(long, value_name = "ADDRESS:PORT")]
     udp: Vec<SocketAddr>,
-    /// Profiles or images as they are, one in a datagram, on this UDP address
+    /// Profiles or images, one in a datagram, on this UDP address
     #[arg(long, value_name = "ADDRESS:PORT")]
     datagrams: Vec<SocketAddr>,
-    /// MAVLink on this serial port, 57600 baud unless told otherwise
+    /// MAVLink on this serial port, at 57600 baud by default
     #[arg(long, value_name = "PORT[,BAUD]")]
     serial: Vec<String>,
     /// Profiles or images in frames that end with a zero byte (COBS), on this serial port
     #[arg(long, value_name = "PORT[,BAUD]")]
     plain_serial: Vec<String>,
-    /// Take no MAVLink that is not signed with the key in this file, 64 hexadecimal digits; not together with lines
+    /// Accept only MAVLink that is signed with the key in this file, 64 hexadecimal digits; not together with lines
     /// that cannot be signed
     #[arg(long, value_name = "FILE", conflicts_with_all = ["datagrams", "plain_serial"])]
     key: Option<PathBuf>,
     /// Send HEARTBEAT each second, so that an autopilot that waits for a ground station sends: to every MAVLink serial
-    /// port, and to whoever is heard over UDP. Without it the station sends nothing
+    /// port, and to every UDP peer. Without it the station sends nothing
     #[arg(long)]
     heartbeat: bool,
-    /// Send HEARTBEAT to this UDP address too, where nothing is heard yet
+    /// Send HEARTBEAT to this UDP address too, before its peer has sent anything
     #[arg(long, value_name = "ADDRESS:PORT", requires = "heartbeat")]
     heartbeat_to: Vec<SocketAddr>,
-    /// MAVLink system id of what this station sends. Not that of the ground station that flies the drone, often 255:
-    /// its autopilot would not notice when it loses that one
+    /// MAVLink system id of this station's messages. It must not be that of the ground station that flies the drone,
+    /// often 255: its autopilot would not detect the loss of that one
     #[arg(long, value_name = "1-255", default_value_t = SYSTEM, value_parser = clap::value_parser!(u8).range(1..))]
     system_id: u8,
 }
 
-/// Which broker.
+/// The broker's arguments.
 #[derive(Args)]
 struct BrokerArgs {
     /// The broker: `mqtts://` with TLS, port 8883 if none is given; without it nothing is encrypted, and the port 1883
@@ -165,7 +165,7 @@ struct BrokerArgs {
     /// With TLS: the certificates of the authorities, one of which signed the broker's, are in this file (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
-    /// With TLS: this station's own certificate is in this file (PEM), for a broker that asks for one
+    /// With TLS: this station's own certificate is in this file (PEM), for a broker that requires one
     #[arg(long, value_name = "FILE", requires_all = ["ca", "certificate_key"])]
     certificate: Option<PathBuf>,
     /// With TLS: the key of this station's certificate is in this file (PEM), not encrypted
@@ -178,21 +178,21 @@ struct BrokerArgs {
 
 #[derive(Args)]
 struct Page {
-    /// Where the page is; another address than this machine's own needs --page-login or --page-open
+    /// The page's address; another one than this machine's own needs --page-login or --page-open
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8480")]
     http: SocketAddr,
     /// User and password for the page, one a line, are in this file
     #[arg(long, value_name = "FILE")]
     page_login: Option<PathBuf>,
-    /// Serve the page on another address than this machine's own to whoever reaches it, without a login
+    /// Serve the page on another address than this machine's own to every client, without a login
     #[arg(long, conflicts_with = "page_login")]
     page_open: bool,
-    /// End after so many seconds
+    /// End after this many seconds
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<u64>,
 }
 
-/// Where the data that arrive go: onto the page, and into a recording if one is asked for.
+/// The destinations of arriving data: the page, and a recording if requested.
 #[derive(Args)]
 struct Output {
     #[command(flatten)]
@@ -202,7 +202,7 @@ struct Output {
     record: Option<PathBuf>,
 }
 
-/// What fails is looked for so often; the recorder tries again after twice that.
+/// The interval of checks for failures; the recorder tries again after twice that.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
@@ -316,7 +316,7 @@ fn login(file: &Path) -> Result<(String, String)> {
     lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
 }
 
-/// TLS of these arguments, with the authorities in this file.
+/// The TLS settings of these arguments, with the authorities in this file.
 fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     let read = |file: &Path| std::fs::read(file).with_context(|| format!("cannot read {}", file.display()));
     let authorities = read(ca)?;
@@ -332,7 +332,7 @@ fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     made.with_context(|| file.display().to_string())
 }
 
-/// A station's name, if it may be one.
+/// A station's name, if it is valid.
 fn station(name: &str) -> Result<&str> {
     let words = "is no station's name: 1 to 32 letters, digits, dots, hyphens, underscores";
     if is_station(name) { Ok(name) } else { bail!("{name:?} {words}") }
@@ -375,7 +375,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // Who asks for the first part alone may mean the last flight, which has another name.
+    // A user who names only the first part may mean the last flight, which has another name.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -419,7 +419,7 @@ fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
     Ok((Reader::new(BufReader::new(from)), bar))
 }
 
-/// Says what of a recording could not be read, and answers whether there was such.
+/// Prints which parts of a recording could not be read, and returns whether there were any.
 fn told_torn<R: std::io::Read>(reader: &Reader<R>) -> bool {
     for why in reader.lost() {
         eprintln!("a chunk is damaged and left out ({why}); all before and behind it is there");
@@ -439,10 +439,10 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link by which this station signs what it sends: each sender that has the key needs its own.
+/// The number of the link in this station's signatures: each sender with the key needs its own.
 const SIGNING_LINK: u8 = 254;
 
-/// Has the station say what it is to say.
+/// Enables the station's own messages.
 fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
     if !listen.heartbeat && !uplink {
         return Ok(());
@@ -515,13 +515,13 @@ const fn words(kind: Kind) -> &'static str {
     }
 }
 
-/// Tells an alarm that came or went.
+/// Prints a change of an alarm.
 fn tell(drone: DroneId, change: Change) {
     let what = if change.raised { "ALARM" } else { "over " };
     say(&format!("drone {drone}: {what} {}", change.alarm));
 }
 
-/// Says something that happens while the station runs, with the time.
+/// Prints an event of the running station, with the time.
 fn say(words: &str) {
     eprintln!("{} {words}", export::time(Clock::begin().now_us()));
 }
@@ -530,7 +530,7 @@ fn runtime() -> Result<tokio::runtime::Runtime> {
     Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
 }
 
-/// Waits until somebody ends it, or for so many seconds.
+/// Waits until the user ends it, or for this many seconds.
 async fn interrupted(seconds: Option<u64>) -> Result<()> {
     let time = async {
         match seconds {
@@ -538,7 +538,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // What ends a service says TERM; the recording is to be whole then, too.
+    // A service is ended by TERM; the recording must be whole then, too.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -552,8 +552,8 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
-/// Tells, for as long as this process runs, when the recorder or a line begins to fail, and when it works again: who
-/// records has no page to look at, and who serves one may not look.
+/// Prints, for as long as this process runs, when the recorder or a line begins to fail, and when it works again,
+/// because the user may have no page or not look at it.
 fn complain(station: Station) {
     thread::spawn(move || {
         let mut told = BTreeMap::<String, String>::new();
@@ -581,7 +581,7 @@ fn complain(station: Station) {
     });
 }
 
-/// Serves the page until somebody ends it.
+/// Serves the page until the user ends it.
 fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
     let mut access = Access::from(page.http);
     if let Some(file) = &page.page_login {
@@ -601,7 +601,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let address = listener.local_addr()?;
         println!("http://{address}/");
         let router = page::router(station, player, access);
-        // Open event streams would hold a graceful end up.
+        // Open event streams would delay a graceful end.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,
@@ -609,7 +609,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
     })
 }
 
-/// Ends the station once the lines have noticed, and waits until all is written.
+/// Ends the station once the lines have ended, and waits until everything is written.
 fn finish(inlet: Inlet, station: &Station, ended: thread::JoinHandle<Result<(), String>>) -> Result<()> {
     inlet.close();
     drop(inlet);

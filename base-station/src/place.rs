@@ -1,4 +1,4 @@
-//! Which object it is, and whether bytes are that object, intact.
+//! The kinds of objects, and the check whether bytes are an intact one.
 
 use core::fmt;
 
@@ -23,10 +23,10 @@ pub enum Place {
 }
 
 impl Place {
-    /// How many there are.
+    /// The number of kinds.
     pub const COUNT: usize = 4 + MAX_RECEIVERS;
 
-    /// All of them, in the order of the map.
+    /// All kinds, in the order of the map.
     pub const ALL: [Self; Self::COUNT] = [
         Self::LinkStatus,
         Self::Reported,
@@ -58,7 +58,7 @@ impl Place {
         }
     }
 
-    /// Its bytes on the wire.
+    /// Its size on the wire, bytes.
     #[must_use]
     pub const fn size(self) -> usize {
         match self {
@@ -82,17 +82,17 @@ impl Place {
         }
     }
 
-    /// The place that an object with this identifier belongs to; `None` if a base station does not know it.
+    /// The place of an object with this identifier; `None` if a base station does not know it.
     #[must_use]
     pub fn of(identifier: Identifier) -> Option<Self> {
         Self::ALL.into_iter().find(|place| place.identifier() == Some(identifier))
     }
 
-    /// What `bytes` are in this place; [`profile`] decides. Bytes of another length are damaged.
+    /// Judges `bytes` in this place by [`profile`]. Bytes of another length are damaged.
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout of most receivers has every place; only the place's own bytes are looked at.
+        // The layout with the most receivers has every place; only the place's own bytes are read.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -143,8 +143,8 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's clock, of the
-    /// others since HORUS's. All wrap.
+    /// The timestamp, ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's
+    /// clock, of the others since HORUS's start. All wrap.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

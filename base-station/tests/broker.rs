@@ -1,5 +1,5 @@
-//! Fleets over the real broker: mosquitto, on a port that the system chooses, and `horus-base` in processes of their
-//! own. The certificates for TLS are made by each test.
+//! Tests fleets over the real broker: mosquitto, on a port that the system chooses, and `horus-base` in separate
+//! processes. Each test makes its certificates for TLS.
 
 mod common;
 
@@ -20,10 +20,10 @@ use common::{image, not_run};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
 use serde_json::Value;
 
-/// Nothing here takes longer; on a machine that is not busy all of it takes a few seconds.
+/// The time limit for each wait; on a machine that is not busy the whole test takes a few seconds.
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Waits until it is so.
+/// Waits until the condition holds.
 fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let began = Instant::now();
     while !is_so() {
@@ -43,7 +43,7 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// Asks it to end as Ctrl-C does, and waits.
+    /// Ends it as Ctrl-C does, and waits.
     fn interrupt(mut self) {
         let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
         assert!(kill.success());
@@ -55,7 +55,7 @@ fn mosquitto(port: u16, folder: &Path) -> Option<Running> {
     mosquitto_with(port, folder, "")
 }
 
-/// With these lines in its configuration as well.
+/// Starts mosquitto with these lines added to its configuration.
 fn mosquitto_with(port: u16, folder: &Path, lines: &str) -> Option<Running> {
     let config = folder.join("mosquitto.conf");
     std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n{lines}")).unwrap();
@@ -78,7 +78,7 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// `horus-base` with these arguments; its page's address, and the UDP address that it says it listens to.
+/// Starts `horus-base` with these arguments; returns its page's address, and the UDP address that it prints.
 fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--http", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -92,7 +92,7 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
         let _ = errors.read_to_string(&mut said);
         panic!("{line:?} {said}")
     });
-    // What it says before the page is there is there by now.
+    // Its output before the page's address is complete by now.
     let mut first = String::new();
     errors.read_line(&mut first).unwrap();
     let udp = first.strip_prefix("listening on UDP ").and_then(|rest| rest.split(',').next()?.parse().ok());
@@ -100,7 +100,7 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     (running, page, udp)
 }
 
-/// What a page knows.
+/// The state of a page.
 fn state(page: SocketAddr) -> Value {
     let mut stream = TcpStream::connect(page).unwrap();
     stream.set_read_timeout(Some(BOUND)).unwrap();
@@ -120,7 +120,7 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Drones that fly until this is dropped: these system ids, each ten times a second, to one port.
+/// Drones that fly until this is dropped, with these system ids, each ten times a second, to one port.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -133,7 +133,7 @@ impl Flying {
             let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
             let began = Instant::now();
             while !told.load(Ordering::Relaxed) {
-                // HORUS's time goes as the wall's, whatever this thread is held up by.
+                // HORUS's time follows real time, whatever delays this thread.
                 let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
                 for forwarder in &mut forwarders {
                     forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
@@ -155,7 +155,7 @@ impl Drop for Flying {
     }
 }
 
-/// Every object of a recording, with what was found of it: drone, place, verdict, bytes.
+/// Every object of a recording: drone, place, verdict, bytes.
 fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>)> {
     let mut objects = vec![];
     let mut intake = base_station::intake::Intake::default();
@@ -167,7 +167,7 @@ fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>
         };
         intake.take_each(carried, |_, _| true, all);
         assert_eq!(bytes.len(), record.found.len());
-        // What a publisher found of it travels with it.
+        // The publisher's verdict travels with it.
         let told: Option<Vec<String>> = (carried.kind == Kind::Published).then(|| {
             let published = Published::read(&carried.bytes).unwrap();
             published.verdicts().map(|verdict| verdict.unwrap().code().to_owned()).collect()
@@ -201,13 +201,13 @@ fn a_page_fed_by_the_broker_alone_shows_both_stations_drones_and_does_again_afte
     let (south, _, south_udp) = publish("south", names[1]);
     let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
 
-    // One system id twice: they are two drones.
+    // One system id is used twice, by two drones.
     let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
     let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
     until("all drones are shown", || fresh(page) == drones);
     assert_eq!(state(page)["drone"]["id"], "north/1");
 
-    // While there is no broker, each station says so and goes on by itself; what was shown grows old.
+    // Without a broker each station reports it and continues; the displayed data grow old.
     drop(broker);
     let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
     until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
@@ -223,7 +223,7 @@ fn a_page_fed_by_the_broker_alone_shows_both_stations_drones_and_does_again_afte
     let recorded = objects(all.clone(), "");
     assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
     for (station, file) in [("north", north), ("south", south)] {
-        // In their order, each that came through the broker is one that its station recorded, bytes and verdict.
+        // Each object from the broker, in order, is one that its station recorded, with the same bytes and verdict.
         let here = objects(file, station);
         let through = objects(all.clone(), station);
         let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
@@ -278,12 +278,13 @@ fn what_somebody_else_publishes_there_changes_nothing() {
             }
         }
     });
-    // Who subscribes only now gets what the broker keeps.
+    // A late subscriber gets the retained message.
     let (_late, late, _) = horus_base(&["subscribe", "--broker", &at, "--station", "north"]);
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // A message that is not retained for those who are there already is the first one's: it came while it was.
+        // The message that is not retained reaches present subscribers under the first one's name, because it was
+        // current.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
@@ -301,7 +302,7 @@ fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     authority
 }
 
-/// A certificate for `host` until this year, in `NAME.pem`, its key in `NAME.key`.
+/// A certificate for `host` until this year, in `NAME.pem`, with its key in `NAME.key`.
 fn certificate(folder: &Path, authority: &CertifiedIssuer<'_, KeyPair>, name: &str, host: &str, until: i32) {
     let mut params = CertificateParams::new([host.to_owned()]).unwrap();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -324,7 +325,7 @@ fn over_tls_only_who_is_known_for_certain_is_spoken_to_and_what_is_wrong_is_said
     certificate(&folder, &authority(&folder, "theirs"), "stranger", "north", 2090);
     let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
 
-    // A broker that drops its privileges could not read what is in a folder of another user.
+    // A broker that drops its privileges could not read the files in a folder of another user.
     let lines = |certificate: &str| {
         let [ca, certificate, key] = [file("ours.pem"), file(certificate), file(&certificate.replace("pem", "key"))];
         format!("user root\ncafile {ca}\ncertfile {certificate}\nkeyfile {key}\nrequire_certificate true\n")
@@ -342,7 +343,7 @@ fn over_tls_only_who_is_known_for_certain_is_spoken_to_and_what_is_wrong_is_said
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // What arrived before there was a connection is told for a while.
+    // Arrivals from before the connection are reported for a while.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

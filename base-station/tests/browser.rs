@@ -1,7 +1,7 @@
-//! The page in a real browser: what is sent over UDP is what a person sees.
+//! Tests the page in a real browser: it must show what is sent over UDP.
 //!
 //! Objects travel as MAVLink over a real socket to the station and the server of `horus-base serve`. Screenshots go to
-//! `target/screenshots`. Without a browser none of this is run, which is said ([`browser::program`]).
+//! `target/screenshots`. Without a browser no test is run, which is reported ([`browser::program`]).
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -27,29 +27,29 @@ use profile::{
 };
 use serde_json::{Value, json};
 
-/// From one message to the next of a drone.
+/// The time from one message of a drone to the next.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// What a page must need at most until it says that data are old, ms: the issue's "within 0.5 s".
+/// The longest time until a page reports that data are old, ms: the issue's "within 0.5 s".
 const SAYS_OLD_WITHIN: f64 = 500.0;
 
-/// Where a page that wants to run every 10 ms does not for longer than this, ms, the machine is doing something else.
+/// The longest pause of a page that runs every 10 ms, ms; beyond it the machine was busy with other work.
 const UNDISTURBED: f64 = 60.0;
 
-/// When an image was taken, and when it was sent at the latest, ms since 1970.
+/// The instants at which an image was taken, and at which it was sent at the latest, ms since 1970.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
     gone: f64,
 }
 
-/// Now, ms since 1970.
+/// The present, ms since 1970.
 fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// A thread that notes the time every 10 ms for as long as this lives, ms since 1970. Where its notes have a gap, the
-/// machine did not let this process run, and with it the base station: nothing can be measured then.
+/// A thread that records the time every 10 ms for as long as this lives, ms since 1970. At a gap in its records the
+/// machine did not run this process and the base station in it, so no measurement is valid then.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -73,14 +73,14 @@ impl Beats {
     }
 }
 
-/// One browser at a time: two that start together are slow enough for each other to spoil what is measured.
+/// Only one browser runs at a time: two that start together would disturb each other's measurements.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A browser, or nothing, said, where there is none.
+/// A browser, or `None`, with a message, where there is none.
 fn tab(name: &str) -> Option<Tab> {
     let program = browser::program()?;
     Some(Tab::start(&program, &PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("browser").join(name)))
@@ -91,7 +91,7 @@ fn screenshot(tab: &mut Tab, name: &str) {
     tab.picture(&target.join(name).with_extension("png"));
 }
 
-/// A base station that listens, its page, and a drone's flight controller.
+/// A listening base station, its page, and a drone's flight controller.
 struct Scene {
     server: Option<Server>,
     station: Station,
@@ -101,7 +101,7 @@ struct Scene {
     forwarder: Forwarder,
     began: Instant,
     sent: u64,
-    /// µs that have passed, for a station that is told.
+    /// The elapsed time, µs, for a station whose clock is set.
     passed_us: Arc<AtomicU64>,
 }
 
@@ -110,7 +110,7 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// With a key the station takes what is signed with it alone, and sends uplinks.
+    /// With a key the station accepts only messages signed with it, and sends uplinks.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -177,8 +177,8 @@ impl Scene {
         }
     }
 
-    /// Sends images at their pace until the page, which is looked at meanwhile, is as wanted. Answers the last one's
-    /// instants.
+    /// Sends images at their pace until the condition holds on the page, which is checked meanwhile. Returns the last
+    /// one's instants.
     fn fly_until(&mut self, tab: &mut Tab, wanted: &str) -> Sent {
         let began = Instant::now();
         loop {
@@ -191,7 +191,7 @@ impl Scene {
         }
     }
 
-    /// Nothing has gone wrong in the page, and it has asked for nothing but what is here.
+    /// Checks that the page has no errors and has requested nothing from elsewhere.
     fn is_clean(&self, tab: &mut Tab) {
         assert_eq!(tab.troubles(), Vec::<String>::new());
         let requests = tab.requests();
@@ -201,10 +201,10 @@ impl Scene {
     }
 }
 
-/// Where Reported-Position is.
+/// The position of Reported-Position.
 const PLACE: (f64, f64, f64) = (-33.456_789_12, -70.648_271_83, 1_234.56);
 
-/// What the DPR shows `ms` after HORUS's start: three receivers, the second excluded, the third silent.
+/// The DPR's image `ms` after HORUS's start: three receivers, the second excluded, the third silent.
 fn image(ms: u32) -> Vec<u8> {
     image_at(ms, PLACE)
 }
@@ -243,7 +243,7 @@ fn image_at(ms: u32, (latitude, longitude, altitude): (f64, f64, f64)) -> Vec<u8
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// The texts of a table's rows, cell by cell.
+/// The displayed text of each cell of a table, row by row.
 fn table(tab: &mut Tab, id: &str) -> Vec<Vec<String>> {
     let rows = format!(
         "[...document.getElementById('{id}').rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
@@ -262,7 +262,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     let last = scene.fly_until(&mut tab, "document.querySelectorAll('#receivers tr').length === 3");
-    // Before they are old.
+    // The tables are read before the data are old.
     let (receivers, accuracy) = (table(&mut tab, "receivers"), tab.text("#accuracy"));
     assert_eq!(tab.text("#verdict"), "HORUS has switched to the redundant flight controller");
     tab.until("document.getElementById('alarms').textContent.includes('the position shown is old')");
@@ -317,7 +317,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
         assert!(alarms.contains(words), "{words}: {alarms}");
     }
 
-    // Every age is how long ago that was. The page is read within these two instants.
+    // Every age is the time since then. The page is read between these two instants.
     let before = now_ms() - last.gone;
     let read = "[document.getElementById('age-value').textContent, \
                 ...[...document.getElementById('receivers').rows].map((row) => row.cells[4].textContent), \
@@ -326,7 +326,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // What is shown was true up to two pushes and a frame of the screen ago, on a machine that has other work.
+        // The display may lag by two pushes and a frame of the screen, on a machine with other work.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -338,7 +338,7 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // When its verdict changes, and how regularly it gets the processor at all: a beat that is to come every 10 ms.
+    // The script records when the verdict changes, and how regularly it runs: a beat is due every 10 ms.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -358,7 +358,7 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // A machine with other work can stop the browser, or the base station; then nothing is measured of the page.
+        // Other work can stop the browser, or the base station; then the page cannot be measured.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -370,11 +370,11 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // What was sent last may be 10 ms older than that: a timestamp is that of a cycle. Date.now() has whole
+    // The last sample may be 10 ms older than that, because a timestamp is that of a cycle. Date.now() has whole
     // milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
-    // A state that was held up for 200 ms on its way makes nothing younger.
+    // A state that was delayed by 200 ms on its way makes no data younger.
     let held_up = "(() => {
             const drone = { ...state.drone, reported: { ...state.drone.reported } };
             drone.reported.age_ms -= 200;
@@ -404,12 +404,12 @@ fn a_page_says_that_its_station_is_gone_and_comes_back_by_itself() {
     drop(scene.server.take());
     tab.until("document.body.className === 'lost'");
     assert_eq!(tab.text("#verdict"), "NO CONNECTION TO THE BASE STATION");
-    // Long enough for an attempt that fails.
+    // The pause is long enough for an attempt that fails.
     sleep(Duration::from_millis(1_500));
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
     assert_eq!(tab.eval("performance.timeOrigin"), loaded, "it was not loaded anew");
-    // That nobody was there is in the console, and nothing else.
+    // The console has only the failed connections.
     let troubles = tab.troubles();
     let network = |trouble: &String| trouble.starts_with("network: ") && trouble.contains("/events");
     assert!(troubles.iter().all(network), "{troubles:?}");
@@ -420,7 +420,7 @@ fn a_page_that_is_opened_late_shows_the_last_minutes() {
     let _alone = alone();
     let Some(mut tab) = tab("late") else { return };
     let mut scene = Scene::new(Clock::told);
-    // Three minutes at 10 Hz, 900 m to the north and 45 m up.
+    // The drone flies for three minutes at 10 Hz, 900 m to the north and 45 m up.
     for cycle in 0..=1_800_u32 {
         let passed = Duration::from_millis(u64::from(cycle) * 100);
         scene.passed_us.store(u64::try_from(passed.as_micros()).unwrap(), Ordering::Relaxed);
@@ -453,7 +453,8 @@ fn the_page_is_readable_on_a_desk_and_on_a_phone_in_light_and_in_dark() {
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // Relative luminance and contrast as WCAG 2.2 defines them; the ground is the nearest one that is not transparent.
+    // The script computes relative luminance and contrast by WCAG 2.2; the background is the nearest one that is not
+    // transparent.
     let contrast = "window.contrast = (selector) => {
         const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
         const luminance = (colour) => {
@@ -489,12 +490,12 @@ fn the_page_is_readable_on_a_desk_and_on_a_phone_in_light_and_in_dark() {
                 let found = tab.eval(&format!("contrast({})", json!(selector))).as_f64().unwrap();
                 assert!(found >= 4.5, "{selector}, {scheme}: {found}");
             }
-            // No reader has to move the page from side to side.
+            // The page must not scroll sideways.
             let wide =
                 tab.eval("[document.documentElement.scrollWidth, document.documentElement.clientWidth, innerWidth]");
             assert_eq!(wide[0], wide[1], "{name}, {scheme}");
             assert_eq!(wide[2], screen.width);
-            // A picture of a page that is being drawn.
+            // The picture is taken while the page is being drawn.
             scene.send(image);
             screenshot(&mut tab, &format!("{name}-{scheme}"));
             tab.until(OLD);
@@ -512,7 +513,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     let _alone = alone();
     let Some(mut tab) = tab("keyboard") else { return };
     let mut scene = Scene::begin();
-    // A second drone, to choose.
+    // A second drone can be selected.
     let mut other = Forwarder::new(9, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     other.offer(&Bundle::datagram(&image_at(50_000, (10.0, 20.0, 30.0))).unwrap());
     while let Some(message) = other.poll(1_000_000, 0) {
@@ -525,17 +526,17 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now: perhaps there is something to acknowledge.
+        // The other drone is silent by now, so there may be an alarm to acknowledge.
         order.retain(|id| id != "acknowledge");
     }
-    // Without a name: what came and went, and the two that choose a drone in the list of all.
+    // The elements without a name are the list of changes, and the two that select a drone in the list of all.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
     tab.press("ArrowDown");
     tab.until("document.getElementById('drone').value === '9'");
     tab.until("document.getElementById('latitude').textContent === '10.0000000° N'");
-    // By keys too, unless they are switched off.
+    // Keys do the same, unless they are switched off.
     tab.eval("document.activeElement.blur()");
     tab.press("n");
     tab.until("document.getElementById('drone').value === '7'");
@@ -574,10 +575,10 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     scene.is_clean(&mut tab);
 }
 
-/// What the DPR shows where nothing is wrong, `change`d.
+/// The DPR's image without faults, `change`d.
 fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) -> Vec<u8> {
     let (latitude, longitude, altitude) = PLACE;
-    // It flies to the north at 10 m/s.
+    // The drone flies to the north at 10 m/s.
     let latitude = latitude + f64::from(ms) * 1e-2 / 110_920.0;
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -598,14 +599,14 @@ fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) 
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// What is changed in what the DPR shows.
+/// A change of the DPR's image.
 type Change = fn(&mut ReportedValues, &mut [GpsValues; 3]);
 
-/// What a page must need at most until it says what is wrong, from the first message of it on.
+/// The longest time until a page reports a fault, from the fault's first message on.
 const SAYS_WITHIN: Duration = Duration::from_secs(2);
 
-/// Sends what `send` does until the page says so at a `level`, within the bound; then pictures of it on a desk and on a
-/// phone, in light and in dark.
+/// Sends what `send` does until the page shows the text at a `level`, within the bound; then takes pictures of it on a
+/// desk and on a phone, in light and in dark.
 fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMut()) {
     let wanted = format!(
         "document.getElementById('verdict').textContent.startsWith({}) && document.body.dataset.level === '{level}'",
@@ -615,7 +616,7 @@ fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMu
     let mut before = Instant::now();
     loop {
         send();
-        // A machine that does not let this run for long measures nothing.
+        // A machine that delays this process for long cannot measure.
         if before.elapsed() > Duration::from_millis(500) && retried < 20 {
             (began, retried) = (Instant::now(), retried + 1);
         }
@@ -653,7 +654,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The numbers are there, and are not to be shown.
+            // The numbers are present, but must not be shown.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {
@@ -672,7 +673,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     for (name, said, change) in scenes {
         shows(&mut tab, &format!("{name}-before"), "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
         shows(&mut tab, name, said, "critical", || _ = scene.send(|ms| well(ms, change)));
-        // Pictures take so long that nothing more seems to arrive.
+        // Pictures take so long that messages seem to stop.
         let told = format!("document.title.startsWith('!! 7: ' + {})", json!(said));
         let mut sent = 0;
         while tab.eval(&told) != Value::Bool(true) {
@@ -698,7 +699,7 @@ fn old_receivers_and_link_are_marked_beside_a_new_position() {
     let mut scene = Scene::begin();
     tab.open(&scene.address());
     shows(&mut tab, "old-before", "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
-    // Reported-Position alone still arrives.
+    // Only Reported-Position still arrives.
     let reported = |ms| well(ms, |_, _| {})[32..96].to_vec();
     let alone = Tunnel::of(&Bundle::new(Place::Reported, 1, &reported(0)).unwrap()).unwrap().payload_type;
     assert_eq!(alone, 0xC800);
@@ -787,7 +788,7 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     let of = |id: &str| fleet.iter().find(|row| row[0] == id).unwrap()[1].clone();
     assert!(of("11").starts_with("HORUS has fired the emergency measure"), "{fleet:?}");
     assert!(of("13").contains("fewer receivers agree") || of("13").contains("old"), "{fleet:?}");
-    // A new one never takes the screen; who loads the page again sees the same.
+    // A new drone never takes the screen; a reload of the page shows the same one.
     assert_eq!(tab.eval("new URLSearchParams(location.search).get('drone')"), "7");
     let mut early = scene.another(1);
     scene.send_by(&mut early, |ms| well(ms, |_, _| {}));
@@ -804,13 +805,13 @@ fn more_tabs_than_a_browser_has_connections_show_the_drone() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     tab.eval("window.tabs = []; true");
-    // Six connections to one host are what browsers allow.
+    // Browsers allow six connections to one host.
     for count in 1..=9 {
         let expression = "tabs.push(window.open(location.href, '_blank'))";
         let opened = json!({ "expression": expression, "userGesture": true, "returnByValue": true });
         assert_eq!(tab.command("Runtime.evaluate", opened)["result"]["value"], count);
     }
-    // A tab in the background draws no pictures, but says how old its data are.
+    // A tab in the background draws no pictures, but reports the age of its data.
     let fresh = "tabs.every((tab) => tab && tab.document.body && tab.document.body.className === 'fresh')";
     scene.fly_until(&mut tab, fresh);
     scene.fly_until(&mut tab, FRESH);
@@ -834,7 +835,7 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged_and_stays_in_the_list() 
     tab.open(&scene.address());
     fly(&mut scene, &mut tab, |_, _| {}, "document.body.dataset.level === 'well' && acknowledged !== null");
     let button = "document.getElementById('acknowledge')";
-    // A browser gives sound only to who was touched.
+    // A browser plays sound only after a user's action.
     tab.eval("document.getElementById('sound').focus()");
     tab.press("Space");
     assert_eq!(tab.eval("document.getElementById('sound').checked"), true);
@@ -850,7 +851,7 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged_and_stays_in_the_list() 
     assert!(words.as_str().unwrap().ends_with("7: HORUS has fired the emergency measure"), "{words}");
     assert!(tab.text("#verdict").starts_with("HORUS has fired"), "it is still the worst");
     fly(&mut scene, &mut tab, |_, _| {}, &format!("{first}.endsWith('measure – over')"));
-    // The same again is another one.
+    // The same alarm again is a new one.
     fly(&mut scene, &mut tab, emergency, &format!("{button}.textContent === 'Acknowledge 1'"));
     scene.is_clean(&mut tab);
 }
@@ -946,7 +947,7 @@ fn one_place_far_off_does_not_set_the_scale_of_the_map() {
     }
 }
 
-/// When the recording of [`record`] begins, µs since 1970.
+/// The beginning of the recording of [`record`], µs since 1970.
 const RECORDED: u64 = 1_790_000_000_000_000;
 
 /// Records a drone for this long, at 10 Hz.
@@ -969,7 +970,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     let _alone = alone();
     let Some(mut tab) = tab("playback") else { return };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("playback");
-    // What is left of a run before this.
+    // An earlier run may have left files.
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
     let recording = record(folder.join("flight.mcap"), 600);
@@ -992,7 +993,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     until(&mut tab, "pause", "Pause");
     tab.until("document.getElementById('speed').value === '3'");
 
-    // What is played back is never green, nor told as if it were now.
+    // Played-back data are never green, nor announced as present.
     tab.until("document.getElementById('verdict').textContent.startsWith('PLAYBACK · ')");
     for (screen, place) in [(browser::Screen { width: 1_200, ..DESK }, "1200"), (PHONE, "390")] {
         tab.screen(screen);
@@ -1005,7 +1006,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     tab.screen(DESK);
     assert_ne!(tab.eval("document.body.dataset.level"), "well");
 
-    // Each control in its order, which Tab goes through with the focus seen.
+    // Tab reaches each control in order, with a visible focus.
     tab.eval("document.querySelector('summary').focus()");
     for id in ["back", "pause", "forward", "speed", "at", "keys"] {
         tab.press("Tab");
@@ -1028,7 +1029,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
         assert!(tab.text("#keys-words").contains(words), "{words}");
     }
 
-    // By the keys, wherever the focus is.
+    // Keys work wherever the focus is.
     tab.press("p");
     until(&mut tab, "pause", "Play");
     assert!(player.speed().abs() < f64::EPSILON);
@@ -1038,12 +1039,12 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     for key in ["j", "j", "l", "j"] {
         tab.press(key);
     }
-    // Two back in all, though no answer was awaited in between.
+    // Two steps back add up, though no answer was awaited in between.
     let wanted = stood - 20.0;
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
     until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
-    // The pace that is chosen while it stands does not set it going.
+    // A pace that is selected while the playback stands does not start it.
     tab.press("f");
     until(&mut tab, "did", "5 times, when it plays");
     tab.press("s");
@@ -1057,7 +1058,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     until(&mut tab, "did", "1 times");
     assert!((player.speed() - 1.0).abs() < f64::EPSILON);
 
-    // By the controls.
+    // The controls do the same.
     tab.eval("document.getElementById('pause').focus()");
     tab.press("Space");
     until(&mut tab, "pause", "Play");
@@ -1079,11 +1080,11 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // What is shown is what was recorded there, found by going through all of it.
+    // The display equals the recording there, which is found by reading all of it.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 
-    // With another key it is the browser's, and a key alone does nothing where that was switched off.
+    // A key with a modifier is the browser's, and a key alone has no effect where that was switched off.
     let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
     assert_eq!(tab.eval(alone), true, "it was not taken");
     tab.eval("document.getElementById('keys').focus()");
@@ -1095,7 +1096,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     until(&mut tab, "pause", "Pause");
     assert_eq!(tab.troubles(), Vec::<String>::new());
 
-    // A station that is gone is told of, and nothing is thrown.
+    // The loss of a station is reported, and no exception is thrown.
     drop(server);
     tab.press("p");
     until(&mut tab, "did", "the base station is not reached");

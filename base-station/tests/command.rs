@@ -1,17 +1,17 @@
-//! What `horus-base` refuses to begin with, and what it warns of.
+//! Tests which arguments `horus-base` refuses, and its warnings.
 
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// What it does with these arguments; it ends by itself.
+/// The result of these arguments; the program ends by itself.
 fn run(arguments: &[&str]) -> (bool, String) {
     let Output { status, stderr, .. } =
         Command::new(env!("CARGO_BIN_EXE_horus-base")).args(arguments).output().unwrap();
     (status.success(), String::from_utf8(stderr).unwrap())
 }
 
-/// A file with this in it, whose name is of this process alone.
+/// A file with this text, whose name is unique to this process.
 fn file(name: &str, text: &str) -> PathBuf {
     let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
     fs::write(&file, text).unwrap();

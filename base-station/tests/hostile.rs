@@ -1,4 +1,4 @@
-//! The page under readers and requests that mean no good, over real sockets.
+//! Tests the page with hostile readers and requests, over real sockets.
 
 mod common;
 
@@ -16,13 +16,13 @@ use common::image;
 use socket2::{Domain, Socket, Type};
 use tokio::sync::oneshot;
 
-/// Whatever is waited for here comes in a fraction of this on a machine that is not busy.
+/// The time limit for each wait, which takes a fraction of it on a machine that is not busy.
 const BOUND: Duration = Duration::from_secs(30);
 
-/// Short, so that the tests are.
+/// The limits are short, so that the tests are.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
-/// A page of a station of one drone, which something arrives of all the time.
+/// A page of a station of one drone, which receives data all the time.
 struct Page {
     address: SocketAddr,
     end: Option<oneshot::Sender<()>>,
@@ -67,7 +67,7 @@ impl Page {
         stream
     }
 
-    /// A connection whose end takes next to nothing ahead.
+    /// A connection whose receive buffer is as small as possible.
     fn narrow(&self) -> TcpStream {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
         socket.set_recv_buffer_size(2_048).unwrap();
@@ -75,7 +75,7 @@ impl Page {
         socket.into()
     }
 
-    /// Whether a request is answered as it should be.
+    /// Whether a request is answered correctly.
     fn answers(&self) -> bool {
         let mut stream = self.connect();
         let asked = write!(stream, "GET /state HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -93,7 +93,7 @@ impl Drop for Page {
     }
 }
 
-/// Everything until the other end closes, or cuts, the connection.
+/// Reads until the other end closes, or resets, the connection.
 fn all(stream: &mut TcpStream) -> Vec<u8> {
     let mut bytes = vec![];
     let mut buffer = [0; 4_096];
@@ -107,7 +107,7 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Reads states as a browser does, on a thread; the longest pause between two, once it is told to end.
+/// Reads states as a browser does, on a thread; returns the longest pause between two when it is ended.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -140,7 +140,7 @@ impl Watcher {
     }
 }
 
-/// Bytes of memory that this process has.
+/// The memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -156,7 +156,7 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // Each is closed without having read: the system tells by a reset, once there is something to tell it for.
+    // Each is closed without having read: the system reports a reset at the next write.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -172,7 +172,7 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     assert!(page.answers());
 }
 
-/// Tries to write a byte, which shows whether the other end is still there.
+/// Tries to write a byte, which shows whether the other end is still connected.
 fn write_one(stream: &mut TcpStream) -> Result<(), ErrorKind> {
     match stream.write(b"x") {
         Ok(_) => Ok(()),
@@ -188,7 +188,7 @@ fn a_thousand_connections_are_held_to_their_limit_and_their_places_are_free_agai
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // Those beyond the limit are closed at once, the others when nothing was asked for too long.
+        // Those beyond the limit are closed at once, the others when they have sent no request for too long.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));
@@ -212,7 +212,7 @@ fn requests_that_come_byte_by_byte_end_at_the_time_limit() {
         assert!(page.answers(), "the others are served meanwhile");
         thread::sleep(Duration::from_millis(20));
     }
-    // A whole request that asks for nothing more is given up as well.
+    // A connection that is idle after a whole request is closed as well.
     let mut kept = page.connect();
     write!(kept, "GET /state HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     assert!(String::from_utf8_lossy(&all(&mut kept)).starts_with("HTTP/1.1 200"));
@@ -253,13 +253,13 @@ fn malformed_requests_are_refused_and_smuggle_nothing() {
     ];
     for (what, request) in &refused {
         let mut stream = page.connect();
-        // It may be closed before all is written.
+        // The connection may be closed before everything is written.
         let _ = stream.write_all(request).and_then(|()| stream.shutdown(std::net::Shutdown::Write));
         let answer = String::from_utf8_lossy(&all(&mut stream)).into_owned();
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{what}: {answer}");
         assert!(!answer.contains("HTTP/1.1 200"), "{what}: {answer}");
     }
-    // What a length says is body is body.
+    // The body is as long as its length field says.
     let body = format!("GET / HTTP/1.1\r\n{host}Content-Length: {}\r\nConnection: close\r\n\r\n{inner}", inner.len());
     let chunk = format!("{:x}\r\n{inner}\r\n0\r\n\r\n", inner.len());
     let chunked = format!("GET / HTTP/1.1\r\n{host}Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n{chunk}");

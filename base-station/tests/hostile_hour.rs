@@ -1,5 +1,5 @@
-//! An hour of a hostile neighbour: three true drones, and beside them messages that are forged, replayed, reordered,
-//! truncated, oversized and of many senders. Virtual time, drawn from a seed.
+//! Tests an hour with a hostile neighbour: three true drones, and beside them messages that are forged, replayed,
+//! reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a seed.
 
 mod common;
 
@@ -16,24 +16,24 @@ use profile::{GpsValues, HorusState, Profile, ReportedStatus, ReportedValues, ra
 const SECOND: u64 = 1_000_000;
 const BEGIN: u64 = 1_790_000_000_000_000;
 const HOUR: u64 = 3_600 * SECOND;
-/// From one image of a drone to the next, µs.
+/// The time from one image of a drone to the next, µs.
 const PERIOD: u64 = 100_000;
 
-/// The true drones: system id, and how long their HORUS has been running at the beginning, ms.
+/// The true drones: system id, and the time for which their HORUS has been running at the beginning, ms.
 const TRUE: [(u8, u32); 3] = [(1, 70_000), (2, 3_000_000), (3, 500)];
 
 fn address(system: u32, port: u16) -> String {
     format!("10.0.{}.{}:{port}", system >> 8 & 0xFF, system & 0xFF)
 }
 
-/// The messages of one image, as a flight controller forwards them.
+/// The messages of one image from a flight controller's forwarder.
 fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     forwarder.offer(&Bundle::datagram(image).unwrap());
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// What nobody sealed who means well: intact, with an emergency, or at a place that is none.
+/// An image that an attacker sealed: intact, with an emergency, or at an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -45,7 +45,7 @@ fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     Profile::<3>::seal(&reported, &[gps; 3]).as_bytes().to_vec()
 }
 
-/// Nothing that cannot be is held as valid.
+/// Whether no impossible data are kept as valid.
 fn is_sound(drone: &Drone) -> bool {
     let valid = |status: bool, [latitude, longitude, altitude]: [f64; 3]| {
         !status || range::is_position(latitude, longitude, altitude)
@@ -59,7 +59,7 @@ fn is_sound(drone: &Drone) -> bool {
     })
 }
 
-/// Bytes of memory that this process has.
+/// The memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -69,10 +69,10 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// What is to arrive later: when, from where, what.
+    /// The messages that arrive later: instant, source, bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
-    /// Messages of before, to replay.
+    /// Earlier messages, for replays.
     kept: Vec<(String, Vec<u8>)>,
 }
 
@@ -82,12 +82,12 @@ impl Hour {
         self.on_the_way.insert((self.now + after, self.count), (from, bytes));
     }
 
-    /// HORUS's time of a true drone now, ms.
+    /// The present time of a true drone's HORUS, ms.
     fn time(&self, began: u32) -> u32 {
         began + u32::try_from((self.now - BEGIN) / 10_000).unwrap() * 10
     }
 
-    /// The true drones send; with `hostile` some of it is reordered on its way.
+    /// The true drones send; with `hostile` some messages are reordered on their way.
     fn fly(&mut self, hostile: bool) {
         for (system, began) in TRUE {
             for message in messages(system, &image(self.time(began))) {
@@ -106,13 +106,13 @@ impl Hour {
     fn attack(&mut self) {
         let (system, began) = TRUE[self.drawn.below(3) as usize];
         let own = address(system.into(), 14_550);
-        // From an address of the neighbour's own, or from the drone's.
+        // The message comes from the neighbour's own address, or from the drone's.
         let from =
             if self.drawn.below(2) == 0 { own.clone() } else { address(200, 1_000 + self.drawn.below(50) as u16) };
         let time = self.time(began);
         match self.drawn.below(8) {
             0 => {
-                // Ahead of its time: by 1.9 s, or by anything.
+                // The timestamp is ahead, by 1.9 s or by any amount.
                 let ahead = [1_900, 10 * self.drawn.below(1 << 24) as u32][self.drawn.below(2) as usize];
                 for bytes in messages(system, &forged(&mut self.drawn, time.wrapping_add(ahead))) {
                     self.send(0, from.clone(), bytes);
@@ -146,7 +146,7 @@ impl Hour {
                 let bytes = (0..self.drawn.below(300)).map(|_| self.drawn.next() as u8).collect();
                 self.send(0, from, bytes);
             }
-            // Drones that are none, from anywhere.
+            // The messages are of drones that do not exist, from any address.
             _ => {
                 for _ in 0..8 {
                     let (invented, port) = (4 + self.drawn.below(250) as u8, self.drawn.below(60_000) as u16);
@@ -159,7 +159,7 @@ impl Hour {
         }
     }
 
-    /// What has arrived by now is judged.
+    /// Judges what has arrived by now.
     fn arrive(&mut self) {
         while let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 <= self.now) {
             let at_us = first.key().0;
@@ -175,7 +175,7 @@ impl Hour {
         }
     }
 
-    /// The true drone with this id as it is shown: its last sample, not old, with its own values.
+    /// Whether the true drone with this id is shown: its last sample, not old, with its own values.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);
@@ -214,7 +214,7 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
         hour.now += PERIOD;
     }
     let grown = memory().saturating_sub(after_ten_minutes);
-    // The neighbour goes home.
+    // The neighbour stops sending.
     hour.on_the_way.clear();
     let ended = hour.now;
     while hour.now <= ended + 2 * SECOND {
@@ -239,7 +239,7 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
     let refused = hour.intake.refused();
     assert!(refused.oversized > 1_000 && refused.bad_crc + refused.malformed + refused.foreign < 100_000);
     assert!(grown < 16 << 20, "{} kB", grown >> 10);
-    // Who was spoken for says so.
+    // A drone whose id was forged has the alarm.
     let told = TRUE.iter().all(|(system, _)| {
         fleet.iter().any(|(id, drone)| {
             id.who.to_string() == system.to_string() && drone.alarms_at(ended).has(Alarm::TwoSenders)

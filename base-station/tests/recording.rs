@@ -1,4 +1,4 @@
-//! `horus-base record` in a process of its own, which is killed, and on a disk that is full.
+//! Tests `horus-base record` in a separate process, which is killed, and on a full disk.
 
 mod common;
 
@@ -14,10 +14,11 @@ use common::image;
 
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Starts it by a shell that sets a limit before; it says what it says, and where it listens.
+/// Starts it from a shell that first sets a limit; returns its output and its address.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // Without the signal that the system sends with it, a file that may not grow is a write that fails: a full disk.
+    // Without the signal that the system sends with it, a file that must not grow makes a write fail, as a full disk
+    // does.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -34,7 +35,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The HORUS time of each image that was recorded, ms, and where parts are cut off.
+/// The HORUS time of each recorded image, ms, and the places where parts are cut off.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -51,7 +52,7 @@ fn a_recorder_that_is_killed_has_lost_less_than_a_second_and_the_file_is_whole_u
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // Three seconds at 100 Hz; then, without a word, the end. What counts is when each was sent.
+    // After three seconds at 100 Hz the process is killed. The instants of sending count.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -75,24 +76,24 @@ fn a_recorder_that_is_killed_has_lost_less_than_a_second_and_the_file_is_whole_u
 fn a_disk_that_is_full_is_told_and_what_was_written_before_is_readable() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
-    // Parts of at most 128 KiB, in units of 512 bytes: about two chunks, each of half a second.
+    // The parts have at most 128 KiB, in units of 512 bytes: about two chunks, each of half a second.
     let (mut child, mut said, address) = start(&["record"], &file, "ulimit -f 256");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
     let (mut time, second) = (70_000, folder.join("flight.1.mcap"));
-    // After the first part is full, it is tried again in another, for as long as there is something to record.
+    // When the first part is full, the recorder tries another, as long as there are data to record.
     while !second.metadata().is_ok_and(|second| second.len() > 10_000) {
         assert!(began.elapsed() < BOUND && child.try_wait().unwrap().is_none(), "it has not tried again");
         socket.send_to(&image(time), address).unwrap();
         time += 10;
         thread::sleep(Duration::from_millis(10));
     }
-    // That it works again is told once something is on the disk, not when a file could be made.
+    // The recovery is reported once data are on the disk, not when a file could be made.
     let mut words = String::new();
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // What ends a service, not a keyboard; the file is whole all the same, and is told.
+    // A service is ended by TERM and not by the keyboard; the file is whole anyway, which is reported.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

@@ -1,4 +1,5 @@
-//! Ten minutes on carriers that lose half of all, repeat, reorder, damage, and carry what is not ours, in virtual time.
+//! Tests ten minutes on carriers that lose half of all messages, repeat, reorder, damage, and carry foreign ones, in
+//! virtual time.
 
 use std::collections::HashSet;
 
@@ -8,7 +9,7 @@ use profile::{GpsStatus, GpsValues, LinkStatus, LinkStatusBits, LinkValues, Prof
 
 const SECOND: u64 = 1_000_000;
 
-/// Numbers that look drawn (SplitMix64: Steele, Lea, Flood, *Fast Splittable Pseudorandom Number Generators*, 2014).
+/// Pseudorandom numbers (SplitMix64: Steele, Lea, Flood, *Fast Splittable Pseudorandom Number Generators*, 2014).
 struct Drawn(u64);
 
 impl Drawn {
@@ -24,7 +25,7 @@ impl Drawn {
         self.next() % limit
     }
 
-    /// True in so many of a hundred cases.
+    /// True in `percent` of a hundred cases.
     fn chance(&mut self, percent: u64) -> bool {
         self.below(100) < percent
     }
@@ -54,7 +55,7 @@ struct Message {
     foreign: bool,
 }
 
-/// What becomes of `bytes`, sent at `now_us`.
+/// Carries `bytes`, sent at `now_us`.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -80,14 +81,14 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Ten minutes of what HORUS sends, carried; every object that was sent; and when it was.
+/// Ten minutes of HORUS's objects, carried; returns the messages, every object that was sent, and the instants.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 6_000, ..Rates::default() });
     for cycle in 0..60_000_u32 {
         let now_us = u64::from(cycle) * 10_000;
-        // HORUS runs for a while already.
+        // HORUS has been running for a while.
         let image = image(600_000 + 10 * cycle);
         let bundle = Bundle::datagram(&image).unwrap();
         sent.extend(bundle.objects().map(|(place, bytes)| (place, bytes.to_vec())));
@@ -104,7 +105,7 @@ fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>)
     (on_the_way, sent)
 }
 
-/// Takes what arrived, and holds the verdicts against what was sent.
+/// Takes what arrived, and compares the verdicts with what was sent.
 struct Judge {
     fleet: Fleet,
     sent: HashSet<(Place, Vec<u8>)>,
@@ -142,7 +143,7 @@ fn over_mavlink_nothing_is_shown_that_was_not_sent_and_nothing_refused_that_arri
     let mut whole = 0_u64;
     for message in &messages {
         let received = receiver.datagram(0, &message.bytes);
-        // What MAVLink's checksum does not find of the damage is for the objects' own.
+        // The objects' own CRCs detect the damage that MAVLink's checksum misses.
         whole += u64::from(!message.damaged);
         for received in received {
             judge.take(message, &received.bundle().unwrap());

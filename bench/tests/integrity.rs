@@ -156,7 +156,7 @@ fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The end of a CRC's table is at that place, so the firmware goes on.
+            // The word before `__ehot` is the end of a CRC's table, so the firmware continues after its damage.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };

@@ -94,8 +94,8 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first message may have waited behind a stuck line, as far as HORUS can know. So may the second, if
-        // the first burst outlasts its transfer: then no filler after it shows that the receiver is empty.
+        // On SPI the first message may have waited behind a stuck line, which HORUS cannot exclude. So may the second,
+        // if the first burst outlasts its transfer: then no filler after it shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }

@@ -3,9 +3,9 @@
  * The flight controller's end of the SSI, in C11, which is C++11 as well. See horus_dpr.h, and
  * docs/flight-controller.md for how to use it.
  *
- * The same client as profile::ssi::client in Rust, and held against it transaction by transaction. No allocation, no
- * recursion, no loop whose length the data decide, no pointer cast, no access but by bytes: any input, at any
- * alignment, on a host of any byte order, gives a defined result.
+ * It is the same client as profile::ssi::client in Rust, and is compared with it transaction by transaction. It has no
+ * allocation, no recursion, no loop whose length depends on the data, no pointer cast, and accesses only bytes: any
+ * input, at any alignment, on a host of any byte order, gives a defined result.
  *
  * Deviations from MISRA C:2012: rule 15.5 (a function has one exit) where the first statements refuse an argument;
  * directive 4.9 (function-like macros) for the asserted layout in the header.
@@ -96,7 +96,7 @@ static uint32_t saturated(uint64_t value)
     return (value < (uint64_t)UINT32_MAX) ? (uint32_t)value : UINT32_MAX;
 }
 
-/* An age and a time that has passed since, us. */
+/* An age plus the time since, us. */
 static uint32_t sum_us(uint32_t age_us, uint64_t since_us)
 {
     return (since_us < (uint64_t)UINT32_MAX) ? saturated((uint64_t)age_us + since_us) : UINT32_MAX;
@@ -126,7 +126,7 @@ static void seal(uint8_t *bytes, size_t count)
 
 /* ---- objects */
 
-/* Whether each byte is `value`; all of them are looked at. True of none. */
+/* Whether each byte is `value`; all of them are read. True of no bytes. */
 static bool is_throughout(const uint8_t *bytes, size_t count, uint8_t value)
 {
     uint8_t difference = 0U;
@@ -136,7 +136,7 @@ static bool is_throughout(const uint8_t *bytes, size_t count, uint8_t value)
     return difference == 0U;
 }
 
-/* What is in the place of an object: the same work whatever it is. */
+/* The content of an object's place; the work does not depend on it. */
 static horus_dpr_result_t judge(const uint8_t *bytes, size_t count, uint16_t identifier)
 {
     const bool intact = is_intact(bytes, count);
@@ -237,8 +237,8 @@ static void decode_gps(const uint8_t *bytes, horus_dpr_sample_t *sample)
     }
 }
 
-/* The sample's values as they may be shown, as in profile::range: what is not valid in it, or cannot be, is NaN, and
- * its status bit clear. Whether its position is valid. */
+/* Changes the sample's values to those for display, as in profile::range: a value that is not valid, or impossible, is
+ * NaN, with its status bit clear. Returns whether its position is valid. */
 static bool decode_valid(const uint8_t *bytes, horus_dpr_sample_t *sample)
 {
     const uint64_t latitude = get64(&bytes[offsetof(horus_dpr_wire_reported_t, latitude)]) & MAGNITUDE_F64;
@@ -288,7 +288,7 @@ static bool decode_valid(const uint8_t *bytes, horus_dpr_sample_t *sample)
     return located;
 }
 
-/* Nothing is known. */
+/* A report without any data. */
 static void absent(horus_dpr_sample_t *sample)
 {
     (void)memset(sample, 0, sizeof(*sample));
@@ -448,7 +448,7 @@ size_t horus_dpr_begin(horus_dpr_t *client, uint8_t *mosi, size_t capacity)
     return bytes;
 }
 
-/* When a new sample could have been read at the earliest, us, if it continues the last one. */
+/* The earliest instant at which a new sample could have been read, us, if it continues the last one. */
 static bool is_in_sequence(const horus_dpr_t *client, uint32_t timestamp, uint64_t read_us, uint64_t *due_us)
 {
     const uint32_t step_ms = timestamp - client->last_timestamp;
@@ -465,18 +465,18 @@ static bool is_in_sequence(const horus_dpr_t *client, uint32_t timestamp, uint64
     return client->has_last && whole && in_time;
 }
 
-/* How old the sample of an image that was not read before is at most, us. */
+/* The greatest possible age of the sample of an image that was not read before, us. */
 static uint32_t sample_age_us(
     const horus_dpr_t *client, const horus_dpr_link_t *link, uint64_t began_us, uint64_t fresh_us)
 {
-    /* Link-Status rounds down, and stays at the highest value. */
+    /* Link-Status rounds down, and saturates at the highest value. */
     const uint32_t published_us =
         (link->age_100us == UINT16_MAX) ? HORUS_DPR_AGE_UNKNOWN : (100U * ((uint32_t)link->age_100us + 1U));
     uint64_t shown_us = HORUS_DPR_EXPIRY_US;
     if ((fresh_us <= began_us) && ((began_us - fresh_us) < shown_us)) {
         shown_us = began_us - fresh_us;
     }
-    /* The reading before says when the image was published only if it showed another one. */
+    /* The reading before bounds the image's publication only if it showed another image. */
     if (client->has_image && (client->image_timestamp != link->timestamp) && (client->image_us <= began_us) &&
         ((began_us - client->image_us) < shown_us)) {
         shown_us = began_us - client->image_us;
@@ -494,13 +494,13 @@ static uint32_t last_age_us(const horus_dpr_t *client, uint64_t now_us)
     return age_us;
 }
 
-/* Whether a position so old, or of an age that cannot be told, must not be shown. */
+/* Whether a position of this age, or of unknown age, must not be shown. */
 static bool is_too_old(const horus_dpr_t *client, uint32_t age_us)
 {
     return (age_us > client->config.age_limit_us) || (age_us == HORUS_DPR_AGE_UNKNOWN);
 }
 
-/* What an intact sample is. */
+/* Judges an intact sample. */
 static horus_dpr_verdict_t judge_sample(horus_dpr_t *client, const horus_dpr_link_t *link, const uint8_t *reported,
     uint64_t began_us, uint64_t fresh_us)
 {
@@ -545,7 +545,7 @@ static horus_dpr_verdict_t judge_sample(horus_dpr_t *client, const horus_dpr_lin
     return verdict;
 }
 
-/* Whether any object in what was read is intact; all of them are looked at. */
+/* Whether any object that was read is intact; all of them are checked. */
 static bool is_any_intact(const horus_dpr_t *client, const uint8_t *miso, size_t bytes)
 {
     horus_dpr_link_t link;
@@ -582,7 +582,7 @@ void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint6
     busy = is_throughout(miso, read, 0xFFU);
     another = (client->shown.offset != 0U) || (client->shown.length < HORUS_DPR_PREFIX_BYTES);
     if (!busy) {
-        /* It was heard. A busy DPR has not heard it, and goes on to show what it was asked for before. */
+        /* The DPR has received the request. A busy one has not, and still shows the earlier window. */
         client->window = client->sent;
         client->has_window = client->has_sent;
         client->has_sent = false;
@@ -643,7 +643,7 @@ void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint6
     }
 }
 
-/* ---- what a transaction brought, object by object */
+/* ---- the last transaction, object by object */
 
 horus_dpr_result_t horus_dpr_view_link(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_link_t *link)

@@ -1,5 +1,5 @@
 //! Writes the committed fuzz corpus to `fuzz/corpus/`. Run it after a change of the wire format or of the seeds, and
-//! commit what it wrote; `tests/corpus.rs` fails until then.
+//! commit the result; `tests/corpus.rs` fails until then.
 use std::{fs, io, path::Path};
 
 #[path = "../tests/support/mod.rs"]

@@ -1,10 +1,10 @@
-//! Air frames: which objects travel together, and how long they take.
+//! Air frames: their objects, and their time on the air.
 //!
 //! # Design
 //!
 //! An NFC-F frame (ISO/IEC 18092, 424 kbit/s) is 48 bits of preamble, 16 of sync, LEN, the payload and a CRC-16; the
-//! RFID chips add and take away all but the payload. The payload is whole objects and nothing else. There is no
-//! header of our own, so what arrives is deposited as it is, and what could be wrong in a header cannot be.
+//! RFID chips add and remove all but the payload. The payload consists only of whole objects. The link has no header of
+//! its own, so received bytes are deposited unchanged, and errors of a header cannot occur.
 //!
 //! | receivers | frame | objects | payload, bytes | [air time](air_time_ns), ms |
 //! |---|---|---|---|---|
@@ -14,10 +14,9 @@
 //! | 5 | 1 of 2 | Reported-Position, GPS1, GPS2 | 184 | 3.681 |
 //! | 5 | 2 of 2 | GPS3, GPS4, GPS5 | 180 | 3.606 |
 //!
-//! A frame's place in the profile is told by its length, which no two frames of one profile share; that each object is
-//! the one that belongs there, its identifier confirms when it is [verified](crate::Object::verify). Only a
-//! length that no frame has rejects a frame as a whole. The CRC-16 decides nothing: a hit on GPS3 does not cost
-//! Reported-Position.
+//! The length of a frame determines its place in the profile, because no two frames of one profile have the same
+//! length; each object's identifier confirms its place when it is [verified](crate::Object::verify). Only a length that
+//! no frame has rejects a frame as a whole. The CRC-16 decides nothing: a hit on GPS3 does not cost Reported-Position.
 //!
 //! # Example
 //!
@@ -44,29 +43,29 @@ pub const MAX_PAYLOAD: usize = 254;
 /// The longest payload of any profile, bytes: that of three receivers.
 pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
-/// Bytes before the payload that count in LEN: LEN itself.
+/// The number of bytes before the payload that count in LEN: LEN itself.
 pub const LEN_BYTES: usize = 1;
 
-/// Bytes after the payload: the CRC-16, which the chips add and check.
+/// The number of bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next, µs, in which the listener takes the first
-/// out of its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next, µs, in which the listener reads the first
+/// from its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
 
-/// Bits of a frame beside the payload: preamble, sync, LEN, CRC-16.
+/// The number of bits of a frame beside the payload: preamble, sync, LEN, CRC-16.
 const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 
-/// A bit takes 32 periods of the 13.56 MHz carrier: 423.75 kbit/s.
+/// The number of 13.56 MHz carrier periods in a bit: 423.75 kbit/s.
 const BIT_CARRIER_PERIODS: u64 = 32;
 
-/// ns and carrier periods meet every 50 000 ns, which are 678 periods.
+/// The shortest whole number of ns that is a whole number of carrier periods, 678.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
-/// Air time of a frame with `payload` bytes, from the first preamble bit to the last bit of the CRC-16: ns, rounded to
-/// nearest.
+/// The air time of a frame with `payload` bytes, from the first preamble bit to the last bit of the CRC-16: ns, rounded
+/// to nearest.
 ///
 /// ```
 /// assert_eq!(profile::air::air_time_ns(244), 4_814_159);
@@ -77,16 +76,16 @@ pub const fn air_time_ns(payload: u8) -> u64 {
     (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
 }
 
-/// [`air_time_ns`] of a payload of a profile, which is never longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
+/// The [`air_time_ns`] of a profile's payload, which is never longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
 const fn air_time_us(payload: usize) -> u32 {
     let [payload, ..] = payload.to_le_bytes();
     let [b0, b1, b2, b3, ..] = air_time_ns(payload).div_ceil(1_000).to_le_bytes();
     u32::from_le_bytes([b0, b1, b2, b3])
 }
 
-/// From the tick, at which HORUS takes the sample, to the transmit command of frame number `frame` of its cycle, for a
-/// profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the data say, so
-/// the DPR knows the age of a sample from the end of its frame.
+/// The time from the tick, at which HORUS takes the sample, to the transmit command of frame number `frame` of its
+/// cycle, for a profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the
+/// data, so the DPR can derive the age of a sample from the end of its frame.
 ///
 /// | receivers | frame 1 | frame 2 |
 /// |---|---|---|
@@ -108,8 +107,8 @@ pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     }
 }
 
-/// The age of a cycle's sample at the last bit of the cycle's frame number `frame`: send slot and air time, µs, rounded
-/// up; `None` if a profile of `N` receivers has no such frame.
+/// The age of a cycle's sample at the last bit of the cycle's frame number `frame`: send slot plus air time, µs,
+/// rounded up; `None` if a profile of `N` receivers has no such frame.
 ///
 /// ```
 /// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(100 + 4_815));
@@ -126,7 +125,7 @@ pub const fn frames(receivers: usize) -> usize {
     if receivers <= 3 { 1 } else { 2 }
 }
 
-/// Which objects of a profile a frame carries.
+/// The objects of a profile that a frame carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Place {
     first: usize,
@@ -152,13 +151,13 @@ impl Place {
         self.first
     }
 
-    /// How many objects, at least one.
+    /// The number of objects, at least one.
     #[must_use]
     pub const fn count(self) -> usize {
         self.count
     }
 
-    /// Which byte of the profile is the payload's first.
+    /// The offset of the payload's first byte in the profile.
     #[must_use]
     pub const fn offset(self) -> usize {
         match self.first {
@@ -167,7 +166,7 @@ impl Place {
         }
     }
 
-    /// Bytes of the payload.
+    /// The length of the payload, bytes.
     #[must_use]
     pub const fn length(self) -> usize {
         match self.first {
@@ -177,7 +176,7 @@ impl Place {
     }
 }
 
-/// The payloads of `profile`'s frames, in the order in which they are sent. They are parts of it, not copies.
+/// The payloads of `profile`'s frames, in the order of sending. They are parts of it, not copies.
 pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = &[u8]> {
     let bytes = profile.as_bytes();
     (0..frames(N)).filter_map(|frame| {
@@ -186,7 +185,7 @@ pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = 
     })
 }
 
-/// Which objects of a profile of `N` receivers `payload` has room for: told by its length alone.
+/// The objects of a profile of `N` receivers that fit `payload`, determined by its length alone.
 ///
 /// # Errors
 ///
@@ -242,7 +241,7 @@ mod tests {
     fn a_frame_of_any_length_takes_32_carrier_periods_a_bit_rounded_to_the_nearest_ns() {
         for payload in 0..=u8::MAX {
             let bits = 48 + 16 + 8 * (1 + u64::from(payload) + 2);
-            // 678 periods of the carrier take 50 000 ns.
+            // A time of 50 000 ns is 678 periods of the carrier.
             let exact = bits * 32 * 50_000;
             assert!((678 * air_time_ns(payload)).abs_diff(exact) <= 339, "{payload} bytes");
         }

@@ -1,4 +1,4 @@
-//! Command: what the flight controller asks the DPR to do.
+//! Command: an action that the flight controller requests of the DPR.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -10,18 +10,19 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// What the DPR does when its word is written (paper, section 2.1: actions are executed by writing defined words).
+/// The action that the DPR carries out when its word is written (paper, section 2.1: actions are executed by writing
+/// defined words).
 ///
-/// A command acts on the DPR and on nothing else: the link to HORUS is one-way, and nothing written over the SSI can
-/// change Link-Status's counters or an object of HORUS.
+/// A command acts only on the DPR: the link to HORUS is one-way, and no object written over the SSI can change
+/// Link-Status's counters or an object of HORUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Command {
     /// Sets Port-Status's counters of uplinks, commands and access violations to 0; after it one command has been
-    /// carried out, this one. Link-Status's total of access violations goes on, and so do the counters of faults.
+    /// carried out, this one. Link-Status's total of access violations and the counters of faults continue.
     ClearCounters,
-    /// Begins one whole pass over the flash and over the RAM in use, in the time that nothing else needs. One
-    /// that is under way is finished first: the command is refused meanwhile.
+    /// Begins one whole pass over the flash and over the RAM in use, in spare processor time. A pass under way is
+    /// finished first: the command is refused meanwhile.
     SelfTest,
 }
 
@@ -29,7 +30,7 @@ impl Command {
     /// Every command.
     pub const ALL: [Self; 2] = [Self::ClearCounters, Self::SelfTest];
 
-    /// Its word. In the order of the bytes on the wire the words are ASCII text: `CLRC`, `TEST`.
+    /// The command's word. In the order of the bytes on the wire the words are ASCII text: `CLRC`, `TEST`.
     #[must_use]
     pub const fn word(self) -> u32 {
         match self {
@@ -45,10 +46,10 @@ impl Command {
     }
 }
 
-/// What a command object carries.
+/// The contents of a command object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandValues {
-    /// ms on the flight controller's clock, wraps. Each command must be later than the one before it.
+    /// The timestamp, ms on the flight controller's clock, wraps. Each command must be later than the one before it.
     pub timestamp: u32,
     /// The command's [word](Command::word).
     pub word: u32,
@@ -56,7 +57,7 @@ pub struct CommandValues {
 
 /// A command object: 64 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 64 bytes are one; [`CommandObject::verify`] says whether they are a valid one.
+/// Any 64 bytes can be read as one; [`CommandObject::verify`] checks whether they are valid.
 ///
 /// | bytes | |
 /// |---|---|
@@ -67,10 +68,10 @@ pub struct CommandValues {
 /// | 12..60 | zero |
 /// | 60..64 | [frame CRC](crate::crc) over 0..60 |
 ///
-/// It comes in where an [uplink](crate::Uplink) does, and its timestamps are judged as an uplink's are, in a sequence
-/// of their own: a repeated or older command is refused. It is carried out once and not stored;
-/// [Port-Status](crate::PortStatus) names the last one that was accepted. A flight controller that has restarted may
-/// have to send its first command three times, each with a later timestamp.
+/// It is written in the place of an [uplink](crate::Uplink), and its timestamps are judged like an uplink's, in a
+/// separate sequence: a repeated or older command is refused. It is carried out once and not stored;
+/// [Port-Status](crate::PortStatus) names the last accepted one. A flight controller that has restarted may have to
+/// send its first command three times, each with a later timestamp.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct CommandObject {
@@ -93,7 +94,7 @@ const _: () = {
 };
 
 impl CommandObject {
-    /// The object that carries `command`, its CRC computed; `timestamp` in ms on the flight controller's clock.
+    /// Seals `command` in an object with its CRC; `timestamp` is in ms on the flight controller's clock.
     #[must_use]
     pub fn seal<W: MayWrite<object::Command>>(_writer: Writer<W>, timestamp: u32, command: Command) -> Self {
         Self {
@@ -121,14 +122,14 @@ impl CommandObject {
             .judge(object)
     }
 
-    /// The command, if its word is known and what is reserved is zero.
+    /// The command, if its word is known and its reserved bytes are zero.
     #[must_use]
     pub fn command(&self) -> Option<Command> {
         let clear = self.reserved == [0; 48];
         Command::from_word(self.word.get()).filter(|_| clear)
     }
 
-    /// What it carries.
+    /// The contents.
     #[must_use]
     pub const fn values(&self) -> CommandValues {
         CommandValues { timestamp: self.timestamp.get(), word: self.word.get() }

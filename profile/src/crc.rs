@@ -1,33 +1,34 @@
-//! The two CRC-32 of the profile, and why they are stored as they are.
+//! The two CRC-32 of the profile, and the reasons for their byte order.
 //!
 //! # Design
 //!
-//! **Polynomials** are the paper's (section 2.3), which names them as Koopman does: the frame CRC 0xF8C9140A with
-//! Hamming distance 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper claims the first for 56 bytes of
+//! **Polynomials** are the paper's (section 2.3), which names them in Koopman's notation: the frame CRC 0xF8C9140A with
+//! Hamming distance 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper states the first for 56 bytes of
 //! payload; it holds for the 60 of Reported-Position as well (the crate's tests prove both by exhaustion). Koopman
 //! leaves out the lowest coefficient, which is always 1, the usual notation the highest: the same polynomials are
-//! 0xF1922815 and 0x3AFF2FAD in [`FRAME`] and [`POSITION`], as the `crc` crate takes them. In Koopman's form it would
-//! take them for other, untried polynomials, and still pass every round-trip test; the check values tell.
+//! 0xF1922815 and 0x3AFF2FAD in [`FRAME`] and [`POSITION`], in the form of the `crc` crate. In Koopman's form that
+//! crate would compute other, untested polynomials, and still pass every round-trip test; only the check values show
+//! it.
 //!
 //! **Start value 0xFFFFFFFF.** From 0, a buffer scrubbed to 0x00 would be a codeword wherever an object lies in it.
 //! From 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object. (0xFF is at one length,
 //! eight bytes; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not
-//! reflected. So an object whose CRC field is big-endian goes over the air as a codeword in the polynomial's own order.
-//! Only then is every burst of up to 32 bits detected, those across the payload's end included (stored little-endian,
-//! bursts of 28 bits there would go unseen), and only then does one pass over the whole object, CRC and all, end in a
+//! reflected. So an object whose CRC field is big-endian is a codeword on the air in the polynomial's own order. Only
+//! then is every burst of up to 32 bits detected, including those across the payload's end (stored little-endian,
+//! bursts of 28 bits there would not be detected). Only then does one pass over the whole object with its CRC end in a
 //! [fixed residue](FRAME_RESIDUE). [`frame_intact`] is that: one pass and one comparison.
 //!
-//! **Four tables of 256 words for the frame CRC** (`FourTables`), 4 KiB of flash, with which a step takes in four
-//! bytes: on a Cortex-M4 about 20 cycles, where four steps of a byte by one table are 32, since what is looked up for
-//! one byte does not wait for the byte before. Both boards spend most of their checks on this CRC: it closes every
-//! object, and their flash. The position CRC covers 20 bytes of a profile and has one table (`Table<1>` of the `crc`
-//! crate, 1 KiB; sixteen, its other choice, are 16 KiB).
+//! **The frame CRC has four tables of 256 words** (`FourTables`), 4 KiB of flash, with which a step takes in four
+//! bytes. On a Cortex-M4 that takes about 20 cycles, while four steps of a byte by one table take 32, because the
+//! look-up of one byte need not wait for the byte before. Both boards spend most of their checks on this CRC: it closes
+//! every object, and their flash. The position CRC covers 20 bytes of a profile and has one table (`Table<1>` of the
+//! `crc` crate, 1 KiB; sixteen, its other choice, are 16 KiB).
 //!
-//! The work is the same whatever the bytes are. So are the cycles, where every read of the table takes as long; a data
-//! cache before the flash, like that of the STM32F4's ART accelerator (RM0090, section 3), makes them vary by its
-//! misses.
+//! The number of operations does not depend on the data. Nor does the number of cycles, if every read of the table
+//! takes equally long; a data cache before the flash, like that of the STM32F4's ART accelerator (RM0090, section 3),
+//! makes them vary by its misses.
 use ::crc::{Algorithm, Crc, Table};
 
 /// Frame CRC: closes every object. Koopman 0xF8C9140A, Hamming distance 8 over any object (paper, section
@@ -43,7 +44,7 @@ pub const FRAME: Algorithm<u32> = Algorithm {
     residue: FRAME_RESIDUE,
 };
 
-/// Position CRC: covers Reported-Position's latitude and longitude, which are used in operations whatever their source.
+/// Position CRC: covers Reported-Position's latitude and longitude, which are used in operations from any source.
 /// Koopman 0x9D7F97D6, Hamming distance 9 over those 16 bytes (paper, section 2.3).
 pub const POSITION: Algorithm<u32> = Algorithm {
     width: 32,
@@ -62,12 +63,12 @@ pub const FRAME_RESIDUE: u32 = 0x9D18_E2E0;
 /// The position register after one pass over latitude, longitude and an intact CRC, before the final XOR.
 pub const POSITION_RESIDUE: u32 = 0x3C13_9B22;
 
-// Statics, not constants: one copy of each table, whatever is inlined.
+// Statics, unlike constants, exist once, whatever is inlined.
 static FRAME_TABLE: FourTables = FourTables::new(&FRAME);
 static POSITION_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&POSITION);
 
-/// Tables of a CRC of 32 bits, not reflected: number `n` holds the register after each byte and `n` bytes 0x00 behind
-/// it, begun from 0.
+/// The tables of a 32-bit CRC that is not reflected: number `n` holds the register after each byte followed by `n`
+/// bytes 0x00, starting from 0.
 struct FourTables([[u32; 256]; 4]);
 
 #[expect(clippy::indexing_slicing, reason = "a table has an entry for each value of a byte, which every index is")]
@@ -92,7 +93,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// The register after `bytes`, from `register` before them.
+    /// The register after `bytes`, with `register` before them.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();
@@ -108,7 +109,7 @@ impl FourTables {
     }
 }
 
-/// Frame CRC of `bytes`, to be stored most significant byte first.
+/// Frame CRC of `bytes`, for storage most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::frame(b"123456789"), 0x12D3_A0B1);
@@ -118,7 +119,7 @@ pub fn frame(bytes: &[u8]) -> u32 {
     FRAME_TABLE.update(FRAME.init, bytes) ^ FRAME.xorout
 }
 
-/// Frame CRC of words in the order of their addresses, each taken as its bytes lie in a little-endian memory.
+/// Frame CRC of words in the order of their addresses, each taken as its bytes in a little-endian memory.
 ///
 /// ```
 /// let words = [u32::from_le_bytes(*b"1234"), u32::from_le_bytes(*b"5678")];
@@ -129,7 +130,7 @@ pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
     frame_of_words_after(0, words)
 }
 
-/// Frame CRC of what has the frame CRC `crc` and `words` behind it; 0 is the CRC of nothing.
+/// Frame CRC of data with the frame CRC `crc`, followed by `words`; 0 is the CRC of no data.
 ///
 /// ```
 /// use profile::crc::{frame_of_words, frame_of_words_after};
@@ -144,7 +145,7 @@ pub fn frame_of_words_after(crc: u32, words: impl Iterator<Item = u32>) -> u32 {
     register ^ FRAME.xorout
 }
 
-/// Position CRC of `bytes`, to be stored most significant byte first.
+/// Position CRC of `bytes`, for storage most significant byte first.
 ///
 /// ```
 /// assert_eq!(profile::crc::position(b"123456789"), 0xEA87_07AB);
@@ -173,25 +174,24 @@ pub struct Begun {
 }
 
 impl Begun {
-    /// No byte yet.
+    /// No bytes yet.
     pub const NOTHING: Self = Self { register: FRAME.init, bytes: 0 };
 
-    /// How many bytes it covers.
+    /// The number of bytes that it covers.
     #[must_use]
     pub fn bytes(&self) -> usize {
         usize::from(self.bytes)
     }
 
-    /// `bytes` are what there is, from the first on, of an object shorter than 64 KiB: those that it does not cover yet
-    /// are added.
+    /// Extends it to all of `bytes`, the received beginning of an object shorter than 64 KiB: the bytes that it does
+    /// not cover yet are added.
     pub fn follow(&mut self, bytes: &[u8]) {
         let Ok(there) = u16::try_from(bytes.len()) else { return };
         let register = FRAME_TABLE.update(self.register, bytes.get(self.bytes()..).unwrap_or(&[]));
         *self = Self { register, bytes: self.bytes.max(there) };
     }
 
-    /// Whether all of `bytes`, the last four of which are their frame CRC, are intact, given that it covers those that
-    /// came first.
+    /// Whether all of `bytes`, whose last four are their frame CRC, are intact, given that it covers the first of them.
     #[must_use]
     pub fn is_intact(mut self, bytes: &[u8]) -> bool {
         self.follow(bytes);
@@ -199,9 +199,9 @@ impl Begun {
     }
 }
 
-/// Whether `bytes`, the last four of which are their frame CRC, are intact.
+/// Whether `bytes`, whose last four are their frame CRC, are intact.
 ///
-/// Fewer than four bytes never are; four are if they are zero, the CRC of nothing.
+/// Fewer than four bytes never are; four are if they are zero, the CRC of no data.
 ///
 /// ```
 /// use profile::crc;
@@ -216,9 +216,9 @@ pub fn frame_intact(bytes: &[u8]) -> bool {
     frame(bytes) ^ FRAME.xorout == FRAME_RESIDUE
 }
 
-/// Whether `bytes`, the last four of which are their position CRC, are intact.
+/// Whether `bytes`, whose last four are their position CRC, are intact.
 ///
-/// Fewer than four bytes never are; four are if they are zero, the CRC of nothing.
+/// Fewer than four bytes never are; four are if they are zero, the CRC of no data.
 #[must_use]
 pub fn position_intact(bytes: &[u8]) -> bool {
     position(bytes) ^ POSITION.xorout == POSITION_RESIDUE

@@ -1,9 +1,9 @@
-//! Who may write what, and how critical it is: the paper's Table 1 as one fact that the compiler checks.
+//! Write permissions and their criticality: the paper's Table 1 in a form that the compiler checks.
 //!
 //! # The table
 //!
 //! Rows are sources, columns destinations (paper, Table 1). HORUS writes to the base station and to the flight
-//! controller, and nobody writes to HORUS.
+//! controller, and no function writes to HORUS.
 //!
 //! | from \ to | Base Station | HORUS | Flight Controller | Active Load |
 //! |---|---|---|---|---|
@@ -12,19 +12,19 @@
 //! | Flight Controller | Safety relevant | | | Non-critical |
 //! | Active Load | Non-critical | | Non-critical | |
 //!
-//! The DPR is not in the table, since it is the medium. It writes objects of its own
-//! ([Link-Status](crate::LinkStatus), [Port-Status](crate::PortStatus)) for the flight controller and the base station,
-//! and it takes [commands](crate::Command) from the flight controller.
+//! The DPR is not in the table, because it is the medium. It writes its own objects ([Link-Status](crate::LinkStatus),
+//! [Port-Status](crate::PortStatus)) for the flight controller and the base station, and it accepts
+//! [commands](crate::Command) from the flight controller.
 //!
-//! # How it is used
+//! # Use
 //!
 //! Each cell that is not empty is one implementation of [`Sends`]. Each object of the memory map is a type in
 //! [`object`] that names the only role that writes it. The rest follows: a role [may write](MayWrite) an object if it
 //! is that role, and it [may read](MayRead) an object if the table lets the writer send to it.
 //!
 //! Functions that write an object into the [map](crate::map), or seal an [uplink](crate::Uplink) or a command, take a
-//! [`Writer`] of a role that may write it. A program claims the roles that it plays where it starts; a function that
-//! was given the writer of one role cannot write an object of another:
+//! [`Writer`] of a role that may write it. A program claims its roles at its start; a function with the writer of one
+//! role cannot write an object of another:
 //!
 //! ```
 //! use profile::criticality::{BaseStation, Writer};
@@ -42,7 +42,7 @@
 //! let uplink = profile::Uplink::seal(Writer::<Horus>::claim(), &profile::UplinkValues::default());
 //! ```
 //!
-//! Nothing that the flight controller writes reaches HORUS, and nobody can declare that it does:
+//! The flight controller's objects never reach HORUS, and this cannot be declared otherwise:
 //!
 //! ```compile_fail,E0277
 //! use profile::criticality::{Criticality, FlightController, Horus, MayRead, object::UplinkFrom};
@@ -82,11 +82,11 @@
 //! CommandObject::seal(Writer::<BaseStation>::claim(), 0, Command::SelfTest);
 //! ```
 //!
-//! What this holds is mistakes, at no cost at run time: a program that wants to claims any role. What comes over a wire
-//! is judged by its CRC, its identifier and its timestamp, by whoever receives it.
+//! These types prevent mistakes, at no cost at run time, but not intent: a program can claim any role. The receiver
+//! judges what comes over a wire by its CRC, its identifier and its timestamp.
 use core::{fmt, marker::PhantomData};
 
-/// How critical a communication is (paper, Table 1).
+/// The criticality of a communication (paper, Table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criticality {
     /// A safety function relies on it.
@@ -104,7 +104,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// One of those who write objects, as a value; [`Role`] is the same as a type.
+/// A function that writes objects, as a value; [`Role`] is the same as a type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.
@@ -140,9 +140,9 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// One of those who write objects, as a type. There are no others than those of this module.
+/// A function that writes objects, as a type. Only this module defines roles.
 pub trait Role: sealed::Sealed + Copy + fmt::Debug + 'static {
-    /// Which one.
+    /// The function as a value.
     const FUNCTION: Function;
 }
 
@@ -161,7 +161,7 @@ macro_rules! roles {
 roles! {
     /// The base station.
     BaseStation,
-    /// HORUS: it writes, and reads nothing.
+    /// HORUS, which writes and reads nothing.
     Horus,
     /// The flight controller.
     FlightController,
@@ -173,11 +173,11 @@ roles! {
 
 /// The role sends to the role `To`: a cell of the [table](self) that is not empty.
 pub trait Sends<To: Role>: Role {
-    /// What the cell says.
+    /// The criticality in the cell.
     const CRITICALITY: Criticality;
 }
 
-/// Each line is a cell, as the implementation of [`Sends`] and as what [`criticality`] answers.
+/// Each line is a cell, both as the implementation of [`Sends`] and as a result of [`criticality`].
 macro_rules! cells {
     ($($from:ident => $to:ident: $criticality:ident;)*) => {
         $(
@@ -186,7 +186,7 @@ macro_rules! cells {
             }
         )*
 
-        /// How critical it is what `from` sends to `to`; `None` if it may not send there.
+        /// The criticality of what `from` sends to `to`; `None` if it may not send there.
         ///
         /// ```
         /// use profile::criticality::{Criticality, Function, criticality};
@@ -214,13 +214,13 @@ cells! {
     FlightController => ActiveLoad: NonCritical;
     ActiveLoad => BaseStation: NonCritical;
     ActiveLoad => FlightController: NonCritical;
-    // The DPR's own objects, by which a reader judges HORUS's, and what the flight controller asks of it.
+    // The DPR's own objects, by which a reader judges HORUS's, and the flight controller's commands.
     Dpr => BaseStation: SafetyRelevant;
     Dpr => FlightController: SafetyRelevant;
     FlightController => Dpr: NonCritical;
 }
 
-/// The objects of the memory map, each with the one role that writes it.
+/// The objects of the memory map, each with the only role that writes it.
 pub mod object {
     use core::marker::PhantomData;
 
@@ -252,7 +252,7 @@ pub mod object {
         PortStatus by Dpr;
         /// The command object, which is not stored.
         Command by FlightController;
-        /// The active load's objects, which the map has no place for yet.
+        /// The active load's objects, which have no place in the map yet.
         Load by ActiveLoad;
     }
 
@@ -273,7 +273,7 @@ impl<W: Role, O: MapObject<Writer = W>> MayWrite<O> for W {}
 
 /// The role reads the object `O`, because the [table](self) lets its writer send to it.
 pub trait MayRead<O: MapObject>: Role {
-    /// How critical it is.
+    /// The criticality of the object to the role.
     const CRITICALITY: Criticality;
 }
 
@@ -281,11 +281,11 @@ impl<R: Role, O: MapObject<Writer: Sends<R>>> MayRead<O> for R {
     const CRITICALITY: Criticality = <O::Writer as Sends<R>>::CRITICALITY;
 }
 
-/// The role has an uplink: an object that it writes over the SSI and that the map keeps.
+/// The role has an uplink: an object that it writes over the SSI and that the map stores.
 pub trait WritesUplink: Role {
     /// The uplink's identifier.
     const IDENTIFIER: crate::Identifier;
-    /// Which of the uplinks of the map it is, from 0.
+    /// The uplink's index among those of the map, from 0.
     const INDEX: usize;
 }
 
@@ -299,12 +299,12 @@ impl WritesUplink for FlightController {
     const INDEX: usize = 1;
 }
 
-/// What a function needs to write what role `W` writes. No bytes, no cost.
+/// A proof that the program may write what role `W` writes. It has no bytes and no cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Writer<W>(PhantomData<W>);
 
 impl<W: Role> Writer<W> {
-    /// This program plays role `W`, or passes on what `W` has sent.
+    /// Claims that this program has role `W`, or passes on what `W` has sent.
     #[must_use]
     pub const fn claim() -> Self {
         Self(PhantomData)
@@ -318,7 +318,7 @@ mod tests {
 
     use super::*;
 
-    /// The rows of the table of this page, as `criticality` has them.
+    /// The rows of this page's table, from `criticality`.
     fn table() -> String {
         let mut table = String::from("| from \\ to |");
         for to in Function::TABLE_1 {

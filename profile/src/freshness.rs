@@ -1,40 +1,40 @@
-//! Freshness: what a timestamp alone says after the one before it.
+//! Freshness: the meaning of a timestamp after the one before it.
 //!
-//! Whether a cycle may be shown is for [`sequence`](crate::sequence) to say, which knows the receiver's clock as well.
-//! This function is for those who read recorded or forwarded data, where the time of arrival says nothing.
+//! Whether a cycle may be shown is decided by [`sequence`](crate::sequence), which also uses the receiver's clock. This
+//! function is for recorded or forwarded data, whose time of arrival is meaningless.
 use crate::CYCLE_MS;
 
-/// What a timestamp says after the one before it (paper, section 2.3).
+/// The relation of a timestamp to the one before it (paper, section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Freshness {
-    /// There was none before it.
+    /// There is none before it.
     First,
-    /// Forward by a whole number of cycles: new data.
+    /// It is ahead by a whole number of cycles: the data are new.
     Fresh {
-        /// Cycles in between that did not arrive.
+        /// The number of cycles in between that did not arrive.
         missed: u32,
     },
-    /// The same again: HORUS is frozen, or a frame was repeated.
+    /// It is the same: HORUS is frozen, or a frame was repeated.
     Frozen,
-    /// Back: HORUS has restarted and counts from 0, so what it sends does not continue what was before.
+    /// It is behind: HORUS has restarted and counts from 0, so its data do not continue the earlier ones.
     Restarted,
-    /// Forward, but not by a whole number of cycles: not what HORUS sends.
+    /// It is ahead, but not by a whole number of cycles, which HORUS does not send.
     Irregular,
 }
 
 impl Freshness {
-    /// Whether the timestamp could continue what was before: [`First`](Self::First) or [`Fresh`](Self::Fresh).
+    /// Whether the timestamp can continue the earlier ones: [`First`](Self::First) or [`Fresh`](Self::Fresh).
     #[must_use]
     pub const fn is_fresh(self) -> bool {
         matches!(self, Self::First | Self::Fresh { .. })
     }
 }
 
-/// What timestamp `now` says after `previous`, the last one received; both ms since HORUS start.
+/// The relation of timestamp `now` to `previous`, the last one received; both in ms since HORUS start.
 ///
-/// Timestamps wrap after 49.7 days, which is no restart: forward is less than half of that ahead, back is the rest.
+/// Timestamps wrap after 49.7 days, which is no restart: ahead means less than half of that ahead, behind is the rest.
 /// (2³² is no multiple of ten, so timestamps end in another digit after they wrapped; only differences count.) A HORUS
-/// that restarts after more than 24.8 days therefore looks like one that went forward.
+/// that restarts after more than 24.8 days therefore looks like one whose timestamp advanced.
 ///
 /// ```
 /// use profile::{Freshness, freshness};

@@ -1,4 +1,4 @@
-//! GPS1 to GPS5: what each receiver says (paper, Table 3).
+//! GPS1 to GPS5: the solution of each receiver (paper, Table 3).
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -9,35 +9,35 @@ use crate::{
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
-/// What a receiver says, in plain numbers.
+/// A receiver's solution in plain numbers.
 ///
-/// What it does not give is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are
-/// equal only if they carry no NaN; compare [sealed objects](GpsObject) to compare bits.
+/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two of these are equal only
+/// if they contain no NaN; compare [sealed objects](GpsObject) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsValues {
-    /// ms since HORUS start, wraps. The cycle these were taken for, the same in every object of a profile.
+    /// The timestamp, ms since HORUS start, wraps. It is that of the cycle, the same in every object of a profile.
     pub timestamp: u32,
-    /// Which of the values are valid, and how the receiver does.
+    /// The validity of the values, and the receiver's state.
     pub status: GpsStatus,
-    /// Degrees, WGS-84, north positive, -90 to 90.
+    /// The latitude, degrees, WGS-84, north positive, -90 to 90.
     pub latitude: f64,
-    /// Degrees, WGS-84, east positive, -180 to 180.
+    /// The longitude, degrees, WGS-84, east positive, -180 to 180.
     pub longitude: f64,
-    /// m above the WGS-84 ellipsoid (not above mean sea level).
+    /// The altitude, m above the WGS-84 ellipsoid (not above mean sea level).
     pub altitude: f64,
-    /// rad, nose up positive, -π/2 to π/2.
+    /// The pitch, rad, nose up positive, -π/2 to π/2.
     pub pitch: f32,
-    /// rad, clockwise from true north.
+    /// The yaw, rad, clockwise from true north.
     pub yaw: f32,
-    /// rad, right side down positive.
+    /// The roll, rad, right side down positive.
     pub roll: f32,
-    /// m/s² along x, y, z of the body frame: front, right, down. Gravity removed.
+    /// The acceleration, m/s² along x, y, z of the body frame: front, right, down. Gravity is removed.
     pub acceleration: [f32; 3],
 }
 
 impl GpsValues {
-    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear but those of a solution's age, which
-    /// say that there never was one.
+    /// Values without any solution at `timestamp`, ms: every value is NaN and every status bit clear, except those of a
+    /// solution's age, which mean that there never was one.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl GpsValues {
 
 /// A GPS object: 60 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 60 bytes are one; [`GpsObject::verify`] says whether they are a valid one.
+/// Any 60 bytes can be read as one; [`GpsObject::verify`] checks whether they are valid.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GpsObject {
@@ -86,10 +86,10 @@ const _: () = {
 };
 
 impl GpsObject {
-    /// The object that carries `values`, its CRC computed.
+    /// Seals `values` in an object with its CRC.
     ///
-    /// `identifier` is one of [`Identifier::GPS`]; under any other it is sealed as well, but verifies nowhere in a
-    /// profile.
+    /// `identifier` is one of [`Identifier::GPS`]; an object with another one is sealed as well, but verifies nowhere
+    /// in a profile.
     #[must_use]
     pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
         Self {
@@ -108,7 +108,7 @@ impl GpsObject {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and the `expected` one.
+    /// The object in `bytes`, if they are intact and the `expected` one.
     ///
     /// # Errors
     ///
@@ -127,18 +127,18 @@ impl GpsObject {
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 
-    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///
-    /// As [`verify`](Self::verify).
+    /// The errors are those of [`verify`](Self::verify).
     pub fn verify_begun(bytes: &[u8], expected: Identifier, begun: crc::Begun) -> Result<&Self, Rejection> {
         let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
         let (object, findings) = Self::found(bytes, begun.is_intact(bytes));
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 
-    /// What it carries, every number to the last bit.
+    /// The contents, every number to the last bit.
     #[must_use]
     pub fn values(&self) -> GpsValues {
         GpsValues {

@@ -1,10 +1,10 @@
-//! Which object it is.
+//! The identifiers of objects.
 use core::fmt;
 
-/// What an object is, and so where it belongs: the header word of every object (paper, section 2.1).
+/// The kind of an object, which determines its place: the header word of every object (paper, section 2.1).
 ///
-/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not notice
-/// that GPS1 lies where GPS2 belongs.
+/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not reveal
+/// that GPS1 is in the place of GPS2.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Identifier(pub u16);
 
@@ -30,8 +30,8 @@ impl Identifier {
     ///
     /// # Panics
     ///
-    /// If `receiver` is not 1 to 5; for a constant argument that can be a compile-time error. To go through the
-    /// receivers, iterate over [`Identifier::GPS`], which cannot.
+    /// Panics if `receiver` is not 1 to 5; for a constant argument that can be a compile-time error. To loop over the
+    /// receivers, iterate over [`Identifier::GPS`], which cannot panic.
     ///
     /// ```
     /// use profile::Identifier;
@@ -61,7 +61,7 @@ impl Identifier {
         }
     }
 
-    /// Which object of a profile this is: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5, `None` for any other.
+    /// The object's number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5, `None` for any other.
     #[must_use]
     pub const fn object(self) -> Option<usize> {
         match self.0 {

@@ -1,4 +1,4 @@
-//! The DPR image: what the flight controller reads.
+//! The DPR image, which the flight controller reads.
 //!
 //! | offset | object | bytes |
 //! |---|---|---|
@@ -8,7 +8,7 @@
 //!
 //! The first 96 bytes hold what a flight controller that flies by HORUS needs in every control cycle. From offset 32 on
 //! the image is the [`Profile`] as HORUS sent it: base station and flight controller verify the same bytes that were
-//! sealed. A slot whose object did not arrive, or was rejected, is zero and does not verify.
+//! sealed. The slot of an object that did not arrive, or was rejected, is zero and does not verify.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -18,7 +18,7 @@ use crate::{LinkStatus, Object, Profile, Reading, Rejection, ReportedPosition};
 /// Offset of Link-Status.
 pub const LINK_STATUS: usize = 0;
 
-/// Offset of Reported-Position, and so of the profile.
+/// The offset of Reported-Position, and so of the profile.
 pub const REPORTED_POSITION: usize = LINK_STATUS + LinkStatus::SIZE;
 
 /// Offset of GPS1; the others follow it, 60 bytes each.
@@ -34,7 +34,7 @@ const _: () = {
 };
 
 /// The image of a DPR for a profile of `N` receivers.
-// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
+// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {
@@ -43,10 +43,10 @@ pub struct Image<const N: usize> {
 }
 
 impl<const N: usize> Image<N> {
-    /// Bytes: 156, 216, 276 or 396.
+    /// The size in bytes: 156, 216, 276 or 396.
     pub const LEN: usize = LinkStatus::SIZE + Profile::<N>::SIZE;
 
-    /// All zero: no object of it verifies.
+    /// An image of zeros, in which no object verifies.
     pub const EMPTY: Self = Self { link: LinkStatus::EMPTY, profile: Profile::EMPTY };
 
     /// Link-Status, valid or not.
@@ -67,30 +67,30 @@ impl<const N: usize> Image<N> {
         bytemuck::from_bytes(profile)
     }
 
-    /// Puts an accepted object in its place, as it is.
+    /// Puts an accepted object in its place, unchanged.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Identifier`] if this image has no place for it, and nothing is changed.
+    /// [`Rejection::Identifier`] if this image has no place for it; the image is then unchanged.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
         let index = object.index().ok_or(Rejection::Identifier)?;
         let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;
-        // Both have the length that goes with the index.
+        // Both have the length that belongs to the index.
         for (to, from) in slot.iter_mut().zip(object.as_bytes()) {
             *to = *from;
         }
         Ok(())
     }
 
-    /// The place of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), to be
-    /// written or cleared; `None` if there is no such object.
+    /// The place of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), for
+    /// writing or clearing; `None` if there is no such object.
     #[must_use]
     pub fn object_mut(&mut self, index: usize) -> Option<&mut [u8]> {
         let place = Self::place(index)?;
         self.as_bytes_mut().get_mut(place)
     }
 
-    /// Which bytes of the image the profile's object number `index` is; `None` if there is no such object.
+    /// The range of the profile's object number `index` in the image; `None` if there is no such object.
     #[must_use]
     pub const fn place(index: usize) -> Option<Range<usize>> {
         match Profile::<N>::place(index) {
@@ -99,19 +99,19 @@ impl<const N: usize> Image<N> {
         }
     }
 
-    /// As on the wire: [`Image::LEN`] bytes.
+    /// The [`Image::LEN`] bytes in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
     }
 
-    /// As on the wire: [`Image::LEN`] bytes.
+    /// The [`Image::LEN`] bytes in their order on the wire.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         bytemuck::bytes_of_mut(self)
     }
 
-    /// The objects in `bytes`, each accepted or rejected by itself.
+    /// The objects in `bytes`, each accepted or rejected separately.
     ///
     /// # Errors
     ///
@@ -121,7 +121,7 @@ impl<const N: usize> Image<N> {
         Ok(image.verify())
     }
 
-    /// Its objects, each accepted or rejected by itself.
+    /// The image's objects, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> ImageReading<'_, N> {
         ImageReading { link: LinkStatus::verify(self.link.as_bytes()), profile: self.profile().verify() }
@@ -142,7 +142,7 @@ impl<const N: usize> fmt::Debug for Image<N> {
     }
 }
 
-/// What the bytes of an image turned out to be, object by object.
+/// The results of verifying an image, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageReading<'a, const N: usize> {
     /// Link-Status.

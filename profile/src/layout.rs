@@ -1,8 +1,8 @@
-//! Layout of a profile whose number of receivers is known at run time only.
+//! The layout of a profile whose number of receivers is only known at run time.
 //!
-//! A firmware knows its number of receivers when it is compiled and uses [`Profile<N>`](Profile) and
-//! [`Image<N>`](Image). A bench, a base station or a tool learns it from an argument or from its configuration: it asks
-//! here. Every answer is that of the const generics, so there is one authority on where an object is.
+//! A firmware's number of receivers is fixed when it is compiled, so it uses [`Profile<N>`](Profile) and
+//! [`Image<N>`](Image). A bench, a base station or a tool gets it from an argument or from its configuration and uses
+//! this module. Every result comes from the const generics, so there is only one definition of each place.
 //!
 //! # Example
 //!
@@ -55,8 +55,8 @@ enum Receivers {
     Five,
 }
 
-/// The layout of a profile, of its air frames and of its image, for a number of receivers that is known at run time
-/// only.
+/// The layout of a profile, of its air frames and of its image, for a number of receivers that is only known at run
+/// time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Layout(Receivers);
 
@@ -107,25 +107,25 @@ impl Layout {
         with_receivers!(self.0, N => Map::<N>::LEN)
     }
 
-    /// Which bytes of the map Port-Status is.
+    /// The range of Port-Status in the map.
     #[must_use]
     pub const fn port_status(self) -> Range<usize> {
         with_receivers!(self.0, N => Map::<N>::port_status())
     }
 
-    /// Which bytes of the map the uplink of role `W` is.
+    /// The range of the uplink of role `W` in the map.
     #[must_use]
     pub const fn uplink<W: WritesUplink>(self) -> Range<usize> {
         with_receivers!(self.0, N => Map::<N>::uplink::<W>())
     }
 
-    /// Which bytes of the profile object number `index` is; `None` if there is no such object.
+    /// The range of object number `index` in the profile; `None` if there is no such object.
     #[must_use]
     pub const fn in_profile(self, index: usize) -> Option<Range<usize>> {
         with_receivers!(self.0, N => Profile::<N>::place(index))
     }
 
-    /// Which bytes of the image the profile's object number `index` is; `None` if there is no such object.
+    /// The range of the profile's object number `index` in the image; `None` if there is no such object.
     #[must_use]
     pub const fn in_image(self, index: usize) -> Option<Range<usize>> {
         with_receivers!(self.0, N => Image::<N>::place(index))
@@ -137,7 +137,7 @@ impl Layout {
         air::frames(self.receivers())
     }
 
-    /// Which objects frame number `frame` of a cycle, from 0, carries; `None` if there is no such frame.
+    /// The objects of frame number `frame` of a cycle, from 0; `None` if there is no such frame.
     #[must_use]
     pub const fn frame(self, frame: usize) -> Option<Place> {
         with_receivers!(self.0, N => Place::of_frame::<N>(frame))

@@ -1,28 +1,28 @@
 //! The HORUS profile: packed, CRC-protected objects, their air frames, and the image that a flight controller reads.
 //!
-//! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and what each of its GNSS
-//! receivers says into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never hears an answer. The flight
-//! controller reads that RAM and forwards what it finds, unchanged, to a base station. This crate is what those four
-//! must agree on, and nothing else: no driver, no clock, no memory but the caller's.
+//! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and the solution of each of
+//! its GNSS receivers into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never gets an answer. The
+//! flight controller reads that RAM and forwards its contents, unchanged, to a base station. This crate has only the
+//! definitions that those four share: no driver, no clock, no memory but the caller's.
 //!
 //! # Design
 //!
-//! **Black channel.** Nothing between the one who seals an object and the one who verifies it is trusted: not the air,
-//! nor the RFID chips, nor the DPR, nor the radio link. What makes an object good is in the object: its CRC, its
-//! identifier and its timestamp. So each object stands alone, is [accepted or rejected](Rejection) alone, and can be
-//! stored, forwarded or dropped without looking into the others.
+//! **Black channel.** No component between sealing and verifying an object is trusted: neither the air, nor the RFID
+//! chips, nor the DPR, nor the radio link. The proof of an object's validity is in the object: its CRC, its identifier
+//! and its timestamp. So each object is independent, is [accepted or rejected](Rejection) separately, and can be
+//! stored, forwarded or dropped without reading the others.
 //!
-//! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with names
-//! for their parts: alignment 1, no padding, every bit pattern allowed. A received buffer *is* an object, in place and
-//! without a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are asserted when
-//! the crate is compiled.
+//! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with named
+//! parts: they have alignment 1 and no padding, and every bit pattern is allowed. A received buffer *is* an object, in
+//! place and without a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are
+//! asserted when the crate is compiled.
 //!
-//! **A reference to an object says nothing about its validity; [`verify`](GpsObject::verify) does.** A slot that was
-//! never filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. Nor does one that a scrub left at
-//! 0x00 or 0xFF, or a bus that reads 0xFF.
+//! **A reference to an object does not imply its validity; [`verify`](GpsObject::verify) checks it.** A slot that was
+//! never filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. A slot that a scrub left at 0x00
+//! or 0xFF does not verify either, nor a bus that reads 0xFF.
 //!
-//! **The same work whatever the data.** Every function that judges received bytes computes every CRC it needs and then
-//! decides; only a wrong length ends early. No function allocates, blocks, recurses or loops without a bound.
+//! **The work does not depend on the data.** Every function that judges received bytes computes every CRC it needs and
+//! then decides; only a wrong length ends early. No function allocates, blocks, recurses or loops without a bound.
 //!
 //! # Layout
 //!
@@ -42,34 +42,34 @@
 //! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
 //!
 //! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`]
-//! says which of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks
-//! for them, [`sequence`] which cycles continue the ones before them.
+//! defines which of them travel in one frame, [`image`] their places in the DPR, [`ssi`] how a flight controller
+//! requests them, [`sequence`] which cycles continue the ones before them.
 //!
-//! Three more objects of 64 bytes each lie behind the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. A
-//! [`CommandObject`] is written and not stored. [`criticality`] says who may write which of them.
+//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. A
+//! [`CommandObject`] is written and not stored. [`criticality`] defines who may write which of them.
 //!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
-//! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The
-//! Link-Status object, the identifiers, the status bits, the units and the byte order are this project's.
+//! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, which is used
+//! here. This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
 //!
 //! # Example
 //!
 //! ```
 //! use profile::{FixType, Freshness, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedValues, freshness};
 //!
-//! // HORUS: what three receivers say at 1230 ms. The third has not been heard.
+//! // HORUS: the solutions of three receivers at 1230 ms. The third has sent none.
 //! let status = GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true);
 //! let first = GpsValues { status, latitude: 47.4979, longitude: 8.7296, altitude: 493.2, ..GpsValues::absent(1230) };
 //! let second = GpsValues { latitude: 47.4980, ..first };
 //! let reported = ReportedValues { latitude: 47.4979, longitude: 8.7296, ..ReportedValues::absent(1230) };
 //! let sent = Profile::<3>::seal(&reported, &[first, second, GpsValues::absent(1230)]);
 //!
-//! // On the way, one bit of GPS2 is lost: 64 bytes of Reported-Position, 60 of GPS1, and then its 20th.
+//! // One bit of GPS2 is damaged on the way: 64 bytes of Reported-Position, 60 of GPS1, and then its 20th.
 //! let mut bytes = [0; Profile::<3>::SIZE];
 //! bytes.copy_from_slice(sent.as_bytes());
 //! bytes[64 + 60 + 20] ^= 0x10;
 //!
-//! // The base station: that object is rejected, the others stand.
+//! // The base station rejects that object and accepts the others.
 //! let read = Profile::<3>::read(&bytes)?;
 //! assert_eq!(read.gps[1].err(), Some(Rejection::Crc));
 //! assert_eq!(read.gps[0]?.values().altitude, 493.2);
@@ -118,21 +118,21 @@ pub use reported::{ReportedPosition, ReportedValues};
 pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason};
 pub use uplink::{Uplink, UplinkStatus, UplinkValues};
 
-/// The HORUS cycle, ms: every timestamp is the one before it plus this, exactly (paper, section 2.2).
+/// The HORUS cycle, ms: every timestamp exceeds the one before it by exactly this (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;
 
-/// A binary32 that is not known: the canonical quiet NaN, on the wire `00 00 C0 7F`.
+/// An unknown binary32: the canonical quiet NaN, on the wire `00 00 C0 7F`.
 pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
 
-/// A binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
+/// An unknown binary64: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
 pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 
-/// The README's example runs too.
+/// This compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// So does the Rust of the guide for developers of flight controllers.
+/// This compiles and runs the Rust of the guide for developers of flight controllers.
 #[cfg(all(doctest, feature = "embedded-hal"))]
 #[doc = include_str!("../../docs/flight-controller.md")]
 struct FlightControllerGuide;

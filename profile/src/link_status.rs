@@ -1,4 +1,4 @@
-//! Link-Status: what the DPR says about itself and the link.
+//! Link-Status: the DPR's report about itself and the link.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -9,12 +9,12 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// What Link-Status carries, in plain numbers. Counters count since DPR start and wrap unless they say otherwise.
+/// The contents of Link-Status in plain numbers. Counters count since DPR start and wrap unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkValues {
-    /// ms since DPR start, wraps. The DPR's clock, not HORUS's.
+    /// The timestamp, ms since DPR start by the DPR's clock, not HORUS's; wraps.
     pub timestamp: u32,
-    /// How the link does.
+    /// The state of the link.
     pub status: LinkStatusBits,
     /// Objects accepted.
     pub objects_accepted: u32,
@@ -22,16 +22,16 @@ pub struct LinkValues {
     pub objects_rejected: u32,
     /// Frames received, accepted or not.
     pub frames_received: u32,
-    /// Frames that should have come and did not.
+    /// Frames that were due and did not arrive.
     pub frames_missed: u32,
-    /// Age of Reported-Position when the image was made, in units of 100 µs, 65535 if it is that or more.
+    /// The age of Reported-Position when the image was made, in units of 100 µs; 65535 stands for that or more.
     pub age_100us: u16,
     /// Accesses over SSI that were refused; stays at 65535.
     pub access_violations: u16,
 }
 
 impl LinkValues {
-    /// `age_us` µs as an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
+    /// Converts `age_us` µs to an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
     ///
     /// ```
     /// assert_eq!(profile::LinkValues::age(5_299), 52);
@@ -45,7 +45,7 @@ impl LinkValues {
 
 /// A Link-Status object: 32 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 32 bytes are one; [`LinkStatus::verify`] says whether they are a valid one.
+/// Any 32 bytes can be read as one; [`LinkStatus::verify`] checks whether they are valid.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LinkStatus {
@@ -73,7 +73,7 @@ const _: () = {
 };
 
 impl LinkStatus {
-    /// The object that carries `values`, its CRC computed.
+    /// Seals `values` in an object with its CRC.
     #[must_use]
     pub fn seal(values: &LinkValues) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl LinkStatus {
         findings.check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// What it carries.
+    /// The contents.
     #[must_use]
     pub const fn values(&self) -> LinkValues {
         LinkValues {

@@ -1,4 +1,4 @@
-//! The memory map: all that the flight controller can read over the SSI.
+//! The memory map: everything that the flight controller can read over the SSI.
 //!
 //! | offset | object | bytes | written by |
 //! |---|---|---|---|
@@ -8,14 +8,14 @@
 //! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |
 //! | `LEN` + 192 | end | | |
 //!
-//! All of it is one generation: what a transaction reads was published at one instant. A place is zeros, which do not
-//! verify, if there is no object that may be shown. [`Map::PORT_STATUS`] and [`Map::uplink`] tell the offsets.
+//! All of it is one generation: the contents of a transaction were published at one instant. A place without an object
+//! that may be shown is zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
 //!
-//! A transaction that asked for nothing shows the map from its start, so a flight controller that clocks no more than
-//! the image's bytes reads the image alone.
+//! A transaction without a request reads the map from its start, so a flight controller that only clocks the image's
+//! bytes only reads the image.
 //!
-//! Who may write what is a matter of types: the functions here take the [writer](Writer) of the role that an object
-//! belongs to.
+//! Types enforce the write permissions: the functions here take the [writer](Writer) of the role that an object belongs
+//! to.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -26,7 +26,7 @@ use crate::{
     image::{self, Image, ImageReading},
 };
 
-/// Port-Status and both uplinks: the part of the map that tells what the SSI port does.
+/// Port-Status and both uplinks: the part of the map about the SSI port.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PortArea {
@@ -35,10 +35,10 @@ pub struct PortArea {
 }
 
 impl PortArea {
-    /// Bytes.
+    /// The size in bytes.
     pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
 
-    /// All zero: no object of it verifies.
+    /// Zeros, in which no object verifies.
     pub const EMPTY: Self = bytemuck::zeroed();
 
     /// Port-Status, valid or not.
@@ -65,13 +65,13 @@ impl PortArea {
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// As on the wire.
+    /// The bytes in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
     }
 
-    /// Its objects, each accepted or rejected by itself.
+    /// Its objects, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> PortReading<'_> {
         PortReading {
@@ -89,7 +89,7 @@ impl fmt::Debug for PortArea {
 }
 
 /// The memory map of a DPR for a profile of `N` receivers.
-// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
+// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Map<const N: usize> {
@@ -106,16 +106,16 @@ const _: () = {
 };
 
 impl<const N: usize> Map<N> {
-    /// Bytes: 348, 408, 468 or 588.
+    /// The size in bytes: 348, 408, 468 or 588.
     pub const LEN: usize = Image::<N>::LEN + PortArea::SIZE;
 
     /// Offset of Port-Status.
     pub const PORT_STATUS: usize = Image::<N>::LEN;
 
-    /// All zero: no object of it verifies.
+    /// Zeros, in which no object verifies.
     pub const EMPTY: Self = Self { image: Image::EMPTY, port: PortArea::EMPTY };
 
-    /// The map of an image and of what the port has to show.
+    /// The map of an image and of the port's objects.
     #[must_use]
     pub const fn new(image: Image<N>, port: PortArea) -> Self {
         Self { image, port }
@@ -134,32 +134,32 @@ impl<const N: usize> Map<N> {
         &self.port
     }
 
-    /// Which bytes of the map Port-Status and both uplinks are.
+    /// The range of Port-Status and both uplinks in the map.
     #[must_use]
     pub const fn port_area() -> Range<usize> {
         Self::PORT_STATUS..Self::LEN
     }
 
-    /// Which bytes of the map Port-Status is.
+    /// The range of Port-Status in the map.
     #[must_use]
     pub const fn port_status() -> Range<usize> {
         Self::PORT_STATUS..Self::PORT_STATUS + PortStatus::SIZE
     }
 
-    /// Which bytes of the map the uplink of role `W` is.
+    /// The range of the uplink of role `W` in the map.
     #[must_use]
     pub const fn uplink<W: WritesUplink>() -> Range<usize> {
         let start = Self::PORT_STATUS + PortStatus::SIZE + W::INDEX * Uplink::SIZE;
         start..start + Uplink::SIZE
     }
 
-    /// As on the wire: [`Map::LEN`] bytes.
+    /// The [`Map::LEN`] bytes in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
     }
 
-    /// The objects in `bytes`, each accepted or rejected by itself.
+    /// The objects in `bytes`, each accepted or rejected separately.
     ///
     /// # Errors
     ///
@@ -169,7 +169,7 @@ impl<const N: usize> Map<N> {
         Ok(map.verify())
     }
 
-    /// Its objects, each accepted or rejected by itself.
+    /// Its objects, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> MapReading<'_, N> {
         MapReading { image: self.image().verify(), port: self.port.verify() }
@@ -190,8 +190,8 @@ impl<const N: usize> fmt::Debug for Map<N> {
     }
 }
 
-/// The place of the profile's object number `index` in `map`, for whoever passes on what HORUS has sent; `None` if
-/// there is no such object, or if `map` is shorter than one for `N` receivers.
+/// The place of the profile's object number `index` in `map`, for code that passes on HORUS's objects; `None` if there
+/// is no such object, or if `map` is shorter than one for `N` receivers.
 #[must_use]
 pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
     _writer: Writer<W>,
@@ -222,7 +222,7 @@ pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
     from.first_chunk_mut()
 }
 
-/// What the bytes of Port-Status and both uplinks turned out to be.
+/// The results of verifying Port-Status and both uplinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortReading<'a> {
     /// Port-Status.
@@ -233,7 +233,7 @@ pub struct PortReading<'a> {
     pub flight_controller: Result<&'a Uplink, Rejection>,
 }
 
-/// What the bytes of a map turned out to be, object by object.
+/// The results of verifying a map, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapReading<'a, const N: usize> {
     /// The image.

@@ -1,9 +1,9 @@
-//! The macro `object!`, which gives every object the methods that all of them have: header, frame CRC, bytes.
+//! The macro `object!`, which defines the methods that all objects share: header, frame CRC, bytes.
 //!
 //! The objects themselves are in `reported`, `gps` and `link_status`.
 
-/// The methods every object has, for a `repr(C)` type of wire fields with `timestamp`, `identifier`, `status` and `crc`
-/// among them.
+/// Defines the common methods of an object, for a `repr(C)` type of wire fields that include `timestamp`, `identifier`,
+/// `status` and `crc`.
 macro_rules! object {
     (
         $object:ident, $size:literal bytes, status: $status:ty, timestamp: $timestamp:literal,
@@ -19,10 +19,10 @@ macro_rules! object {
         };
 
         impl $object {
-            /// Bytes.
+            /// The size in bytes.
             pub const SIZE: usize = $size;
 
-            /// All zero, as a slot is before anything has been put there. Does not verify.
+            /// Zeros, the contents of a slot before the first write. They do not verify.
             pub const EMPTY: Self = bytemuck::zeroed();
 
             #[doc = $timestamp]
@@ -31,7 +31,7 @@ macro_rules! object {
                 self.timestamp.get()
             }
 
-            /// Which object it says it is.
+            /// The identifier in its header.
             #[must_use]
             pub const fn identifier(&self) -> $crate::Identifier {
                 $crate::Identifier(self.identifier.get())
@@ -43,32 +43,32 @@ macro_rules! object {
                 <$status>::from_bits(self.status.get())
             }
 
-            /// The frame CRC it carries, right or wrong.
+            /// The frame CRC in it, right or wrong.
             #[must_use]
             pub const fn crc(&self) -> u32 {
                 self.crc.get()
             }
 
-            /// As on the wire.
+            /// The bytes in their order on the wire.
             #[must_use]
             pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
                 bytemuck::must_cast_ref(self)
             }
 
-            /// With the frame CRC of what it carries.
+            /// The object with the frame CRC of its contents.
             fn sealed(mut self) -> Self {
                 let [covered @ .., _, _, _, _] = self.as_bytes();
                 self.crc = $crate::wire::CrcBe::new($crate::crc::frame(covered));
                 self
             }
 
-            /// `bytes` as an object, and whether its frame CRC is right; nothing else of it is known yet.
+            /// Reads `bytes` as an object and checks its frame CRC; its contents are not checked yet.
             fn look(bytes: &[u8]) -> Result<(&Self, $crate::rejection::Findings), $crate::Rejection> {
                 let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| $crate::Rejection::Length)?;
                 Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))
             }
 
-            /// `bytes` as an object, given whether its frame CRC is right.
+            /// Reads `bytes` as an object, with the result of its frame CRC given.
             fn found(bytes: &[u8; Self::SIZE], intact: bool) -> (&Self, $crate::rejection::Findings) {
                 let findings = $crate::rejection::Findings::new().check(intact, $crate::Rejection::Crc);
                 (bytemuck::must_cast_ref(bytes), findings)

@@ -1,39 +1,39 @@
-//! Port-Status: what the DPR says about its SSI port: uplinks, commands, access violations, self-test.
+//! Port-Status: the DPR's report about its SSI port: uplinks, commands, access violations, self-test.
 //!
 //! # Access violations
 //!
-//! In a transaction the flight controller reads what it likes and may write three things: a
-//! [request](crate::ssi), behind it one [object](crate::uplink::Written), and behind that nothing. Each of the three
-//! *parts* is judged by itself. A part is *idle*, and no violation, if all of it that came in is 0x00 or all of it is
-//! 0xFF. Every part that is not idle and that the DPR does not accept counts once, under the first of these kinds
-//! ([`Violation`]) that holds for it:
+//! In a transaction the flight controller may read anything and may write three things: a [request](crate::ssi), after
+//! it one [object](crate::uplink::Written), and nothing after that. Each of the three *parts* is judged separately. A
+//! part is *idle*, and no violation, if all of its received bytes are 0x00 or all of them are 0xFF. Every part that is
+//! not idle and that the DPR does not accept counts once, under the first of these kinds ([`Violation`]) that holds for
+//! it:
 //!
-//! | kind | part | what it means |
+//! | kind | part | meaning |
 //! |---|---|---|
 //! | `RequestDamaged` | request | eight bytes came in, and their CRC is wrong |
 //! | `WindowOutside` | request | intact, but the window is empty or reaches beyond the map |
 //! | `TooShort` | request, object | the transaction ended in the middle of the part |
 //! | `UplinkDamaged` | object | 64 bytes came in, and their CRC is wrong |
-//! | `UplinkIdentifier` | object | intact, but nobody may write such an object here |
+//! | `UplinkIdentifier` | object | intact, but no one may write such an object here |
 //! | `CommandUnknown` | object | a command with an unknown word, or with reserved bytes that are not zero |
 //! | `UplinkNotNewer` | object | an uplink or a command whose timestamp is not [newer](crate::Uplink) |
 //! | `CommandBusy` | object | a self-test while one is under way; its timestamp counts as seen |
 //! | `TooMany` | – | see below |
-//! | `TooLong` | rest | behind the object something is driven: the eight bytes there are not idle |
+//! | `TooLong` | rest | MOSI is driven after the object: the eight bytes there are not idle |
 //!
-//! A transaction that is longer than 80 bytes is no violation: whoever reads more than that clocks as many in. What
-//! comes in behind the 80th byte is dropped by the DPR's peripheral and not judged.
+//! A transaction that is longer than 80 bytes is no violation: a longer read clocks as many bytes in. The DPR's
+//! peripheral drops the bytes after the 80th, which are not judged.
 //!
-//! `TooMany` is not about a part. It counts once when the transactions that the DPR grants between two images are used
-//! up (the next ones read 0xFF, and what they write is not seen), and once for each transaction whose object came while
-//! those of two transactions before it still waited to be judged: it is dropped, unless it is idle by its identifier
-//! and status.
+//! `TooMany` does not concern a part. It counts once when the transactions that the DPR grants between two images are
+//! used up (the next ones read 0xFF, and their writes are ignored). It also counts once for each transaction whose
+//! object arrives while those of two earlier transactions still wait to be judged: it is dropped, unless it is idle by
+//! its identifier and status.
 //!
 //! So one transaction counts up to four times: request, object, rest, and `TooMany` if it is the last that is granted.
-//! (A transaction that is dropped counts `TooMany` alone, and once more if it was the last that is granted.)
-//! Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all kinds since the DPR's
-//! start; no command clears it. A transaction shows up in the first image that is published after the DPR has judged
-//! it, which may be the one after next.
+//! (A dropped transaction only counts `TooMany`, and once more if it was the last that is granted.) Link-Status's
+//! [`access_violations`](crate::LinkValues::access_violations) is the total of all kinds since the DPR's start; no
+//! command clears it. A transaction shows in the first image that is published after the DPR has judged it, which may
+//! be the one after next.
 use core::{mem::offset_of, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -48,25 +48,25 @@ use crate::{
 /// A kind of access violation: see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Violation {
-    /// A request whose CRC is wrong.
+    /// A request with a wrong CRC.
     RequestDamaged,
     /// An intact request for a window that is empty or not in the map.
     WindowOutside,
     /// A request or an object that ended in the middle.
     TooShort,
-    /// An object whose CRC is wrong.
+    /// An object with a wrong CRC.
     UplinkDamaged,
-    /// An intact object that nobody may write over the SSI.
+    /// An intact object that no one may write over the SSI.
     UplinkIdentifier,
     /// An uplink or a command that is repeated or old.
     UplinkNotNewer,
     /// A command that the DPR does not know, or with reserved bytes that are not zero.
     CommandUnknown,
-    /// A command that cannot be carried out while one like it is.
+    /// A command that cannot be carried out because one like it is under way.
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
-    /// Something was driven behind the object.
+    /// MOSI was driven after the object.
     TooLong,
 }
 
@@ -85,7 +85,7 @@ impl Violation {
         Self::TooLong,
     ];
 
-    /// The kind of a request or an object that was rejected so: of a [request](crate::ssi::parse) or of an
+    /// The kind of a rejected request or object: of a [request](crate::ssi::parse) or of an
     /// [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_request(rejection: Rejection) -> Self {
@@ -96,7 +96,7 @@ impl Violation {
         }
     }
 
-    /// The kind of an [object](crate::uplink::Written::verify) that was rejected so.
+    /// The kind of a rejected [object](crate::uplink::Written::verify).
     #[must_use]
     pub const fn of_object(rejection: Rejection) -> Self {
         match rejection {
@@ -107,7 +107,7 @@ impl Violation {
         }
     }
 
-    /// Which bytes of Port-Status count it.
+    /// The range of its counter in Port-Status.
     #[must_use]
     pub const fn place(self) -> Range<usize> {
         let start = offset_of!(PortStatus, violations) + 2 * self.index();
@@ -130,18 +130,18 @@ impl Violation {
     }
 }
 
-/// Access violations by kind, each counter staying at 65535.
+/// Access violations by kind; each counter saturates at 65535.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Violations([u16; Violation::ALL.len()]);
 
 impl Violations {
-    /// None.
+    /// No violations.
     #[must_use]
     pub const fn new() -> Self {
         Self([0; Violation::ALL.len()])
     }
 
-    /// How many of this kind.
+    /// The number of violations of this kind.
     #[must_use]
     pub fn of(&self, kind: Violation) -> u16 {
         self.0.get(kind.index()).copied().unwrap_or(0)
@@ -161,26 +161,27 @@ impl Violations {
     }
 }
 
-/// What Port-Status carries, in plain numbers. Counters of u16 stay at 65535, those of u32 wrap.
+/// The contents of Port-Status in plain numbers. Counters of u16 saturate at 65535, those of u32 wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PortValues {
-    /// ms since DPR start, wraps: when this object was made. Up to one cycle before Link-Status's.
+    /// The timestamp of this object, ms since DPR start, wraps. It is up to one cycle before Link-Status's.
     pub timestamp: u32,
-    /// How the port does.
+    /// The state of the port.
     pub status: PortStatusBits,
-    /// Uplinks that were stored, of both writers; since start or since they were cleared.
+    /// Uplinks of both writers that were stored, since start or since the counters were cleared.
     pub uplinks_accepted: u32,
-    /// Commands that were carried out; since start or since they were cleared, that command included.
+    /// Commands that were carried out, since start or since the counters were cleared, including that command.
     pub commands_carried_out: u32,
-    /// Timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if there was none.
+    /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if there was
+    /// none.
     pub last_command_timestamp: u32,
-    /// Its word; 0 if there was none.
+    /// The last command's word; 0 if there was none.
     pub last_command: u32,
-    /// Since the last uplink of the base station was stored, ms; 65535 if that is as long ago or there was none.
+    /// The time since the last uplink of the base station was stored, ms; 65535 if it is longer or there was none.
     pub base_station_age_ms: u16,
-    /// Since the last uplink of the flight controller was stored, ms; 65535 if that is as long ago or there was none.
+    /// The time since the last uplink of the flight controller was stored, ms; 65535 if it is longer or there was none.
     pub flight_controller_age_ms: u16,
-    /// Access violations by kind, since start or since they were cleared.
+    /// Access violations by kind, since start or since the counters were cleared.
     pub violations: Violations,
     /// Faults that the round-the-clock check found in images.
     pub integrity_faults: u16,
@@ -190,13 +191,13 @@ pub struct PortValues {
     pub stuck_bits: u16,
     /// Receive buffers and images that were taken out of use.
     pub buffers_out_of_use: u16,
-    /// Why the DPR was last in its safe state, as the firmware codes it; 0 if it was not since its supply came on.
+    /// The firmware's code of its last entry into the safe state; 0 if there was none since its supply came on.
     pub last_stop: u32,
 }
 
 /// A Port-Status object: 64 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 64 bytes are one; [`PortStatus::verify`] says whether they are a valid one.
+/// Any 64 bytes can be read as one; [`PortStatus::verify`] checks whether they are valid.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|
@@ -249,7 +250,7 @@ const _: () = {
 };
 
 impl PortStatus {
-    /// The object that carries `values`, its CRC computed.
+    /// Seals `values` in an object with its CRC.
     #[must_use]
     pub fn seal<W: MayWrite<object::PortStatus>>(_writer: Writer<W>, values: &PortValues) -> Self {
         Self {
@@ -284,7 +285,7 @@ impl PortStatus {
         findings.check(object.identifier() == Identifier::PORT_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// What it carries.
+    /// The contents.
     #[must_use]
     pub fn values(&self) -> PortValues {
         PortValues {

@@ -8,7 +8,7 @@ use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, Repor
 /// The most receivers that a profile has room for (3oo5 redundancy; paper, section 2.3).
 pub const MAX_RECEIVERS: usize = 5;
 
-/// Bytes of the largest profile.
+/// The size of the largest profile, bytes.
 pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 
 /// A profile of `N` receivers: Reported-Position, GPS1, … GPS`N`, contiguous.
@@ -20,7 +20,7 @@ pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 /// ```
 ///
 /// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
-// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
+// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -38,32 +38,32 @@ const _: () = {
 impl<const N: usize> Profile<N> {
     const SUPPORTED: () = assert!(matches!(N, 1 | 2 | 3 | 5), "a profile has 1, 2, 3 or 5 receivers");
 
-    /// Bytes: 124, 184, 244 or 364.
+    /// The size in bytes: 124, 184, 244 or 364.
     pub const SIZE: usize = {
         let () = Self::SUPPORTED;
         ReportedPosition::SIZE + N * GpsObject::SIZE
     };
 
-    /// Objects: 2, 3, 4 or 6.
+    /// The number of objects: 2, 3, 4 or 6.
     pub const OBJECTS: usize = {
         let () = Self::SUPPORTED;
         1 + N
     };
 
-    /// All zero, as a buffer is before anything has been put there. No object of it verifies.
+    /// Zeros, the contents of a buffer before the first write. No object in it verifies.
     pub const EMPTY: Self = {
         let () = Self::SUPPORTED;
         bytemuck::zeroed()
     };
 
-    /// The profile of these objects, which are sealed already, GPS1 first.
+    /// The profile of these sealed objects, GPS1 first.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// The profile that carries these values, GPS1's first, every CRC computed.
+    /// Seals these values in a profile with all CRCs, GPS1's first.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
         let mut profile = Self::EMPTY;
@@ -93,21 +93,21 @@ impl<const N: usize> Profile<N> {
         bytemuck::from_bytes_mut(gps)
     }
 
-    /// As on the wire: [`Profile::SIZE`] bytes.
+    /// The [`Profile::SIZE`] bytes in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         let () = Self::SUPPORTED;
         bytemuck::bytes_of(self)
     }
 
-    /// As on the wire, to be received into: [`Profile::SIZE`] bytes.
+    /// The [`Profile::SIZE`] bytes in their order on the wire, for reception.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         let () = Self::SUPPORTED;
         bytemuck::bytes_of_mut(self)
     }
 
-    /// Which bytes of a profile object number `index` is; `None` if there is no such object.
+    /// The range of object number `index` in a profile; `None` if there is no such object.
     #[must_use]
     pub const fn place(index: usize) -> Option<Range<usize>> {
         let () = Self::SUPPORTED;
@@ -121,7 +121,7 @@ impl<const N: usize> Profile<N> {
         }
     }
 
-    /// The objects in `bytes`, each accepted or rejected by itself.
+    /// The objects in `bytes`, each accepted or rejected separately.
     ///
     /// # Errors
     ///
@@ -132,7 +132,7 @@ impl<const N: usize> Profile<N> {
         Ok(profile.verify())
     }
 
-    /// Its objects, each accepted or rejected by itself. All are judged, whatever the first of them is found to be.
+    /// Its objects, each accepted or rejected separately. All are judged, whatever the result for the first of them.
     #[must_use]
     pub fn verify(&self) -> Reading<'_, N> {
         let mut gps = [Err(Rejection::Length); N];
@@ -157,7 +157,7 @@ impl<const N: usize> fmt::Debug for Profile<N> {
     }
 }
 
-/// What the bytes of a profile turned out to be, object by object.
+/// The results of verifying a profile, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<'a, const N: usize> {
     /// Reported-Position.
@@ -173,7 +173,7 @@ impl<const N: usize> Reading<'_, N> {
         self.accepted() == Profile::<N>::OBJECTS
     }
 
-    /// How many objects are accepted.
+    /// The number of accepted objects.
     #[must_use]
     pub fn accepted(&self) -> usize {
         let gps: usize = self.gps.iter().map(|object| usize::from(object.is_ok())).sum();
@@ -181,24 +181,24 @@ impl<const N: usize> Reading<'_, N> {
     }
 }
 
-/// An accepted object of a profile, whichever it is.
+/// An accepted object of a profile of any kind.
 ///
-/// [`Object::verify`] makes one of bytes that it accepts; one made in another way says nothing about them.
+/// [`Object::verify`] makes one of bytes that it accepts; one made in another way implies no verification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
     Reported(&'a ReportedPosition),
-    /// One of GPS1 to GPS5; its identifier says which.
+    /// One of GPS1 to GPS5, by its identifier.
     Gps(&'a GpsObject),
 }
 
 impl<'a> Object<'a> {
-    /// Object number `index` of a profile, if `bytes` are that, intact.
+    /// Object number `index` of a profile, if `bytes` are that object and intact.
     ///
     /// # Errors
     ///
-    /// As [`ReportedPosition::verify`] for `index` 0 and [`GpsObject::verify`] for 1 to 5; [`Rejection::Identifier`]
-    /// for any other `index`, which no profile has.
+    /// The errors are those of [`ReportedPosition::verify`] for `index` 0 and of [`GpsObject::verify`] for 1 to 5, and
+    /// [`Rejection::Identifier`] for any other `index`, which no profile has.
     pub fn verify(index: usize, bytes: &'a [u8]) -> Result<Self, Rejection> {
         match Identifier::of_object(index) {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),
@@ -207,11 +207,11 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///
-    /// As [`verify`](Self::verify).
+    /// The errors are those of [`verify`](Self::verify).
     pub fn verify_begun(index: usize, bytes: &'a [u8], begun: crc::Begun) -> Result<Self, Rejection> {
         match Identifier::of_object(index) {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify_begun(bytes, begun).map(Self::Reported),
@@ -220,7 +220,8 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Its number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if it is not of one.
+    /// Its number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if its identifier is another
+    /// one.
     #[must_use]
     pub const fn index(self) -> Option<usize> {
         match (self, self.identifier().object()) {
@@ -230,7 +231,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// ms since HORUS start, wraps.
+    /// The timestamp, ms since HORUS start, wraps.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {
@@ -239,7 +240,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Which object it is.
+    /// The object's identifier.
     #[must_use]
     pub const fn identifier(self) -> Identifier {
         match self {
@@ -248,7 +249,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// As on the wire: 64 or 60 bytes.
+    /// The 64 or 60 bytes in their order on the wire.
     #[must_use]
     pub const fn as_bytes(self) -> &'a [u8] {
         match self {

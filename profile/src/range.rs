@@ -1,25 +1,25 @@
-//! Which numbers can be the position of a drone: one rule for everybody who shows one.
+//! The plausible range of a drone's position: one rule for all displays of one.
 //!
-//! A CRC says that an object is as it was sealed, not that what was sealed makes sense. Whoever shows a position (the
-//! flight controller's clients, the base station) takes the values through [`checked`](crate::ReportedValues::checked)
-//! first, so that a number that no drone can be at is shown by none of them.
+//! A CRC proves that an object is as it was sealed, not that the sealed values are plausible. Code that shows a
+//! position (the flight controller's clients, the base station) passes the values through
+//! [`checked`](crate::ReportedValues::checked) first, so that none of them shows an impossible position.
 
-/// The northernmost latitude, degrees; the southernmost is as far below 0.
+/// The northernmost latitude, degrees; the southernmost is its negative.
 pub const MAX_LATITUDE: f64 = 90.0;
 
-/// The easternmost longitude, degrees; the westernmost is as far below 0.
+/// The easternmost longitude, degrees; the westernmost is its negative.
 pub const MAX_LONGITUDE: f64 = 180.0;
 
 /// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is at -430 m above the sea, and the
 /// sea is at most 107 m below the ellipsoid (EGM2008).
 pub const MIN_ALTITUDE: f64 = -1_000.0;
 
-/// The highest altitude, m above the ellipsoid: far above any delivery drone, and below what receivers are let work at
-/// without a licence (18 km, which the old export rules had, and a margin).
+/// The highest altitude, m above the ellipsoid: far above any delivery drone, and above the limit of receivers without
+/// a licence (18 km, which the old export rules had, and a margin).
 pub const MAX_ALTITUDE: f64 = 20_000.0;
 
 /// Whether these can be a position: latitude and longitude, degrees, and altitude, m, are numbers in their range. An
-/// altitude that is not a number is one that is not known, which a 2D fix has.
+/// altitude of NaN is unknown, as in a 2D fix.
 ///
 /// ```
 /// use profile::range::is_position;
@@ -37,8 +37,8 @@ pub fn is_position(latitude: f64, longitude: f64, altitude: f64) -> bool {
 macro_rules! checked {
     ($values:ident) => {
         impl crate::$values {
-            /// These values as they may be shown: what their status does not call valid, or what is valid by their
-            /// status and cannot be so ([`range`](crate::range)), is NaN, and its status bit clear.
+            /// The values for display: those that their status does not mark as valid, or that are marked valid but
+            /// impossible ([`range`](crate::range)), are NaN, and their status bit is clear.
             #[must_use]
             pub fn checked(mut self) -> Self {
                 let status = self.status;

@@ -1,23 +1,24 @@
-//! Why received bytes were not accepted.
+//! The reasons for which received bytes are not accepted.
 use core::{error::Error, fmt, hint::black_box};
 
-/// Why received bytes were not accepted.
+/// The reason why received bytes were not accepted.
 ///
-/// Where several reasons hold, it is the first in this order. More may be added.
+/// Where several reasons hold, it is the first in this order. Later versions may add more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
-    /// Not as long as what belongs here.
+    /// The length is wrong for this place.
     Length,
     /// The frame CRC does not fit: damaged, scrubbed, or never written.
     Crc,
-    /// The frame CRC fits, that over latitude and longitude does not: the one who sealed it had a fault.
+    /// The frame CRC fits, but that over latitude and longitude does not: the sender had a fault when it sealed the
+    /// object.
     PositionCrc,
-    /// Intact, but another object than the one that belongs here.
+    /// It is intact, but another object than the one that belongs here.
     Identifier,
-    /// An intact request for bytes that the map does not have.
+    /// It is an intact request for bytes outside the map.
     Window,
-    /// An intact command whose word the DPR does not know, or whose reserved bytes are not zero.
+    /// It is an intact command with an unknown word, or with reserved bytes that are not zero.
     Command,
 }
 
@@ -36,10 +37,9 @@ impl fmt::Display for Rejection {
 
 impl Error for Rejection {}
 
-/// What the checks of one object or request found, gathered before anything is decided.
+/// The findings of all checks of one object or request, gathered before any decision.
 ///
-/// Each check is made, and put here, whatever the others found: the time it takes to judge bytes does not tell, nor
-/// depend on, what they are.
+/// Each check is made and recorded whatever the others found, so the time for judging bytes does not depend on them.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,
@@ -50,7 +50,7 @@ impl Findings {
         Self { faults: 0 }
     }
 
-    /// Notes that `rejection` applies unless `good`.
+    /// Records `rejection` unless `good`.
     #[inline]
     pub(crate) fn check(self, good: bool, rejection: Rejection) -> Self {
         let bit = match rejection {
@@ -64,10 +64,10 @@ impl Findings {
         Self { faults: self.faults | u8::from(!good) << bit }
     }
 
-    /// `accepted` if every check was good, or else the first reason why not.
+    /// Returns `accepted` if every check was good, or else the first reason against it.
     #[inline]
     pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
-        // Opaque to the optimiser, which might otherwise move a CRC into the branch that needs its result.
+        // The optimiser must not see through this, because it could move a CRC into the branch that needs its result.
         match black_box(self.faults).trailing_zeros() {
             0 => Err(Rejection::Length),
             1 => Err(Rejection::Crc),

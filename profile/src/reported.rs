@@ -1,4 +1,4 @@
-//! Reported-Position: the position that holds for the sampling period (paper, Table 2).
+//! Reported-Position, the position that holds for the sampling period (paper, Table 2).
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -10,34 +10,35 @@ use crate::{
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
-/// What HORUS reports, in plain numbers.
+/// HORUS's report in plain numbers.
 ///
-/// What is not known is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal
-/// only if they carry no NaN; compare [sealed objects](ReportedPosition) to compare bits.
+/// An unknown value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two of these are equal
+/// only if they contain no NaN; compare [sealed objects](ReportedPosition) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportedValues {
-    /// ms since HORUS start, wraps; also the frame counter, one [cycle](crate::CYCLE_MS) more in each.
+    /// The timestamp, ms since HORUS start, wraps; also the frame counter, with one [cycle](crate::CYCLE_MS) more in
+    /// each.
     pub timestamp: u32,
-    /// Which of the values are valid, how many receivers agree, and what HORUS is doing.
+    /// The validity of the values, the number of agreeing receivers, and HORUS's state.
     pub status: ReportedStatus,
-    /// Degrees, WGS-84, north positive, -90 to 90.
+    /// The latitude, degrees, WGS-84, north positive, -90 to 90.
     pub latitude: f64,
-    /// Degrees, WGS-84, east positive, -180 to 180.
+    /// The longitude, degrees, WGS-84, east positive, -180 to 180.
     pub longitude: f64,
-    /// m above the WGS-84 ellipsoid (not above mean sea level).
+    /// The altitude, m above the WGS-84 ellipsoid (not above mean sea level).
     pub altitude: f64,
-    /// rad, nose up positive, -π/2 to π/2.
+    /// The pitch, rad, nose up positive, -π/2 to π/2.
     pub pitch: f32,
-    /// rad, clockwise from true north.
+    /// The yaw, rad, clockwise from true north.
     pub yaw: f32,
-    /// rad, right side down positive.
+    /// The roll, rad, right side down positive.
     pub roll: f32,
-    /// m/s² along x, y, z of the body frame: front, right, down. Gravity removed.
+    /// The acceleration, m/s² along x, y, z of the body frame: front, right, down. Gravity is removed.
     pub acceleration: [f32; 3],
 }
 
 impl ReportedValues {
-    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear, HORUS starting.
+    /// Values of a starting HORUS at `timestamp`, ms: every value is NaN, every status bit clear.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -54,7 +55,7 @@ impl ReportedValues {
     }
 }
 
-/// Latitude and longitude with the CRC of their own: 20 bytes, a codeword inside the object's.
+/// Latitude and longitude with their own CRC: 20 bytes, a codeword within the object's.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct Position {
@@ -79,7 +80,7 @@ impl Position {
 
 /// A Reported-Position object: 64 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 64 bytes are one; [`ReportedPosition::verify`] says whether they are a valid one.
+/// Any 64 bytes can be read as one; [`ReportedPosition::verify`] checks whether they are valid.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ReportedPosition {
@@ -112,7 +113,7 @@ const _: () = {
 };
 
 impl ReportedPosition {
-    /// The object that carries `values`, both its CRCs computed: the position's first, which the frame's covers.
+    /// Seals `values` in an object with both CRCs: the position's first, which the frame's covers.
     #[must_use]
     pub fn seal(values: &ReportedValues) -> Self {
         Self {
@@ -130,13 +131,12 @@ impl ReportedPosition {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact by both CRCs and Reported-Position.
+    /// The object in `bytes`, if it is Reported-Position and intact by both CRCs.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`]
-    /// if latitude and longitude are not those that were computed, [`Rejection::Identifier`] if they are another
-    /// object.
+    /// if latitude and longitude differ from the computed ones, [`Rejection::Identifier`] if they are another object.
     ///
     /// ```
     /// use profile::{Rejection, ReportedPosition, ReportedValues};
@@ -150,18 +150,18 @@ impl ReportedPosition {
         object.judge(findings)
     }
 
-    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    /// Does the same as [`verify`](Self::verify), with the frame CRC already `begun` over the first of `bytes`.
     ///
     /// # Errors
     ///
-    /// As [`verify`](Self::verify).
+    /// The errors are those of [`verify`](Self::verify).
     pub fn verify_begun(bytes: &[u8], begun: crc::Begun) -> Result<&Self, Rejection> {
         let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
         let (object, findings) = Self::found(bytes, begun.is_intact(bytes));
         object.judge(findings)
     }
 
-    /// With the findings beside the frame CRC's.
+    /// Adds the findings beside the frame CRC's.
     fn judge(&self, findings: Findings) -> Result<&Self, Rejection> {
         findings
             .check(crc::position_intact(self.position.as_bytes()), Rejection::PositionCrc)
@@ -169,7 +169,7 @@ impl ReportedPosition {
             .judge(self)
     }
 
-    /// What it carries, every number to the last bit.
+    /// The contents, every number to the last bit.
     #[must_use]
     pub fn values(&self) -> ReportedValues {
         ReportedValues {
@@ -185,7 +185,7 @@ impl ReportedPosition {
         }
     }
 
-    /// The position CRC it carries, right or wrong.
+    /// The position CRC in it, right or wrong.
     #[must_use]
     pub const fn position_crc(&self) -> u32 {
         self.position.crc.get()

@@ -1,21 +1,21 @@
-//! Sequence: which of the cycles that arrive continue the ones before them, and may therefore be shown.
+//! Sequence: determines which arriving cycles continue the ones before them, and may therefore be shown.
 //!
 //! # Design
 //!
-//! A CRC says that an object is intact and an identifier says that it is in its place. Neither says that it is new: a
-//! frame that is repeated, delayed, reordered or inserted carries objects that verify. Against these errors (IEC
-//! 61784-3: unintended repetition, unacceptable delay, incorrect sequence, insertion) stand the timestamp and the
-//! receiver's own clock. Whoever receives cycles keeps one [`Sequence`] and asks it about each; it holds no clock and
+//! A CRC proves that an object is intact and an identifier that it is in its place. Neither proves that it is new: a
+//! frame that is repeated, delayed, reordered or inserted carries objects that verify. The timestamp and the receiver's
+//! own clock protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,
+//! insertion). A receiver of cycles keeps one [`Sequence`] and passes each cycle to it; it contains no clock and
 //! allocates nothing, and its work per cycle is bounded and small.
 //!
-//! **In sequence** is a cycle whose timestamp is that of the last cycle + 10 ms · (1 + missed), with at most
-//! [`MAX_MISSED`] missed, and between whose samples the same time has passed on the receiver's clock, within
+//! A cycle is **in sequence** if its timestamp is that of the last cycle + 10 ms · (1 + missed), with at most
+//! [`MAX_MISSED`] missed, and if the same time has passed between their samples on the receiver's clock, within
 //! [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one that arrived,
-//! whatever was found of it.
+//! with any result.
 //!
 //! **Search.** At the start, and after any other step, nothing is shown until [`SEARCH_CYCLES`] cycles in a row have
 //! each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that opens the
-//! search has nothing it could advance from, so it is not one of the three. The third of them is in sequence itself:
+//! search has no predecessor to advance from, so it is not one of the three. The third of them is itself in sequence:
 //!
 //! | cycle since the start, or since HORUS restarted | [`Judgement`] |
 //! |---|---|
@@ -24,15 +24,15 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! Timestamps 20, 10, 20, 10, … never advance twice in a row, so nothing of them is ever shown.
+//! Timestamps 20, 10, 20, 10, … never advance twice in a row, so none of them is ever shown.
 //!
 //! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because a single cycle may be late for
 //! many reasons. A clock that is wrong adds up: while cycles are in sequence, the timestamps' advance is compared with
 //! the receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more than 2 % of the
 //! receiver's time makes HORUS's clock implausible until a later window finds no such difference. A window closes with
 //! the first cycle that is at least 1 s after its start, so it is at most 1 s and one step long, and a clock that goes
-//! wrong, or right again, is noticed within two windows: 2.1 s, or 2.6 s if as many cycles as possible are missed. A
-//! window that is broken off because the sequence is lost says nothing.
+//! wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if as many cycles as possible are missed. A
+//! window that is broken off because the sequence is lost has no result.
 //!
 //! Instants are u64 µs, which never wrap (584 000 years), so no silence is too long: with a u32 counter, two cycles
 //! 71.6 minutes apart would look like neighbours.
@@ -43,7 +43,7 @@
 //! use profile::sequence::{Judgement, Sequence};
 //!
 //! let mut sequence = Sequence::new();
-//! // Timestamp in ms, instant of the sample on the receiver's clock in µs.
+//! // The arguments are the timestamp in ms, and the instant of the sample on the receiver's clock in µs.
 //! assert_eq!(sequence.judge(500, 70_000), Judgement::Searching { found: 0 });
 //! assert_eq!(sequence.judge(510, 80_004), Judgement::Searching { found: 1 });
 //! assert_eq!(sequence.judge(520, 90_001), Judgement::Searching { found: 2 });
@@ -57,59 +57,60 @@ use crate::{CYCLE_MS, Freshness, freshness};
 /// Cycles that may be missing between two that are in sequence.
 pub const MAX_MISSED: u32 = 25;
 
-/// How much the receiver's time between two cycles may differ from their timestamps' step, µs; to this comes
-/// [`TOLERANCE_SHARE`]. A quarter of a cycle: room for a late start of transmission and a late interrupt, and less than
-/// half a cycle, so that no two steps are mistaken for each other.
+/// The tolerance of the receiver's time between two cycles against their timestamps' step, µs; [`TOLERANCE_SHARE`] is
+/// added. It is a quarter of a cycle: room for a late start of transmission and a late interrupt, and less than half a
+/// cycle, so that no two steps are mistaken for each other.
 pub const TOLERANCE_US: u32 = 2_500;
 
-/// One part in so many, that is 2 %, may two clocks differ: HORUS without its crystal is off by 1 %, the rest is
-/// margin.
+/// The divisor of the step that gives the tolerance of two clocks, 2 %: HORUS without its crystal is off by 1 %, the
+/// rest is margin.
 pub const TOLERANCE_SHARE: u32 = 50;
 
-/// While the sequence is searched for, a cycle must come 10 ms after the one before it within so much, µs.
+/// The tolerance of the 10 ms between two cycles during a search, µs.
 pub const SEARCH_TOLERANCE_US: u32 = 500;
 
-/// So many cycles in a row that each advance by exactly one cycle find the sequence.
+/// The number of cycles in a row, each advancing by exactly one cycle, that find the sequence.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The clocks are compared over windows that are at least this long on the receiver's clock, µs.
+/// The least length of the windows over which the clocks are compared, µs on the receiver's clock.
 pub const CLOCK_WINDOW_US: u32 = 1_000_000;
 
-/// Without a cycle for longer than this the sequence is lost, µs: the longest step, and its tolerance.
+/// The time without a cycle after which the sequence is lost, µs: the longest step, and its tolerance.
 pub const HOLD_US: u32 = step_us(MAX_MISSED) + tolerance_us(MAX_MISSED);
 
-/// The time between two cycles between which `missed` are missing, µs.
+/// The time between two cycles with `missed` missing ones in between, µs.
 const fn step_us(missed: u32) -> u32 {
     1_000 * CYCLE_MS * (1 + missed)
 }
 
-/// How much the receiver's time may differ from [`step_us`], either way, µs.
+/// The tolerance of the receiver's time around [`step_us`], either way, µs.
 const fn tolerance_us(missed: u32) -> u32 {
     TOLERANCE_US + step_us(missed) / TOLERANCE_SHARE
 }
 
-/// What the sequence says of a cycle.
+/// The judgement of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Judgement {
     /// It continues the cycles before it, and may be shown.
     InSequence {
-        /// Cycles in between that did not arrive, at most [`MAX_MISSED`].
+        /// The number of cycles in between that did not arrive, at most [`MAX_MISSED`].
         missed: u32,
     },
     /// It is the first of all, or its step would be in sequence, but the sequence is not found yet.
     Searching {
-        /// Cycles in a row, this one included, that have advanced as the search demands: less than [`SEARCH_CYCLES`].
+        /// The number of cycles in a row, including this one, that have advanced as the search requires: less than
+        /// [`SEARCH_CYCLES`].
         found: u8,
     },
-    /// The last timestamp again: HORUS is frozen, or a frame is repeated.
+    /// The timestamp is the last one again: HORUS is frozen, or a frame is repeated.
     Frozen,
-    /// A timestamp before the last one: HORUS has restarted, or frames are reordered.
+    /// The timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// Forward, but not by a whole number of cycles, or by more than [`MAX_MISSED`] missing ones.
+    /// It is ahead, but not by a whole number of cycles, or by more than [`MAX_MISSED`] missing ones.
     Irregular,
-    /// Forward by a possible step, but less time has passed than the timestamps say.
+    /// It is ahead by a possible step, but less time has passed than between the timestamps.
     Early,
-    /// Forward by a possible step, but more time has passed than the timestamps say.
+    /// It is ahead by a possible step, but more time has passed than between the timestamps.
     Late,
 }
 
@@ -121,7 +122,7 @@ impl Judgement {
     }
 }
 
-/// A cycle's sample: its timestamp, and when it was taken on the receiver's clock.
+/// A cycle's sample: its timestamp, and its instant on the receiver's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sample {
     /// HORUS's time, ms, wraps.
@@ -131,27 +132,28 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// µs on the receiver's clock from this sample to the instant `to_us`; negative if that is before it.
+    /// The time on the receiver's clock from this sample to the instant `to_us`, µs; negative if that is before it.
     #[must_use]
     pub const fn elapsed_us(&self, to_us: u64) -> i64 {
         to_us.wrapping_sub(self.sampled_us).cast_signed()
     }
 }
 
-/// The memory of the cycles that have arrived.
+/// The state about the cycles that have arrived.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sequence {
     last: Option<Sample>,
-    /// Cycles in a row that have advanced as the search demands; [`SEARCH_CYCLES`] while the sequence is held.
+    /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] while the sequence is
+    /// held.
     found: u8,
-    /// Where the window began over which the clocks are compared; meaningful while the sequence is held.
+    /// The beginning of the window over which the clocks are compared; meaningful while the sequence is held.
     window: Sample,
-    /// What the last complete window has found; false while the sequence is not held.
+    /// The result of the last complete window; false while the sequence is not held.
     clock_implausible: bool,
 }
 
 impl Sequence {
-    /// No cycle has arrived.
+    /// The state before any cycle has arrived.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, found: 0, window: Sample { timestamp: 0, sampled_us: 0 }, clock_implausible: false }
@@ -159,7 +161,7 @@ impl Sequence {
 
     /// Judges a cycle, to be called once for each that arrives, in the order of arrival: `timestamp` in ms as HORUS
     /// sent it, `sampled_us` the instant of its sample on the receiver's clock, µs, from a counter that never wraps.
-    /// Where the sample's instant is not known, the frame's arrival will do, if it is a constant time later.
+    /// Where the sample's instant is not known, the frame's arrival suffices, if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
@@ -194,7 +196,7 @@ impl Sequence {
         self.clock_implausible
     }
 
-    /// The last cycle that arrived, whatever was found of it.
+    /// The last cycle that arrived, with any result.
     #[must_use]
     pub const fn last(&self) -> Option<Sample> {
         self.last

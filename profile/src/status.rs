@@ -1,7 +1,7 @@
 //! Status words as typed bit sets.
 //!
-//! Bits without a meaning are sent 0 and ignored when received, so that a later version can give them one: the types
-//! here hold only bits that have a meaning. A code that is reserved today reads as `None`.
+//! Bits without a meaning are sent 0 and ignored when received, so that a later version can define them: the types here
+//! only hold bits with a meaning. A code that is reserved today reads as `None`.
 
 /// UBX-NAV-PVT `fixType`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,7 +22,7 @@ pub enum FixType {
 }
 
 impl FixType {
-    /// The type that UBX codes so; `None` for a code that UBX reserves.
+    /// The type with this UBX code; `None` for a code that UBX reserves.
     #[must_use]
     pub const fn from_ubx(code: u8) -> Option<Self> {
         match code {
@@ -48,7 +48,7 @@ impl FixType {
     }
 }
 
-/// What HORUS is doing.
+/// HORUS's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HorusState {
@@ -64,9 +64,9 @@ pub enum HorusState {
     MotorsCut = 4,
     /// Emergency measure fired.
     EmergencyFired = 5,
-    /// An input that tells the state contradicts itself, and nothing more severe is known.
+    /// The state inputs contradict themselves, and nothing more severe is known.
     InputsContradict = 6,
-    /// There was a position since HORUS's start, and there is none now.
+    /// There was a position since HORUS's start, but there is none now.
     PositionLost = 7,
 }
 
@@ -99,7 +99,7 @@ impl HorusState {
     }
 }
 
-/// Why a processor last started.
+/// The reason why a processor last started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ResetReason {
@@ -112,14 +112,14 @@ pub enum ResetReason {
     Watchdog = 2,
     /// It locked up: a fault while it handled a fault.
     Lockup = 3,
-    /// Software, or a debugger, asked for it.
+    /// Software or a debugger requested it.
     Software = 4,
-    /// Its supply dipped, or something else that has no code of its own.
+    /// Its supply dipped, or another cause without a code of its own.
     BrownOutOrOther = 5,
 }
 
 impl ResetReason {
-    /// Whether nobody asked for the reset: all but power-on, pin and software.
+    /// Whether the reset was unintended: all but power-on, pin and software.
     #[must_use]
     pub const fn is_unasked(self) -> bool {
         matches!(self, Self::Watchdog | Self::Lockup | Self::BrownOutOrOther)
@@ -162,19 +162,19 @@ macro_rules! bit_set {
             /// The bits that have a meaning.
             pub const USED: u16 = $used;
 
-            /// Nothing set.
+            /// The word with no bit set.
             #[must_use]
             pub const fn new() -> Self {
                 Self(0)
             }
 
-            /// From the wire; bits without a meaning are dropped.
+            /// The word from the wire; bits without a meaning are dropped.
             #[must_use]
             pub const fn from_bits(bits: u16) -> Self {
                 Self(bits & Self::USED)
             }
 
-            /// As on the wire; bits without a meaning are 0.
+            /// The word for the wire; bits without a meaning are 0.
             #[must_use]
             pub const fn bits(self) -> u16 {
                 self.0
@@ -210,7 +210,7 @@ bit_set! {
     attitude_valid, with_attitude_valid = 5;
     /// Bit 6: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 6;
-    /// Bit 7: the receiver was heard in the last 250 ms.
+    /// Bit 7: a message of the receiver came in the last 250 ms.
     heard, with_heard = 7;
     /// Bit 8: the solution is older than the receiver's own period allows.
     stale, with_stale = 8;
@@ -232,20 +232,20 @@ impl GpsStatus {
         self.with(0x000F, fix.bits())
     }
 
-    /// The step in which [`solution_age_ms`](Self::solution_age_ms) tells an age, ms.
+    /// The step of the age in [`solution_age_ms`](Self::solution_age_ms), ms.
     pub const AGE_STEP_MS: u16 = 25;
-    /// What [`solution_age_ms`](Self::solution_age_ms) tells of every age that is this or more, ms.
+    /// The largest value of [`solution_age_ms`](Self::solution_age_ms), ms; it stands for every age from it on.
     pub const OLDEST_MS: u16 = 62 * Self::AGE_STEP_MS;
     const AGE: u16 = 0xFC00;
     /// The code of a receiver that never had a solution.
     const NEVER: u16 = 63;
 
-    /// Bits 10-15: how old the receiver's solution is at the tick, ms; `None` if there was none since HORUS's start.
+    /// Bits 10-15: the age of the receiver's solution at the tick, ms; `None` if there was none since HORUS's start.
     ///
-    /// The age is the time from the arrival at HORUS of the newest NAV-PVT message that brought a new time of week,
-    /// valid or not, to the tick that the timestamp names. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so
-    /// the true one is less than a step more, and it stays at [`OLDEST_MS`](Self::OLDEST_MS). The epoch that the
-    /// solution is of lies before its arrival by what the receiver took to compute and to send it, 40 to 80 ms.
+    /// The age is the time from the arrival at HORUS of the newest NAV-PVT message with a new time of week, valid or
+    /// not, to the tick of the timestamp. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so the true one
+    /// exceeds it by less than a step, and it saturates at [`OLDEST_MS`](Self::OLDEST_MS). The epoch of the solution
+    /// precedes its arrival by the receiver's time for computing and sending it, 40 to 80 ms.
     #[must_use]
     pub const fn solution_age_ms(self) -> Option<u16> {
         match (self.0 & Self::AGE) >> 10 {
@@ -254,7 +254,7 @@ impl GpsStatus {
         }
     }
 
-    /// This status with bits 10-15 set to an age in ms, `None` for that of no solution; see
+    /// This status with bits 10-15 set to an age in ms, `None` for no solution; see
     /// [`solution_age_ms`](Self::solution_age_ms).
     #[must_use]
     pub const fn with_solution_age_ms(self, age_ms: Option<u32>) -> Self {
@@ -262,7 +262,8 @@ impl GpsStatus {
         const OLDEST_MS: u32 = 62 * STEP_MS;
         let steps: u32 = match age_ms {
             None => 63,
-            // The lesser of two words at hand, without a branch: HORUS's time to fill a cycle depends on no age.
+            // The minimum is computed without a branch, so that HORUS's time to fill a cycle does not depend on any
+            // age.
             Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
         };
         let [steps, ..] = steps.to_le_bytes();
@@ -279,19 +280,20 @@ bit_set! {
     attitude_valid, with_attitude_valid = 4;
     /// Bit 5: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 5;
-    /// Bit 6: fewer receivers agree than are configured, or no majority of them states an altitude on which all who
-    /// do agree.
+    /// Bit 6: fewer receivers agree than are configured, or no majority of them reports an altitude on which all of
+    /// those agree.
     degraded, with_degraded = 6;
-    /// Bit 7: HORUS runs on its internal oscillator, since its crystal's clock is missing. That one is trimmed to 1 %
-    /// at 25 °C and is off by more over temperature (DS9405), and the cycle with it; the DPR notices more than 2 %.
+    /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. That oscillator is trimmed
+    /// to 1 % at 25 °C and is off by more over temperature (DS9405), and the cycle with it; the DPR detects more than 2
+    /// %.
     without_crystal, with_without_crystal = 7;
     /// Bit 12: HORUS has found a fault of its memory since its start, or stopped itself for one before it: flash, code
-    /// or RAM did not hold what was written.
+    /// or RAM did not hold the written contents.
     memory_fault, with_memory_fault = 12;
 }
 
 impl ReportedStatus {
-    /// Bits 0-2: how many receivers agree, 0 to 7.
+    /// Bits 0-2: the number of agreeing receivers, 0 to 7.
     #[must_use]
     pub const fn receivers_agreeing(self) -> u8 {
         let [low, _] = self.0.to_le_bytes();
@@ -308,7 +310,7 @@ impl ReportedStatus {
         self.with(0x0007, u16::from_le_bytes([receivers, 0]))
     }
 
-    /// Bits 8-11: what HORUS is doing; `None` for a reserved code.
+    /// Bits 8-11: HORUS's state; `None` for a reserved code.
     #[must_use]
     pub const fn state(self) -> Option<HorusState> {
         let [_, high] = self.0.to_le_bytes();
@@ -321,7 +323,7 @@ impl ReportedStatus {
         self.with(0x0F00, state.bits() << 8)
     }
 
-    /// Bits 13-15: why HORUS last started; `None` for a reserved code.
+    /// Bits 13-15: the reason of HORUS's last start; `None` for a reserved code.
     #[must_use]
     pub const fn reset_reason(self) -> Option<ResetReason> {
         let [_, high] = self.0.to_le_bytes();
@@ -348,9 +350,9 @@ bit_set! {
     horus_restarted, with_horus_restarted = 3;
     /// Bit 4: a scrub found a RAM fault.
     ram_fault, with_ram_fault = 4;
-    /// Bit 5: the RFID front end has a fault, or hears nothing for 0.5 s although the sender's field is there.
+    /// Bit 5: the RFID front end has a fault, or receives nothing for 0.5 s although the sender's field is there.
     front_end_fault, with_front_end_fault = 5;
-    /// Bit 6: the DPR's last reset was not asked for by anybody; see [`LinkStatusBits::reset_reason`].
+    /// Bit 6: the DPR's last reset was not requested; see [`LinkStatusBits::reset_reason`].
     unasked_reset, with_unasked_reset = 6;
     /// Bit 7: the last uplink was rejected.
     uplink_rejected, with_uplink_rejected = 7;
@@ -360,38 +362,38 @@ bit_set! {
     horus_clock_implausible, with_horus_clock_implausible = 9;
     /// Bit 10: the DPR's program memory does not have the CRC that the build gave it.
     flash_fault, with_flash_fault = 10;
-    /// Bit 15: the RFID front end works and senses no field of the sender. With bit 5 nothing is known of the field.
+    /// Bit 15: the RFID front end works and detects no field of the sender. If bit 5 is set, the field is unknown.
     no_field, with_no_field = 15;
 }
 
 bit_set! {
     /// Status of Port-Status.
     PortStatusBits, used 0x007F;
-    /// Bit 0: the uplink of the base station is fresh, and so it is shown.
+    /// Bit 0: the uplink of the base station is fresh, and is therefore shown.
     base_station_fresh, with_base_station_fresh = 0;
-    /// Bit 1: the uplink of the flight controller is fresh, and so it is shown.
+    /// Bit 1: the uplink of the flight controller is fresh, and is therefore shown.
     flight_controller_fresh, with_flight_controller_fresh = 1;
-    /// Bit 2: the last uplink or command that came in was refused.
+    /// Bit 2: the last received uplink or command was refused.
     last_refused, with_last_refused = 2;
     /// Bit 3: a self-test is under way.
     self_test_running, with_self_test_running = 3;
-    /// Bit 4: the last self-test that was finished found nothing.
+    /// Bit 4: the last finished self-test found no fault.
     self_test_passed, with_self_test_passed = 4;
-    /// Bit 5: the last self-test that was finished found a fault.
+    /// Bit 5: the last finished self-test found a fault.
     self_test_failed, with_self_test_failed = 5;
     /// Bit 6: fewer than three receive buffers, or fewer than four images, are in use.
     buffers_out_of_use, with_buffers_out_of_use = 6;
 }
 
 impl LinkStatusBits {
-    /// Bits 12-14: why the DPR last started; `None` for a reserved code.
+    /// Bits 12-14: the reason of the DPR's last start; `None` for a reserved code.
     #[must_use]
     pub const fn reset_reason(self) -> Option<ResetReason> {
         let [_, high] = self.0.to_le_bytes();
         ResetReason::from_bits(high >> 4 & 0x07)
     }
 
-    /// This status with bits 12-14 set to `reason`, and bit 6 to whether nobody asked for that reset.
+    /// This status with bits 12-14 set to `reason`, and bit 6 to whether that reset was unintended.
     #[must_use]
     pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
         self.with(0x7000, reason.bits() << 12).with_unasked_reset(reason.is_unasked())

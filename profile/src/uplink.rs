@@ -1,4 +1,4 @@
-//! Uplink: what the flight controller or, through it, the base station writes into the DPR.
+//! Uplink: an object that the flight controller or, through it, the base station writes into the DPR.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -10,32 +10,32 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// Status of an uplink. What its bits mean is for the writer and the readers to agree; the DPR keeps all of them.
+/// Status of an uplink. The writer and the readers define its bits; the DPR keeps all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct UplinkStatus(u16);
 
 impl UplinkStatus {
-    /// From the wire.
+    /// The status from the wire.
     #[must_use]
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits)
     }
 
-    /// As on the wire.
+    /// The status for the wire.
     #[must_use]
     pub const fn bits(self) -> u16 {
         self.0
     }
 }
 
-/// What an uplink carries.
+/// The contents of an uplink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UplinkValues {
-    /// ms on the writer's clock, wraps. Each uplink of a writer must be later than the one before it.
+    /// The timestamp, ms on the writer's clock, wraps. Each uplink of a writer must be later than the one before it.
     pub timestamp: u32,
     /// The writer's status.
     pub status: UplinkStatus,
-    /// What the writer says; the DPR passes it on as it is.
+    /// The writer's data; the DPR passes them on unchanged.
     pub payload: [u8; Uplink::PAYLOAD],
 }
 
@@ -47,30 +47,30 @@ impl Default for UplinkValues {
 
 /// An uplink object: 64 bytes, the last four of them the frame CRC of the others.
 ///
-/// Any 64 bytes are one; [`Uplink::verify`] says whether they are a valid one of a writer.
+/// Any 64 bytes can be read as one; [`Uplink::verify`] checks whether they are a valid one of a writer.
 ///
 /// | bytes | |
 /// |---|---|
 /// | 0..4 | u32 timestamp of the writer, ms |
 /// | 4..6 | u16 identifier, which names the writer |
 /// | 6..8 | u16 status |
-/// | 8..60 | 52 bytes that the DPR does not look at |
+/// | 8..60 | 52 bytes that the DPR does not read |
 /// | 60..64 | [frame CRC](crate::crc) over 0..60 |
 ///
 /// # What the DPR accepts
 ///
-/// An uplink comes in behind the [request](crate::ssi) of a transaction, and belongs to its writer alone: each has a
-/// place of its own in the [map](crate::map). The DPR stores it there, as it is, if its CRC is right, if the identifier
-/// is one of the two, and if its timestamp is *newer* than that of the writer's last one that was stored: less than 2³¹
-/// ms later, so that timestamps may wrap. The first uplink of a writer after the DPR's own start is newer.
+/// An uplink follows the [request](crate::ssi) of a transaction, and belongs to its writer alone: each has its own
+/// place in the [map](crate::map). The DPR stores it there, unchanged, if its CRC is right, if the identifier is one of
+/// the two, and if its timestamp is *newer* than that of the writer's last stored one: less than 2³¹ ms later, so that
+/// timestamps may wrap. The first uplink of a writer after the DPR's own start is newer.
 ///
-/// A repeated or older one is refused and changes nothing. A writer that has restarted counts from 0 again, so all that
-/// it sends is older; the third uplink in a row of which each is newer than the one before it is stored again, and what
-/// the DPR knew of the writer's timestamps is forgotten. So no single uplink that is repeated or delayed is taken for a
-/// new one. (A whole recording that is played back in its order looks like a writer that has restarted. Whoever can do
-/// that is the writer's own radio link or the flight controller; they protect it among themselves.)
+/// A repeated or older one is refused and has no effect. A writer that has restarted counts from 0 again, so its
+/// uplinks are older. The third uplink in a row, each newer than the one before it, is stored again, and the DPR drops
+/// the writer's earlier timestamps. So no single uplink that is repeated or delayed is taken for a new one. (A whole
+/// recording that is replayed in order looks like a writer that has restarted. Only the writer's own radio link or the
+/// flight controller could do that; they must protect it themselves.)
 ///
-/// An uplink that no newer one follows within [`Uplink::EXPIRY_MS`] is taken out: its place is zeros, and its bit in
+/// An uplink without a newer one within [`Uplink::EXPIRY_MS`] is removed: its place is zeros, and its bit in
 /// [Port-Status](crate::PortStatus) is clear.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -87,13 +87,13 @@ object!(Uplink, 64 bytes, status: UplinkStatus, timestamp: "ms on the writer's c
 const _: () = assert!(offset_of!(Uplink, payload) == 8);
 
 impl Uplink {
-    /// Bytes that the writer may use as it likes.
+    /// The number of bytes that the writer may use freely.
     pub const PAYLOAD: usize = 52;
 
-    /// After so long without a newer one, ms, an uplink is not shown any more.
+    /// The time without a newer one after which an uplink is no longer shown, ms.
     pub const EXPIRY_MS: u32 = 500;
 
-    /// The uplink of role `W` that carries `values`, its CRC computed.
+    /// Seals `values` in an uplink of role `W` with its CRC.
     #[must_use]
     pub fn seal<W: WritesUplink>(_writer: Writer<W>, values: &UplinkValues) -> Self {
         Self {
@@ -117,21 +117,21 @@ impl Uplink {
         findings.check(object.identifier() == W::IDENTIFIER, Rejection::Identifier).judge(object)
     }
 
-    /// What it carries.
+    /// The contents.
     #[must_use]
     pub const fn values(&self) -> UplinkValues {
         UplinkValues { timestamp: self.timestamp.get(), status: self.status(), payload: self.payload }
     }
 }
 
-/// An object that came in behind a request, intact and known.
+/// An object that followed a request, intact and known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written<'a> {
     /// An uplink of the base station.
     BaseStation(&'a Uplink),
     /// An uplink of the flight controller.
     FlightController(&'a Uplink),
-    /// A command, and the object that brought it.
+    /// A command, and the object that contained it.
     Command(Command, &'a CommandObject),
 }
 
@@ -141,8 +141,8 @@ impl<'a> Written<'a> {
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
-    /// if it is an object that nobody may write over the SSI, [`Rejection::Command`] if it is a command, but not one
-    /// that the DPR knows.
+    /// if it is an object that no one may write over the SSI, [`Rejection::Command`] if it is a command that the DPR
+    /// does not know.
     pub fn verify(bytes: &'a [u8]) -> Result<Self, Rejection> {
         let (uplink, findings) = Uplink::look(bytes)?;
         let command: &CommandObject = bytemuck::must_cast_ref(uplink);

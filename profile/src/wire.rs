@@ -1,4 +1,4 @@
-//! Numbers as they lie on the wire: arrays of bytes, so that alignment is 1 and the host's byte order never shows.
+//! Numbers on the wire as arrays of bytes, so that their alignment is 1 and the host's byte order has no effect.
 use bytemuck::{Pod, Zeroable};
 
 macro_rules! little_endian {
@@ -27,9 +27,9 @@ little_endian! {
     U16Le, u16, 2;
     /// `u32`, least significant byte first.
     U32Le, u32, 4;
-    /// IEEE 754 binary32, least significant byte first; every bit pattern, a NaN's payload included, passes unchanged.
+    /// IEEE 754 binary32, least significant byte first; every bit pattern, also of a NaN's payload, passes unchanged.
     F32Le, f32, 4;
-    /// IEEE 754 binary64, least significant byte first; every bit pattern, a NaN's payload included, passes unchanged.
+    /// IEEE 754 binary64, least significant byte first; every bit pattern, also of a NaN's payload, passes unchanged.
     F64Le, f64, 8;
 }
 
@@ -39,7 +39,7 @@ little_endian! {
 pub(crate) struct CrcBe([u8; 4]);
 
 impl CrcBe {
-    /// What the field holds until the CRC over what comes before it is known.
+    /// The content of the field until the CRC over the bytes before it is known.
     pub(crate) const UNSEALED: Self = Self([0; 4]);
 
     #[inline]

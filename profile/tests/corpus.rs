@@ -1,4 +1,4 @@
-//! The fuzz corpus, replayed: every input that is committed is tried in every ordinary test run.
+//! Replays the fuzz corpus: every committed input is tested in every ordinary test run.
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
 mod support;

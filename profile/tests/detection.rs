@@ -1,4 +1,4 @@
-//! What the CRCs detect: damage of every kind that the air, the memory and the buses can do.
+//! Tests the detection by the CRCs: every kind of damage by the air, the memory and the buses.
 use profile::{GpsObject, Identifier, LinkStatus, Profile, Rejection, ReportedPosition, crc, image::Image, ssi};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
@@ -23,7 +23,7 @@ fn objects() -> [(&'static str, Vec<u8>); 3] {
     ]
 }
 
-/// Why `bytes` are not the object of that name.
+/// The reason why `bytes` are not the object of that name.
 fn rejection(name: &str, bytes: &[u8]) -> Option<Rejection> {
     match name {
         "Reported-Position" => ReportedPosition::verify(bytes).err(),
@@ -55,14 +55,14 @@ fn every_double_bit_error_is_rejected() {
     }
 }
 
-/// A burst as the air sees it: of `length` bits, the first and the last wrong, those between as `pattern` says.
+/// A burst on the air of `length` bits, the first and the last wrong, those between by `pattern`.
 fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usize> {
     (0..length).filter(move |at| *at == 0 || *at == length - 1 || pattern >> at & 1 == 1).map(move |at| start + at)
 }
 
 #[test]
 fn a_burst_of_every_length_up_to_32_bits_is_rejected_wherever_it_starts() {
-    // An xorshift generator (Marsaglia) for what lies between the ends.
+    // An xorshift generator (Marsaglia) gives the bits between the ends.
     let mut pattern = 0x9E37_79B9_u32;
     for (name, valid) in objects() {
         for length in 1..=32 {
@@ -91,7 +91,7 @@ fn stored_little_endian_the_frame_crc_would_miss_a_burst_of_28_bits_across_the_p
     let intact = |bytes: &[u8]| bytes[56..] == crc::frame(&bytes[..56]).to_le_bytes();
     assert!(intact(&little_endian));
 
-    // The last ten bits of the payload and the first eighteen of the CRC field.
+    // The burst has the last ten bits of the payload and the first eighteen of the CRC field.
     let error = [0x03, 0x50, 0x89, 0xEF, 0xC0, 0x00];
     let damage = |bytes: &[u8]| {
         let mut damaged = bytes.to_vec();
@@ -135,8 +135,8 @@ proptest! {
     }
 }
 
-/// What each bit of `bits` bits, alone, makes of the register: a set of bits whose syndromes cancel is an error
-/// that the CRC does not see. Bit 0 is the last.
+/// The effect of each single bit of `bits` bits on the register: a set of bits whose syndromes cancel is an error that
+/// the CRC does not detect. Bit 0 is the last.
 fn syndromes(polynomial: u32, bits: usize) -> Vec<u32> {
     let mut syndrome = 1_u32;
     (0..bits)
@@ -156,11 +156,11 @@ fn any_equal(mut sums: Vec<u32>) -> bool {
 
 #[test]
 fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
-    // Odd numbers of errors are seen because the generator, x³² included, has an even number of terms: x + 1 divides
-    // it.
+    // Odd numbers of errors are detected because the generator, x³² included, has an even number of terms: x + 1
+    // divides it.
     assert_eq!((1 + crc::FRAME.poly.count_ones()) % 2, 0);
-    // 2, 4 or 6 errors are unseen only if two different sets of three bits have the same sum (two that share a bit
-    // stand for 4, two that share two for 2). The paper claims it for 56 bytes and CRC; this is 60 and CRC, all of
+    // An undetected error of 2, 4 or 6 bits needs two different sets of three bits with the same sum (two that share a
+    // bit stand for 4, two that share two for 2). The paper states it for 56 bytes and CRC; this is 60 and CRC, all of
     // Reported-Position.
     let s = syndromes(crc::FRAME.poly, 8 * ReportedPosition::SIZE);
     let mut sums = Vec::new();
@@ -176,7 +176,7 @@ fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
 
 #[test]
 fn the_position_crc_has_hamming_distance_9_over_latitude_and_longitude() {
-    // Up to 8 errors are unseen only if two different sets of up to four bits have the same sum.
+    // An undetected error of up to 8 bits needs two different sets of up to four bits with the same sum.
     let s = syndromes(crc::POSITION.poly, 8 * 20);
     let mut sums = vec![0];
     for a in 0..s.len() {
@@ -277,7 +277,7 @@ fn a_wrong_length_is_rejected_as_that() {
 
 #[test]
 fn a_line_that_idles_high_looks_intact_at_one_length_only_and_that_asks_for_nothing() {
-    // 0xFFFFFFFF XOR the first four bytes is 0; the CRC of that is 0xFFFFFFFF again.
+    // The XOR of 0xFFFFFFFF and the first four bytes is 0; the CRC of that is 0xFFFFFFFF again.
     let intact: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0xFF; *length])).collect();
     assert_eq!(intact, [8]);
     let zero: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0; *length])).collect();

@@ -1,4 +1,4 @@
-//! Bytes written by hand from the layout tables, against the crate and against a CRC computed bit by bit.
+//! Compares bytes written by hand from the layout tables with the crate and with a CRC computed bit by bit.
 use profile::{
     ABSENT_F32, ABSENT_F64, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, LinkStatus,
     LinkStatusBits, LinkValues, Profile, ReportedPosition, ReportedStatus, ReportedValues, ResetReason, crc,
@@ -108,7 +108,7 @@ fn the_check_values_are_those_of_the_published_polynomials() {
 
 #[test]
 fn koopmans_notation_names_the_same_polynomials() {
-    // Koopman leaves out the constant term, which is 1; the usual notation leaves out x³².
+    // Koopman omits the constant term, which is 1; the usual notation omits x³².
     assert_eq!(0xF8C9_140A_u32 << 1 | 1, crc::FRAME.poly);
     assert_eq!(0x9D7F_97D6_u32 << 1 | 1, crc::POSITION.poly);
 }

@@ -1,4 +1,4 @@
-//! Port-Status, uplinks, commands and the map: bytes written by hand, places, and what is accepted.
+//! Tests Port-Status, uplinks, commands and the map: bytes written by hand, places, and acceptance.
 use profile::{
     Command, CommandObject, Identifier, Layout, LinkStatus, LinkValues, PortStatus, PortStatusBits, PortValues,
     Rejection, Uplink, UplinkValues, Violation, Violations,
@@ -133,7 +133,7 @@ fn a_command_is_its_word_and_zeros_and_any_other_bit_makes_it_unknown() {
             assert_eq!(CommandObject::verify(&other), Err(Rejection::Command), "bit {bit}");
         }
     }
-    // No single upset, nor a few, makes one command of the other.
+    // No single upset, nor a few, turns one command into the other.
     assert!((Command::ClearCounters.word() ^ Command::SelfTest.word()).count_ones() >= 8);
 }
 
@@ -187,7 +187,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // The places that a writer gets are those.
+    // The places of the writers are those.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

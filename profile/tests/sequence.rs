@@ -1,8 +1,9 @@
-//! Which cycles are in sequence: the edges one by one, and any history against an oracle written from the definition.
+//! Tests which cycles are in sequence: the edges one by one, and any history against an oracle written from the
+//! definition.
 use profile::sequence::{HOLD_US, Judgement, MAX_MISSED, Sequence};
 use proptest::prelude::*;
 
-/// A sequence that is held since timestamp `timestamp`, sampled at `at_us`.
+/// A sequence that has been held since timestamp `timestamp`, sampled at `at_us`.
 fn held(timestamp: u32, at_us: u64) -> Sequence {
     let mut sequence = Sequence::new();
     for back in (0..4_u32).rev() {
@@ -13,7 +14,8 @@ fn held(timestamp: u32, at_us: u64) -> Sequence {
     sequence
 }
 
-/// What a held sequence says of a cycle `step_ms` later by its timestamp and `passed_us` by the receiver's clock.
+/// The judgement of a held sequence for a cycle `step_ms` later by its timestamp and `passed_us` by the receiver's
+/// clock.
 fn step(step_ms: u32, passed_us: i64) -> Judgement {
     let start_us = 1_000_000_u64;
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))
@@ -83,7 +85,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
 
 #[test]
 fn the_time_between_two_cycles_may_differ_by_2_5_ms_and_2_percent_and_by_no_microsecond_more() {
-    // Step in ms, the least and the most that may pass in µs.
+    // Each row has the step in ms, and the least and the most time that may pass in µs.
     for (ms, least, most) in
         [(10, 7_300, 12_700), (20, 17_100, 22_900), (130, 124_900, 135_100), (260, 252_300, 267_700)]
     {
@@ -101,7 +103,7 @@ fn the_time_between_two_cycles_may_differ_by_2_5_ms_and_2_percent_and_by_no_micr
 
 #[test]
 fn the_search_wants_steps_of_exactly_one_cycle_each_within_half_a_millisecond() {
-    // The third step of a search: only one that is exact ends it.
+    // Only an exact third step ends a search.
     let third = |step_ms: u32, passed_us: u64| {
         let mut sequence = Sequence::new();
         for cycle in 0..3_u32 {
@@ -125,7 +127,7 @@ fn the_search_wants_steps_of_exactly_one_cycle_each_within_half_a_millisecond() 
 
 #[test]
 fn after_any_other_step_three_exact_steps_in_a_row_are_needed_anew() {
-    // A repeated, an early, a late, an irregular cycle, one that goes back, one that leaps.
+    // The cycles are repeated, early, late, irregular, behind, and far ahead.
     for (step_ms, passed_us) in [(0, 10_000), (10, 5_000), (10, 15_000), (13, 13_000), (-10, 10_000), (270, 270_000)] {
         let mut sequence = held(5_000, 0);
         let (mut timestamp, mut now) = (5_000_u32.wrapping_add_signed(step_ms), passed_us);
@@ -173,7 +175,7 @@ fn a_wrap_of_the_timestamp_is_no_break() {
 
 #[test]
 fn no_silence_is_long_enough_to_look_like_one_cycle() {
-    // After 2³² µs a u32 counter says that nothing has passed, after 2³² ms a timestamp.
+    // After 2³² µs a u32 counter would show no elapsed time, after 2³² ms a timestamp.
     for silence_us in [1_u64 << 32, 1 << 33, 1_000 << 32, 1 << 62] {
         let mut sequence = held(5_000, 70_000);
         assert_eq!(sequence.judge(5_010, 80_000 + silence_us), Judgement::Late);
@@ -191,8 +193,8 @@ fn the_sequence_is_held_until_no_cycle_could_continue_it() {
     assert!(!sequence.is_held(1_000_000 + (1 << 32)));
 }
 
-/// Runs a HORUS whose clock runs `rate` of µs per 10 ms of its timestamps for `cycles` cycles; the first one, if any,
-/// after which its clock is said to be implausible is given.
+/// Runs a HORUS whose clock runs `rate` of µs per 10 ms of its timestamps for `cycles` cycles; returns the first one,
+/// if any, after which its clock is implausible.
 fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
     let mut noticed = None;
     for cycle in 1..=cycles {
@@ -208,7 +210,8 @@ fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
 
 #[test]
 fn a_clock_that_is_wrong_by_more_than_2_percent_is_noticed_within_two_windows_and_so_is_its_return() {
-    // µs that pass on the receiver's clock in 10 ms of HORUS's: 2 % of the receiver's time are 9 803.9 and 10 204.1.
+    // The rate is the time on the receiver's clock in 10 ms of HORUS's, µs: 2 % of the receiver's time are 9 803.9 and
+    // 10 204.1.
     for (rate, wrong) in [(9_803, true), (9_804, false), (10_204, false), (10_205, true), (7_300, true), (12_700, true)]
     {
         for right_for in [0, 1, 37, 99, 100, 101] {
@@ -238,7 +241,7 @@ fn the_clocks_are_compared_over_one_second_and_not_less() {
     assert_eq!(run(&mut sequence, 12_500, 300), Some(80));
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 8_000, 300), Some(125));
-    // One that is right again is believed with the first window without difference, one second after the last.
+    // A clock that is right again is accepted with the first window without a difference, one second after the last.
     let mut sequence = held(5_000, 40_000);
     assert_eq!(run(&mut sequence, 12_500, 80), Some(80));
     assert_eq!(run(&mut sequence, 10_000, 99), Some(1));
@@ -262,19 +265,19 @@ fn with_the_sequence_what_was_found_of_the_clock_is_lost() {
     assert_eq!(run(&mut sequence, 12_500, 100), Some(80));
 }
 
-/// The definition, over the whole history each time, in numbers that cannot overflow.
+/// The definition, applied to the whole history each time, in numbers that cannot overflow.
 mod oracle {
     /// A cycle: timestamp in ms, instant in µs.
     pub(crate) type Arrival = (u32, i128);
 
-    /// By how many ms the timestamp advances, if by a possible number of whole cycles.
+    /// The advance of the timestamp in ms, if it is a possible number of whole cycles.
     fn advance(before: Arrival, now: Arrival) -> Option<i128> {
         let ms = (i128::from(now.0) - i128::from(before.0)).rem_euclid(1 << 32);
         (1..=26).map(|cycles| cycles * 10).find(|&possible| possible == ms)
     }
 
     fn continues(before: Arrival, now: Arrival) -> bool {
-        // In units of 1/50 µs, so that 2 % are a whole number.
+        // Units of 1/50 µs make 2 % a whole number.
         advance(before, now).is_some_and(|ms| {
             let off = 50 * (now.1 - before.1 - 1_000 * ms);
             let allowed = 50 * 2_500 + 1_000 * ms;
@@ -296,13 +299,12 @@ mod oracle {
         })
     }
 
-    /// The cycle with which the sequence that is held was found: the earliest that the last one continues without a
-    /// break.
+    /// The cycle with which the held sequence was found: the earliest that the last one continues without a break.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }
 
-    /// Whether the last complete window says that the clocks differ.
+    /// Whether the clocks differ in the last complete window.
     pub(crate) fn clock_implausible(history: &[Arrival]) -> bool {
         let Some(start) = found(history) else { return false };
         let mut edges = vec![history[start]];
@@ -319,7 +321,7 @@ mod oracle {
     }
 }
 
-/// Steps of ms and µs: mostly what HORUS does, else anything.
+/// Steps of ms and µs: mostly those of HORUS, otherwise any.
 fn steps() -> impl Strategy<Value = (u32, i64)> {
     prop_oneof![
         12 => Just((10, 10_000)),
@@ -379,12 +381,12 @@ proptest! {
     ) {
         let mut sequence = held(5_000, 0);
         let shown = match error {
-            // A frame with an earlier timestamp, or the last one again, between two cycles.
+            // The frame has an earlier timestamp, or the last one again, between two cycles.
             0 => sequence.judge(5_000 - 10 * back, after_us),
             1 => sequence.judge(5_000, after_us),
-            // A frame that is held back for longer than the tolerance.
+            // The frame is held back for longer than the tolerance.
             2 => sequence.judge(5_010, 12_700 + after_us),
-            // A frame that overtakes the one before it: the one that is overtaken comes when both have.
+            // The frame overtakes the one before it, which comes when both have arrived.
             _ => {
                 sequence.judge(5_020, 20_000);
                 sequence.judge(5_010, 20_000 + after_us)

@@ -1,4 +1,4 @@
-//! The client on an SPI device of embedded-hal 1.0, blocking and async.
+//! Tests the client on an SPI device of embedded-hal 1.0, blocking and async.
 use core::convert::Infallible;
 use core::future::Future;
 use core::pin::pin;
@@ -27,14 +27,14 @@ impl Error for Broken {
     }
 }
 
-/// A DPR whose map holds what was published last.
+/// A DPR whose map holds the last published contents.
 #[derive(Default)]
 struct Dpr {
     map: Vec<u8>,
     window: Option<Request>,
-    /// The bus fails.
+    /// Whether the bus fails.
     broken: bool,
-    /// Transactions that were answered.
+    /// The number of transactions that were answered.
     answered: u32,
 }
 
@@ -177,7 +177,7 @@ fn the_async_client_says_what_the_blocking_one_says() {
 
 #[test]
 fn a_future_that_is_dropped_before_its_end_loses_nothing_that_was_to_be_sent() {
-    /// Never ends.
+    /// A future that never ends.
     struct Hung;
     impl ErrorType for Hung {
         type Error = Infallible;

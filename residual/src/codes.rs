@@ -1,12 +1,11 @@
-//! The codes that are judged: the profile's two polynomials and those they are measured against, at every length in
-//! use.
+//! The judged codes: the profile's two polynomials and those for comparison, at every length in use.
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::sync::LazyLock;
 
 use crate::{DualWeights, NotADual, Polynomial, Weights};
 
-/// A polynomial, and who uses it.
+/// A polynomial and its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Named {
     /// The name in tables.
@@ -37,23 +36,23 @@ pub const CRC_32C: Named = named("CRC-32C", 0x8F6E_37A0);
 /// CRC-32Q (aeronautical data; AIXM, ARINC 424), 0x814141AB in the usual notation.
 pub const CRC_32Q: Named = named("CRC-32Q", 0xC0A0_A0D5);
 
-/// OPC UA Safety's (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4, both of which write it 0xF4ACFB13 in the usual
-/// notation. Its first and last bits are both set, so that it would pass for either notation: read as Koopman's,
-/// 0xF4ACFB13 is another polynomial. The distances published for it are those of 0xFA567D89.
+/// The polynomial of OPC UA Safety (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4; both write it 0xF4ACFB13 in the
+/// usual notation. Its first and last bits are both set, so the digits are possible in either notation: in Koopman's,
+/// 0xF4ACFB13 is another polynomial. The published distances are those of 0xFA567D89.
 pub const OPC_UA_SAFETY: Named = named("OPC UA Safety", 0xFA56_7D89);
 
-/// All of them, the profile's first.
+/// All polynomials, the profile's first.
 pub const POLYNOMIALS: [Named; 6] = [FRAME, POSITION, IEEE_802_3, CRC_32C, CRC_32Q, OPC_UA_SAFETY];
 
-/// Latitude, longitude and the position CRC, bits.
+/// The length of latitude, longitude and the position CRC, bits.
 pub const POSITION_BITS: usize = 160;
-/// A GPS object, bits.
+/// The length of a GPS object, bits.
 pub const GPS_BITS: usize = 8 * profile::GpsObject::SIZE;
-/// Reported-Position, bits.
+/// The length of Reported-Position, bits.
 pub const REPORTED_BITS: usize = 8 * profile::ReportedPosition::SIZE;
-/// Link-Status, bits.
+/// The length of Link-Status, bits.
 pub const LINK_STATUS_BITS: usize = 8 * profile::LinkStatus::SIZE;
-/// A request on the SSI, bits.
+/// The length of a request on the SSI, bits.
 pub const REQUEST_BITS: usize = 64;
 
 /// The lengths at which all polynomials are compared.
@@ -64,13 +63,13 @@ pub const COMPARED: [usize; 3] = [POSITION_BITS, GPS_BITS, REPORTED_BITS];
 pub struct Code {
     /// The polynomial.
     pub named: Named,
-    /// The codeword, check bits included.
+    /// The length of the codeword with its check bits.
     pub bits: usize,
 }
 
 impl Code {
-    /// Every code that is judged, by length: all polynomials at the lengths of the profile, and the frame CRC at the
-    /// two lengths that it has on the SSI besides.
+    /// Every judged code, by length: all polynomials at the lengths of the profile, and the frame CRC at its two other
+    /// lengths on the SSI.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));
@@ -80,19 +79,20 @@ impl Code {
         all
     }
 
-    /// Counts the words of its dual: the work of seconds.
+    /// Counts the words of its dual, which takes seconds.
     #[must_use]
     pub fn count(self, threads: NonZero<usize>, progress: &(dyn Fn(f64) + Sync)) -> DualWeights {
         DualWeights::count(self.named.polynomial, self.bits, threads, progress)
     }
 
-    /// The weights of its dual as counted once and committed with the source; None for a code not among [`Code::all`].
+    /// The weights of its dual, which were counted once and committed with the source; None for a code not among
+    /// [`Code::all`].
     #[must_use]
     pub fn committed(self) -> Option<DualWeights> {
         COMMITTED.iter().find(|(code, _)| *code == self).map(|(_, dual)| dual.clone())
     }
 
-    /// Its weight distribution from the committed weights of its dual, checked to be one.
+    /// Its weight distribution from the committed weights of its dual, checked for validity.
     ///
     /// # Errors
     ///
@@ -100,14 +100,14 @@ impl Code {
     ///
     /// # Panics
     ///
-    /// If the code is not among [`Code::all`].
+    /// Panics if the code is not among [`Code::all`].
     pub fn weights(self) -> Result<Weights, NotADual> {
         let dual = self.committed().unwrap_or_else(|| panic!("no weights are committed for {self:?}"));
         Weights::from_dual(&dual, self.named.polynomial.degree())
     }
 }
 
-/// Where the weights of the duals are committed, from the workspace's root.
+/// The path of the committed weights of the duals, from the workspace's root.
 pub const COMMITTED_PATH: &str = "residual/data/dual-weights.txt";
 
 static COMMITTED: LazyLock<Vec<(Code, DualWeights)>> =
@@ -126,7 +126,7 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // A line that cannot be read is a code that is missing, which whoever asks for it says.
+    // An unreadable line makes its code missing, which shows when that code is requested.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 

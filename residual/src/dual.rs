@@ -3,18 +3,19 @@
 //! # Design
 //!
 //! A CRC of r check bits over n bits is a linear code of 2^(n - r) words: far too many to count when n is hundreds. Its
-//! dual, all the sums of its r parity checks, has 2^r words whatever n is, and MacWilliams' identity turns the weights
-//! of the one into those of the other ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
+//! dual, all the sums of its r parity checks, has 2^r words for any n, and MacWilliams' identity converts the weights
+//! of one into those of the other ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
 //!
 //! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. The last six checks
 //! are not walked but tabulated, all 64 sums of them, so that the inner loop has no dependency from word to word: load,
 //! exclusive or, count, n / 64 times, then one histogram entry.
 //!
-//! **Even codes need half.** If x + 1 divides the polynomial, the all-ones word is in the dual (it is the sum of all
-//! checks), so for each word of weight w there is one of n - w: one check is left out and the histogram mirrored.
+//! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual (it is the sum
+//! of all checks), so each word of weight w has a partner of weight n - w: one check is left out and the histogram
+//! mirrored.
 //!
-//! **All cores.** The walk is cut into 2^10 pieces, each begun at its own place of the Gray code; threads take them one
-//! by one. The result is a sum of histograms and does not depend on who counted what.
+//! **All cores.** The walk is cut into 2^10 pieces, each of which begins at its own place of the Gray code; threads
+//! take them one by one. The result is a sum of histograms and does not depend on which thread counted which piece.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{array, thread};
@@ -29,25 +30,25 @@ const WORD: usize = 64;
 const TABLE_LOG2: u32 = 6;
 /// log2 of the pieces.
 const PIECES_LOG2: u32 = 10;
-/// Adjacent words often have equal weights; to count them in turn in as many histograms keeps one increment from
+/// Adjacent words often have equal weights; counting them in turn in several histograms keeps one increment from
 /// waiting for the other's store.
 const HISTOGRAMS: usize = 4;
-/// Words of each weight in one piece: at most 2^22, which a u32 counts.
+/// The number of words of each weight in one piece: at most 2^22, which fits in a u32.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
-/// How many words of the dual code have each weight, 0 to the length.
+/// The number of words of the dual code by weight, from 0 to the length.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DualWeights {
     counts: Vec<u64>,
 }
 
 impl DualWeights {
-    /// Counts the words of the dual of the code of `length` bits, check bits included, calling `progress` with the part
-    /// done, 0 to 1, from whichever thread did it.
+    /// Counts the words of the dual of the code of `length` bits with check bits; any thread calls `progress` with the
+    /// finished share, 0 to 1.
     ///
     /// # Panics
     ///
-    /// If `length` is more than [`MAX_LENGTH`] or not more than the check bits.
+    /// Panics if `length` is more than [`MAX_LENGTH`] or not more than the check bits.
     #[must_use]
     pub fn count(
         polynomial: Polynomial,
@@ -68,13 +69,13 @@ impl DualWeights {
         }
     }
 
-    /// Weights counted before: `counts[w]` words of weight w, one entry for each weight from 0 to the length.
+    /// Weights that were counted before: `counts[w]` words of weight w, one entry for each weight from 0 to the length.
     #[must_use]
     pub fn from_counts(counts: Vec<u64>) -> Self {
         Self { counts }
     }
 
-    /// How many words have each weight, from 0 to the codeword's length.
+    /// The number of words by weight, from 0 to the codeword's length.
     #[must_use]
     pub fn counts(&self) -> &[u64] {
         &self.counts
@@ -87,14 +88,14 @@ impl DualWeights {
     }
 }
 
-/// A walk through the dual code, its words of `W` times 64 bits.
+/// A walk through the dual code, whose words have `W` times 64 bits.
 struct Walk<const W: usize> {
     length: usize,
-    /// Whether each word counted stands for its complement too.
+    /// Whether each counted word also stands for its complement.
     mirrored: bool,
-    /// The parity checks walked by the Gray code, those of the pieces last.
+    /// The parity checks in the Gray code, with those of the pieces last.
     checks: Vec<[u64; W]>,
-    /// All sums of those that are not.
+    /// All sums of the other parity checks.
     table: Vec<[u64; W]>,
     pieces_log2: u32,
 }
@@ -102,7 +103,7 @@ struct Walk<const W: usize> {
 impl<const W: usize> Walk<W> {
     fn new(polynomial: Polynomial, length: usize) -> Self {
         let columns = polynomial.columns(length);
-        // Check j reads bit j of every column.
+        // Check j is bit j of every column.
         let mut checks: Vec<[u64; W]> = (0..polynomial.degree())
             .map(|j| {
                 let mut check = [0; W];
@@ -171,15 +172,15 @@ impl<const W: usize> Walk<W> {
     fn piece(&self, piece: usize) -> Histograms {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("popcnt") {
-            // SAFETY: the function needs the POPCNT instruction and nothing else, and this processor has it: asked just
-            // now.
+            // SAFETY: the function needs the POPCNT instruction and nothing else, and the check above has found it on
+            // this processor.
             return unsafe { self.piece_with_popcnt(piece) };
         }
         self.walk(piece)
     }
 
-    /// The same, compiled for a processor that counts bits in one instruction: three times as fast as the portable
-    /// code.
+    /// The same, compiled for a processor that counts bits in one instruction, which is three times as fast as the
+    /// portable code.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
     fn piece_with_popcnt(&self, piece: usize) -> Histograms {
@@ -216,7 +217,7 @@ impl<const W: usize> Walk<W> {
     }
 }
 
-/// Counts a word. Nothing here can overflow: at most 512 ones, at most 2^22 words.
+/// Counts a word. No counter can overflow: there are at most 512 ones and at most 2^22 words.
 #[inline(always)]
 fn count_word<const W: usize>(histogram: &mut [u32; MAX_LENGTH + 1], word: &[u64; W]) {
     let weight = word.iter().fold(0_u32, |ones, part| ones.wrapping_add(part.count_ones()));
@@ -235,7 +236,7 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The weights of all sums of the parity checks, one sum at a time.
+    /// The weights of all sums of the parity checks, computed one by one.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<u64> {
         let columns = polynomial.columns(length);
         let mut counts = vec![0; length + 1];

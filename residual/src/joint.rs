@@ -1,4 +1,4 @@
-//! Two CRCs, one inside the other: what latitude and longitude in Reported-Position have.
+//! Two CRCs, one inside the other, which protect latitude and longitude in Reported-Position.
 //!
 //! # The code
 //!
@@ -6,26 +6,26 @@
 //! of errors goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27 is one
 //! of the inner code: 64 check bits, 448 data bits. Two distances are of interest:
 //!
-//! - that of patterns which damage latitude or longitude, *and any other bits besides*: [`Joint::distance`]. The inner
-//!   part is then a codeword other than 0. (If latitude and longitude are undamaged, so is the position CRC, or it says
-//!   so.)
-//! - that of all patterns, which leave latitude and longitude alone if they can: the outer code's own.
+//! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. The
+//!   inner part is then a codeword other than 0. (If latitude and longitude are undamaged, the position CRC is
+//!   undamaged, too, or does not match.)
+//! - the distance of all patterns, which need not damage latitude and longitude: the outer code's own.
 //!
 //! # The method
 //!
-//! The dual of the joint code has 2^64 words; they cannot be counted. But a word of little weight is a word of the
-//! inner code of little weight, shifted to its place, and a few bits elsewhere that make up its syndrome in the outer
-//! code. The inner code has no words below its distance and few just above. So: find all inner words of weight up to
-//! [`MAX_WEIGHT`] ([`Words`]); look each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352 bits
-//! elsewhere. By total weight, smallest first, each combination of inside and outside either is excluded by having
-//! looked at every candidate, or has a word. A total weight that is odd needs no search if the outer polynomial is
-//! divisible by x + 1.
+//! The dual of the joint code has 2^64 words, too many to count. But a word of low weight is an inner codeword of low
+//! weight, shifted to its place, plus a few bits elsewhere that make up its syndrome in the outer code. The inner code
+//! has no words below its distance and few just above. So the search finds all inner words of weight up to
+//! [`MAX_WEIGHT`] ([`Words`]) and looks each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352
+//! bits elsewhere. By total weight, smallest first, each combination of inside and outside either is excluded, because
+//! every candidate was tested, or has a word. An odd total weight needs no search if the outer polynomial is divisible
+//! by x + 1.
 use std::collections::HashMap;
 use std::num::NonZero;
 
 use crate::{MAX_WEIGHT, Polynomial, Words};
 
-/// Most bits outside that the search combines.
+/// The most outside bits that the search combines.
 const MAX_OUTSIDE: usize = 3;
 
 /// An inner codeword inside an outer one.
@@ -33,13 +33,13 @@ const MAX_OUTSIDE: usize = 3;
 pub struct Nesting {
     /// The outer polynomial.
     pub outer: Polynomial,
-    /// The outer codeword, bits.
+    /// The length of the outer codeword, bits.
     pub outer_bits: usize,
     /// The inner polynomial.
     pub inner: Polynomial,
-    /// The inner codeword, bits.
+    /// The length of the inner codeword, bits.
     pub inner_bits: usize,
-    /// Outer bits that are sent after the inner codeword's last.
+    /// The number of outer bits that are sent after the inner codeword's last.
     pub bits_after: usize,
 }
 
@@ -50,35 +50,35 @@ impl Nesting {
         outer_bits: crate::codes::REPORTED_BITS,
         inner: crate::codes::POSITION.polynomial,
         inner_bits: crate::codes::POSITION_BITS,
-        // bytes 28 to 63
+        // The remaining bytes are 28 to 63.
         bits_after: 8 * 36,
     };
 }
 
-/// One combination of weights: what the search found.
+/// One combination of weights, with the search's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// Errors in the inner codeword.
     pub inside: usize,
     /// Errors elsewhere in the outer codeword.
     pub outside: usize,
-    /// Inner codewords of that weight, each of which was looked up.
+    /// Inner codewords of that weight, each of which was tested.
     pub candidates: u64,
     /// Words of the joint code among them.
     pub words: u64,
 }
 
-/// The least errors that damage the inner codeword and go undetected by both CRCs.
+/// The least number of errors that damage the inner codeword and go undetected by both CRCs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// The least weight of a joint codeword whose inner part is not 0, if the search came so far.
+    /// The least weight of a joint codeword whose inner part is not 0, if the search reached it.
     pub distance: Option<usize>,
-    /// All weights below this one are shown to have no words: the distance itself, if known.
+    /// All weights below this one are proved to have no words: the distance itself, if known.
     pub at_least: usize,
     /// The combinations that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight: of each, the bits of the outer codeword that are set, counted from the last sent. All
-    /// those of the combinations in `examined`; others, with more errors inside, may exist.
+    /// Words of the least weight: for each, the set bits of the outer codeword, counted from the last sent. They are
+    /// all words of the combinations in `examined`; others, with more errors inside, may exist.
     pub words: Vec<Vec<u16>>,
 }
 
@@ -92,7 +92,7 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // By weight, as far as needed.
+        // The inner words are found by weight, when needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -102,7 +102,7 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // Out of reach, unless there are no such inner words at all.
+                    // The combination is out of reach, unless there are no such inner words at all.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -131,7 +131,8 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // Words found, but a lesser weight not excluded, would have ended the search before.
+                // If words are found at this weight, all smaller weights have been excluded, because otherwise the
+                // search would have ended.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {
@@ -149,13 +150,13 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
     &found[weight - 1]
 }
 
-/// Sums of up to three columns outside the inner codeword.
+/// The sums of up to three columns outside the inner codeword.
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,
-    /// Which one has this column.
+    /// The place of a column.
     singles: HashMap<u32, u16>,
-    /// Which two, each pair once.
+    /// The places of two columns with a sum, each pair once.
     pairs: HashMap<u32, Vec<[u16; 2]>>,
 }
 
@@ -203,7 +204,7 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The least weight of all words that are codewords of both and not 0 inside, by trying all of them.
+    /// The least weight of all words that are codewords of both and not 0 inside, found by trying all of them.
     fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
         let outer = nesting.outer.columns(nesting.outer_bits);
         let inner = nesting.inner.columns(nesting.inner_bits);

@@ -1,28 +1,28 @@
-//! What the profile's two CRCs are worth, exactly.
+//! The exact error detection of the profile's two CRCs.
 //!
 //! # Design
 //!
-//! **Nothing estimated.** The probability that damage goes undetected follows from one set of numbers: how many
-//! codewords have each weight. They are computed in full, in exact integers: the 2^32 words of the dual code are
-//! counted one by one ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and
+//! **No estimates.** The probability that damage goes undetected follows from one set of numbers: the number of
+//! codewords of each weight. They are computed in full, in exact integers: the 2^32 words of the dual code are counted
+//! one by one ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and
 //! probabilities are sums over all of them ([`undetected_exactly`], [`ErrorCurve`]).
 //!
-//! **Every number in two ways.** Codewords of little weight are also searched for one by one, by a method that knows
-//! nothing of the dual ([`Words`]); the two must agree, and with what Koopman published. And what the theory says of a
-//! pattern of errors is tried on objects that `profile` sealed ([`wire`]): what must be detected is rejected, and what
-//! must not be is accepted, without which the weights might be those of some other code.
+//! **Every number is computed in two ways.** A second method, independent of the dual, also finds codewords of low
+//! weight one by one ([`Words`]); the results must agree with each other and with Koopman's published ones. The
+//! theory's statements about error patterns are tested on objects that `profile` sealed ([`wire`]): detectable patterns
+//! must be rejected, and undetectable ones accepted, because otherwise the weights might be those of some other code.
 //!
 //! **One command.** `cargo xtask residual` does all of it and writes the tables and the plot of
 //! `docs/safety/residual-error.md`. The counting takes a minute or two, so its result is committed ([`codes`]): tests
-//! start from it, the command counts again and compares.
+//! start from it, while the command counts again and compares.
 //!
-//! | module | says |
+//! | module | contents |
 //! |---|---|
-//! | [`codes`] | which polynomials, at which lengths |
+//! | [`codes`] | the polynomials and lengths |
 //! | [`rate`] | residual errors per hour, SIL bounds, the error interval limit |
 //! | [`burst`] | bursts |
 //! | [`joint`] | both CRCs over latitude and longitude |
-//! | [`wire`] | what `profile` makes of injected errors |
+//! | [`wire`] | injected errors, judged by `profile` |
 //! | [`report`], [`plot`] | all of it, for people and programs |
 
 pub mod burst;

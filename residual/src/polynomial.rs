@@ -1,14 +1,14 @@
-//! Generator polynomials, and the notations that people confuse.
+//! Generator polynomials, and their notations, which are often confused.
 use std::fmt;
 
 /// A CRC's generator polynomial over GF(2), of degree 1 to 32 and with constant term 1.
 ///
 /// # Notation
 ///
-/// Of a polynomial of degree r, r + 1 coefficients are set or clear, the first and the last of them always set. To fit
-/// r bits, the usual ("normal", "implicit x^r", the `crc` crate's `poly`) notation leaves out the highest; Koopman's
-/// ("implicit +1") leaves out the lowest. The same digits mean two different codes, and either passes every round-trip
-/// test: only distances and check values tell.
+/// A polynomial of degree r has r + 1 coefficients, the first and the last of them always set. To fit r bits, the usual
+/// ("normal", "implicit x^r", the `crc` crate's `poly`) notation omits the highest; Koopman's ("implicit +1") omits the
+/// lowest. The same digits mean two different codes, and either passes every round-trip test: only distances and check
+/// values distinguish them.
 ///
 /// ```
 /// use residual::Polynomial;
@@ -27,7 +27,7 @@ pub struct Polynomial {
 impl Polynomial {
     /// The polynomial whose coefficients x^degree to x^1 are `value`'s bits, the highest first; that of x^0 is 1.
     ///
-    /// None if the degree is not 1 to 32 or `value` is not of that degree: that is, in some other notation.
+    /// None if the degree is not 1 to 32 or `value` is not of that degree, so that it is in another notation.
     #[must_use]
     pub const fn from_koopman(degree: u32, value: u32) -> Option<Self> {
         if degree < 1 || degree > 32 || 32 - value.leading_zeros() != degree {
@@ -55,13 +55,13 @@ impl Polynomial {
         63 - self.coefficients.leading_zeros()
     }
 
-    /// Koopman's notation: without the lowest coefficient.
+    /// Koopman's notation, without the lowest coefficient.
     #[must_use]
     pub const fn koopman(self) -> u32 {
         (self.coefficients >> 1) as u32
     }
 
-    /// The usual notation: without the highest coefficient.
+    /// The usual notation, without the highest coefficient.
     #[must_use]
     pub const fn normal(self) -> u32 {
         (self.coefficients ^ 1 << self.degree()) as u32
@@ -73,8 +73,8 @@ impl Polynomial {
         self.coefficients
     }
 
-    /// Whether x + 1 divides it: then every codeword has an even number of ones, and every odd number of errors is
-    /// detected.
+    /// Whether x + 1 divides it. In that case every codeword has an even number of ones, and every odd number of errors
+    /// is detected.
     #[must_use]
     pub const fn is_even(self) -> bool {
         self.coefficients.count_ones().is_multiple_of(2)
@@ -113,7 +113,7 @@ impl Polynomial {
     }
 }
 
-/// Koopman's notation, as the paper writes it.
+/// The polynomial in Koopman's notation, as in the paper.
 impl fmt::Display for Polynomial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#0width$x}", self.koopman(), width = 2 + self.degree().div_ceil(4) as usize)
@@ -130,7 +130,7 @@ impl fmt::Debug for Polynomial {
 mod tests {
     use super::*;
 
-    /// x^i mod g by long division, to check the shift register against.
+    /// x^i mod g by long division, as a check of the shift register.
     fn remainder(g: u64, exponent: u32) -> u32 {
         let degree = 63 - g.leading_zeros();
         let mut dividend = 1_u128 << exponent;
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn common_factors_are_found() {
         let of = |degree, normal| Polynomial::from_normal(degree, normal).unwrap();
-        // (x + 1)(x^2 + x + 1) = x^3 + 1, (x + 1)^2 = x^2 + 1, x^2 + x + 1
+        // The polynomials are (x + 1)(x^2 + x + 1) = x^3 + 1, (x + 1)^2 = x^2 + 1, and x^2 + x + 1.
         assert_eq!(of(3, 1).common_degree(of(2, 1)), 1);
         assert_eq!(of(3, 1).common_degree(of(2, 3)), 2);
         assert_eq!(of(2, 1).common_degree(of(2, 3)), 0);

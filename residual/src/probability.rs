@@ -1,4 +1,4 @@
-//! How probable an undetected error is, over the bit error rate.
+//! The probability of an undetected error as a function of the bit error rate.
 //!
 //! # Model
 //!
@@ -7,11 +7,11 @@
 //!
 //! > P_ud(p) = Σ A_w p^w (1 - p)^(n - w), w from the Hamming distance to n
 //!
-//! with nothing left out and nothing approximated, since all A_w are known.
+//! The sum is complete and exact, because all A_w are known.
 //!
-//! **Conditional.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n): of the codewords that arrive damaged, the part that
+//! **Conditional probability.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n) is the fraction of damaged codewords that
 //! passes. OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate of
-//! damaged messages, whatever damages them, it gives the rate of residual errors.
+//! damaged messages, from any cause, it gives the rate of residual errors.
 //!
 //! **Precision.** [`undetected_exactly`] adds the same terms as fractions of integers; every number in a table is one
 //! of these, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds them in binary64 from
@@ -26,14 +26,14 @@ use crate::Weights;
 /// A bit error rate as a decimal: `digit` · 10^-`decade`, so that 1e-3 is exactly 1/1000.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitErrorRate {
-    /// 1 to 9.
+    /// The digit, 1 to 9.
     pub digit: u32,
-    /// 1 to 9.
+    /// The decade, 1 to 9.
     pub decade: u32,
 }
 
 impl BitErrorRate {
-    /// IEC 61784-3's conventional rate, assumed where no lower one is shown: 1e-2.
+    /// IEC 61784-3's conventional rate, which is assumed where no lower one is proved: 1e-2.
     pub const CONVENTIONAL: Self = Self { digit: 1, decade: 2 };
 
     /// The rates tabulated: 1e-6 to 5e-1 in steps of 1, 2, 5.
@@ -41,7 +41,7 @@ impl BitErrorRate {
         (1..=6).rev().flat_map(|decade| [1, 2, 5].map(|digit| Self { digit, decade }))
     }
 
-    /// As a number.
+    /// The rate as a number.
     #[must_use]
     pub fn value(self) -> f64 {
         f64::from(self.digit) / 10_f64.powi(self.decade as i32)
@@ -54,12 +54,12 @@ impl fmt::Display for BitErrorRate {
     }
 }
 
-/// P_ud at a rate, every term exact, rounded to binary64 at the end (toward zero, by less than one part in 2^52).
+/// P_ud at a rate, computed exactly and rounded to binary64 at the end (toward zero, by less than one part in 2^52).
 #[must_use]
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // Horner's rule in both: Σ A_w a^w b^(n - w), from w = n down.
+    // Horner's rule is used in both variables: Σ A_w a^w b^(n - w), from w = n down.
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);
@@ -70,14 +70,14 @@ pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     quotient(sum * wrong, &BigUint::from(denominator).pow(weights.length() as u32))
 }
 
-/// `numerator / denominator`, to 64 bits before it becomes a binary64.
+/// The quotient `numerator / denominator`, computed to 64 bits before it becomes a binary64.
 fn quotient(numerator: BigUint, denominator: &BigUint) -> f64 {
     if numerator == BigUint::ZERO {
         return 0.0;
     }
     let shift = (64 + denominator.bits()).saturating_sub(numerator.bits());
     let digits = (numerator << shift) / denominator;
-    // In two steps: 2^-shift alone may be less than the smallest binary64.
+    // It takes two steps, because 2^-shift alone may be less than the smallest binary64.
     let (mantissa, exponent) = scientific(&digits);
     mantissa * 2_f64.powi((exponent as i64 - shift as i64) as i32)
 }
@@ -87,7 +87,7 @@ fn scientific(value: &BigUint) -> (f64, u64) {
     let exponent = value.bits() - 1;
     let top = if exponent > 63 { value >> (exponent - 63) } else { value << (63 - exponent) };
     let top = top.iter_u64_digits().next().unwrap_or(0);
-    // The highest 53 bits: exact.
+    // The highest 53 bits are exact.
     ((top >> 11) as f64 / 2_f64.powi(52), exponent)
 }
 
@@ -95,7 +95,7 @@ fn scientific(value: &BigUint) -> (f64, u64) {
 #[derive(Clone, Debug)]
 pub struct ErrorCurve {
     length: usize,
-    /// (w, ln A_w) of every weight that codewords have.
+    /// The pairs (w, ln A_w) for every weight of a codeword.
     terms: Vec<(f64, f64)>,
 }
 
@@ -133,13 +133,13 @@ impl ErrorCurve {
         self.undetected(p) / self.damaged(p)
     }
 
-    /// Where P_ud is largest for p from 1e-6 to 0.5, and how large.
+    /// The rate p from 1e-6 to 0.5 at which P_ud is largest, and that maximum.
     #[must_use]
     pub fn maximum(&self) -> Maximum {
         maximum(|p| self.undetected(p))
     }
 
-    /// Where P_re,cond is largest for p from 1e-6 to 0.5, and how large.
+    /// The rate p from 1e-6 to 0.5 at which P_re,cond is largest, and that maximum.
     #[must_use]
     pub fn conditional_maximum(&self) -> Maximum {
         maximum(|p| self.conditional(p))
@@ -150,14 +150,14 @@ impl ErrorCurve {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
     /// The least rate, of 200 a decade, at which the function is within a millionth of its largest value. Most of these
-    /// functions rise to a plateau, on which rounding alone would choose a place.
+    /// functions rise to a plateau, on which rounding alone would decide the place.
     pub bit_error_rate: f64,
-    /// How large.
+    /// The maximum.
     pub value: f64,
 }
 
-/// Steps of the search per decade of the bit error rate. P_ud is a polynomial whose bumps are as wide as the binomial
-/// distribution's, a tenth of a decade or more at these lengths: none fits between two steps.
+/// The number of search steps per decade of the bit error rate. P_ud is a polynomial whose bumps are as wide as the
+/// binomial distribution's, a tenth of a decade or more at these lengths, so none fits between two steps.
 const STEPS_PER_DECADE: u32 = 200;
 const LOWEST: f64 = 1e-6;
 const HIGHEST: f64 = 0.5;
@@ -175,7 +175,7 @@ fn maximum(function: impl Fn(f64) -> f64) -> Maximum {
     let rates: Vec<f64> = logarithmic(STEPS_PER_DECADE).collect();
     let values: Vec<f64> = rates.iter().map(|p| function(*p)).collect();
     let best = (0..rates.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
-    // Between the neighbours of the best step, by golden section.
+    // The golden-section search runs between the neighbours of the best step.
     let (mut low, mut high) = (rates[best.saturating_sub(1)], rates[(best + 1).min(rates.len() - 1)]);
     let golden = (5_f64.sqrt() - 1.0) / 2.0;
     let mut value = values[best];
@@ -219,14 +219,14 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // 2^k - 1 of 2^n words are codewords other than the one sent.
+        // There are 2^k - 1 of 2^n words that are codewords other than the one sent.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }
 
     #[test]
     fn a_parity_bit_misses_every_even_number_of_errors() {
-        // P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n
+        // The formula is P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
         let curve = ErrorCurve::new(&weights(1, 1, 9));
         for p in [1e-6, 1e-3, 0.1, 0.4] {
             let (q, n) = (1.0 - p, 9);
@@ -247,7 +247,7 @@ mod tests {
         assert_eq!((rising.bit_error_rate, rising.value), (0.5, 0.5));
         let plateau = maximum(|p| p.min(1e-3));
         assert!((plateau.bit_error_rate / 1e-3 - 1.0).abs() < 0.02 && plateau.value == 1e-3);
-        // x^8 + 1 misses any two errors eight bits apart: worse at a few errors than at many.
+        // x^8 + 1 misses any two errors eight bits apart, so it is worse at a few errors than at many.
         let curve = ErrorCurve::new(&weights(8, 0x01, 40));
         let worst = logarithmic(1000).map(|p| curve.undetected(p)).fold(0.0, f64::max);
         assert!((1.0 - 1e-12..1.0 + 1e-4).contains(&(curve.maximum().value / worst)));

@@ -1,40 +1,41 @@
-//! From the probability of an undetected error to how many an hour, and what safety integrity levels allow.
+//! Converts the probability of an undetected error to a rate per hour, and compares it with the limits of safety
+//! integrity levels.
 //!
 //! # Residual error rate
 //!
-//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged by itself, so the residual
-//! errors add up over the objects:
+//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged separately, so the residual
+//! errors of the objects add up:
 //!
 //! > Λ(p) = 360 000 / h · (P_ud, Reported-Position(p) + n P_ud, GPS(p))
 //!
-//! Reported-Position counts with its frame CRC alone; its position CRC can only lower the figure. This is for one sink;
-//! a system in which several act on what they read independently multiplies by their number (IEC 61784-3's m).
+//! Reported-Position only counts with its frame CRC; its position CRC can only lower the figure. This holds for one
+//! sink; a system in which several sinks act independently on their data multiplies by their number (IEC 61784-3's m).
 //!
 //! # Bounds
 //!
 //! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL
-//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 leaves a communication channel 1 % of that.
+//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 allots a communication channel 1 % of that.
 //!
 //! # Error interval limit
 //!
 //! A sink that goes to its safe state when a second error is detected within an interval T keeps the rate of detected
-//! errors below 1 / T, whatever the channel does. For every error that passes, 1 / P_re,cond - 1 are detected, so that
-//! residual errors are fewer than
+//! errors below 1 / T on any channel. For every error that passes, 1 / P_re,cond - 1 are detected, so that residual
+//! errors are fewer than
 //!
 //! > 1 / T · max P_re,cond / (1 - P_re,cond)
 //!
-//! at *any* bit error rate: no assumption about p is left, only that of independent errors. OPC UA Safety does this
-//! with 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: the channel
-//! must be that good, or the function stops.
+//! at *any* bit error rate: the only remaining assumption is that of independent errors. OPC UA Safety does this with
+//! 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: on a worse
+//! channel the function stops.
 use crate::ErrorCurve;
 
-/// Profiles an hour: one every 10 ms.
+/// The number of profiles per hour: one every 10 ms.
 pub const CYCLES_PER_HOUR: f64 = 3_600_000.0 / profile::CYCLE_MS as f64;
 
 /// OPC UA Safety's bound of P_re,cond (OPC 10000-15, 9.3).
 pub const OPC_UA_SAFETY_CONDITIONAL: f64 = 4.0e-10;
 
-/// Receivers of the profiles there are.
+/// The possible numbers of receivers in a profile.
 pub const RECEIVERS: [usize; 4] = [1, 2, 3, 5];
 
 /// A safety integrity level (IEC 61508).
@@ -49,7 +50,7 @@ pub enum Sil {
 }
 
 impl Sil {
-    /// Those that are compared with.
+    /// The levels in the comparison.
     pub const ALL: [Self; 3] = [Self::Two, Self::Three, Self::Four];
 
     /// Its number.
@@ -62,7 +63,7 @@ impl Sil {
         }
     }
 
-    /// What it leaves a communication channel: residual errors per hour, 1 % of the function's dangerous failures.
+    /// Its limit for a communication channel: residual errors per hour, 1 % of the function's dangerous failures.
     #[must_use]
     pub const fn channel_limit(self) -> f64 {
         match self {
@@ -83,14 +84,14 @@ impl Sil {
     }
 }
 
-/// The objects of a profile, as far as errors go.
+/// The objects of a profile, with their error curves.
 #[derive(Clone, Copy, Debug)]
 pub struct ProfileCurves<'a> {
     /// Reported-Position's frame CRC.
     pub reported: &'a ErrorCurve,
-    /// A GPS object's.
+    /// A GPS object's frame CRC.
     pub gps: &'a ErrorCurve,
-    /// How many GPS objects there are.
+    /// The number of GPS objects.
     pub receivers: usize,
 }
 
@@ -101,7 +102,7 @@ impl ProfileCurves<'_> {
         CYCLES_PER_HOUR * (self.reported.undetected(p) + self.receivers as f64 * self.gps.undetected(p))
     }
 
-    /// Objects that arrive damaged and are rejected, per hour, at a bit error rate of `p`.
+    /// The number of objects that arrive damaged and are rejected, per hour, at a bit error rate of `p`.
     #[must_use]
     pub fn rejected_per_hour(&self, p: f64) -> f64 {
         let damaged = self.reported.damaged(p) + self.receivers as f64 * self.gps.damaged(p);
@@ -115,7 +116,7 @@ impl ProfileCurves<'_> {
         60.0 / minutes * conditional / (1.0 - conditional)
     }
 
-    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they do up to 0.5.
+    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they do so up to 0.5.
     #[must_use]
     pub fn holds_up_to(&self, limit: f64) -> Option<f64> {
         crossing(|p| self.residual_per_hour(p), limit)
@@ -128,7 +129,7 @@ impl ProfileCurves<'_> {
     }
 }
 
-/// Where a function of the bit error rate first exceeds `limit`, from 1e-15 up, rounded down.
+/// The rate at which a function of the bit error rate first exceeds `limit`, from 1e-15 up, rounded down.
 fn crossing(function: impl Fn(f64) -> f64, limit: f64) -> Option<f64> {
     let steps = (1..).map(|step| 1e-15 * 10_f64.powf(f64::from(step) / 100.0)).take_while(|p| *p < 0.5).chain([0.5]);
     let mut low = 1e-15;
@@ -155,7 +156,7 @@ mod tests {
         let found = crossing(|p| p * p, 1e-6).unwrap();
         assert!((found / 1e-3 - 1.0).abs() < 1e-9);
         assert_eq!(crossing(|p| p, 0.5), None);
-        // The first of several.
+        // The result is the first of several crossings.
         let bump = crossing(|p| if (1e-5..1e-4).contains(&p) { 2.0 } else { p }, 0.25).unwrap();
         assert!((bump / 1e-5 - 1.0).abs() < 1e-9);
     }

@@ -1,4 +1,4 @@
-//! Everything together: what the command prints, writes as JSON and keeps in the report's tables.
+//! The complete report: the command's output, its JSON and the tables of its page.
 use std::fmt::Write as _;
 use std::num::NonZero;
 
@@ -10,24 +10,24 @@ use crate::rate::{self, ProfileCurves, Sil};
 use crate::wire::{self, Check, Expected};
 use crate::{BitErrorRate, Code, DualWeights, ErrorCurve, NotADual, Weights, burst, undetected_exactly};
 
-/// Where the report is, from the workspace's root.
+/// The path of the report, from the workspace's root.
 pub const REPORT_PATH: &str = "docs/safety/residual-error.md";
-/// Where its plot is, from the workspace's root.
+/// The path of its plot, from the workspace's root.
 pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
 /// Hours of a year, 365.25 days.
 const HOURS_PER_YEAR: f64 = 8766.0;
 
-/// One code and all that its weights say.
+/// One code with the results of its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// Which code.
+    /// The code.
     pub code: Code,
     /// Its weight distribution.
     pub weights: Weights,
     /// Its probabilities.
     pub curve: ErrorCurve,
-    /// P_ud at the rates tabulated, exact before it was rounded.
+    /// P_ud at the tabulated rates, computed exactly and rounded once.
     pub undetected: Vec<(BitErrorRate, f64)>,
 }
 
@@ -41,10 +41,10 @@ impl Judged {
     }
 }
 
-/// All codes, judged.
+/// All judged codes.
 #[derive(Clone, Debug)]
 pub struct Analysis {
-    /// By length, then in the order of [`codes::POLYNOMIALS`].
+    /// The codes by length, then in the order of [`codes::POLYNOMIALS`].
     pub codes: Vec<Judged>,
 }
 
@@ -67,7 +67,7 @@ impl Analysis {
     ///
     /// # Errors
     ///
-    /// As [`Analysis::new`].
+    /// The errors are those of [`Analysis::new`].
     pub fn committed() -> Result<Self, (Code, NotADual)> {
         let duals: Vec<(Code, DualWeights)> =
             Code::all().into_iter().filter_map(|code| Some((code, code.committed()?))).collect();
@@ -78,14 +78,14 @@ impl Analysis {
     ///
     /// # Panics
     ///
-    /// If it is not one of them.
+    /// Panics if it is not one of them.
     #[must_use]
     pub fn code(&self, named: Named, bits: usize) -> &Judged {
         let wanted = Code { named, bits };
         self.codes.iter().find(|judged| judged.code == wanted).unwrap_or_else(|| panic!("{wanted:?} was not judged"))
     }
 
-    /// The objects of the profile of so many receivers.
+    /// The objects of the profile with `receivers` receivers.
     #[must_use]
     pub fn profile(&self, receivers: usize) -> ProfileCurves<'_> {
         ProfileCurves {
@@ -99,7 +99,7 @@ impl Analysis {
     ///
     /// # Errors
     ///
-    /// As [`plot::svg`](crate::plot::svg).
+    /// The errors are those of [`plot::svg`](crate::plot::svg).
     pub fn svg(&self) -> Result<String, Box<dyn std::error::Error>> {
         let curves: Vec<(Code, ErrorCurve)> =
             self.codes.iter().map(|judged| (judged.code, judged.curve.clone())).collect();
@@ -110,7 +110,7 @@ impl Analysis {
 /// A claim, and whether it holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Claim {
-    /// What is claimed.
+    /// The claim's text.
     pub claim: String,
     /// Whether it holds.
     pub holds: bool,
@@ -118,19 +118,19 @@ pub struct Claim {
     pub figure: String,
 }
 
-/// What the command finds.
+/// The results of the command.
 #[derive(Clone, Debug)]
 pub struct Report {
     /// The codes.
     pub analysis: Analysis,
     /// Latitude and longitude under both CRCs.
     pub joint: Joint,
-    /// What `profile` made of injected errors.
+    /// The verdicts of `profile` on injected errors.
     pub checks: Vec<Check>,
 }
 
 impl Report {
-    /// Adds to the codes' weights what is searched and injected: under a minute.
+    /// Adds the searches and injections to the codes' weights, in under a minute.
     #[must_use]
     pub fn new(analysis: Analysis, threads: NonZero<usize>) -> Self {
         let joint = Joint::search(&Nesting::REPORTED_POSITION, threads);
@@ -138,7 +138,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// Injections whose outcome the theory does not explain: there must be none.
+    /// Injections whose outcome contradicts the theory: there must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }
@@ -474,8 +474,7 @@ impl Report {
         )
     }
 
-    /// The report's text with its tables brought up to date. A table stands between `<!-- table: NAME -->` and
-    /// `<!-- end -->`.
+    /// Returns the report's text with updated tables. A table is between `<!-- table: NAME -->` and `<!-- end -->`.
     ///
     /// # Errors
     ///
@@ -490,7 +489,7 @@ impl Report {
         })
     }
 
-    /// One screen for a person.
+    /// A summary of one screen.
     #[must_use]
     pub fn screen(&self) -> String {
         let mut text = String::new();
@@ -586,7 +585,7 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// None: at any.
+    /// None stands for any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]

@@ -1,31 +1,31 @@
-//! Codewords of little weight, found one by one: a second way to the same numbers.
+//! Finds codewords of low weight one by one, as a second way to the same numbers.
 //!
 //! # Meeting in the middle
 //!
 //! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such
-//! sets of w bits, cut them in two: the columns of one half must add up to what those of the other do, so it is enough
-//! to list the sums of all halves and look for equal ones.
+//! sets of w bits, each is split into two halves whose columns must have equal sums, so it suffices to list the sums of
+//! all halves and search for equal ones.
 //!
-//! **Only words that begin at bit 0.** Shifted by a bit, a codeword of a CRC is one again. So the words whose lowest
-//! bit is bit 0 tell all others: of one that spans m bits, n - m + 1 lie in n. With bit 0 given, and for an even weight
-//! the highest bit as well (each in turn), 2h bits remain. Each word is counted once, with the h lower ones as its
-//! first half.
+//! **Only words that begin at bit 0 are searched.** A codeword of a CRC stays one when it is shifted by a bit. So the
+//! words whose lowest bit is bit 0 represent all others: a word that spans m bits occurs n - m + 1 times in n. With bit
+//! 0 given, and for an even weight the highest bit as well (each in turn), 2h bits remain. Each word is counted once,
+//! with the h lower ones as its first half.
 //!
-//! **In the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two halves that fit lie in
-//! two buckets that fit; a bitmap of 8 KiB over the lower bits tells whether one bucket has a partner for an entry of
-//! the other.
+//! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two matching
+//! halves lie in two matching buckets; a bitmap of 8 KiB over the lower bits shows whether one bucket has a partner for
+//! an entry of the other.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use crate::Polynomial;
 
-/// The most bits in a codeword searched for.
+/// The largest weight of a codeword in a search.
 pub const MAX_WEIGHT: usize = 10;
-/// The longest codeword searched, bits.
+/// The longest codeword in a search, bits.
 pub const MAX_LENGTH: usize = 1 << PLACE_BITS;
 
-/// Bits of an entry that name one place.
+/// The number of bits of an entry that identify one place.
 const PLACE_BITS: usize = 12;
 const BUCKETS: usize = 1 << 16;
 
@@ -39,16 +39,16 @@ pub struct Words {
 impl Words {
     /// Finds the codewords of `weight` ones in `length` bits.
     ///
-    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits are a
-    /// matter of seconds up to weight 8, 160 up to 10.
+    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits take
+    /// seconds up to weight 8, 160 bits up to weight 10.
     ///
     /// # Panics
     ///
-    /// If the weight is 0 or above [`MAX_WEIGHT`], or the length above [`MAX_LENGTH`].
+    /// Panics if the weight is 0 or above [`MAX_WEIGHT`], or the length above [`MAX_LENGTH`].
     #[must_use]
     pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
         assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
-        // Whatever the degree, the upper bits tell the most.
+        // The upper bits are the most selective for any degree.
         let aligned = |column| column << (32 - polynomial.degree());
         let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
         let half = (weight - 1) / 2;
@@ -67,20 +67,19 @@ impl Words {
         Self { length, words }
     }
 
-    /// The words: of each, the bits that are set, rising from 0. Bit i is the coefficient of x^i, sent i bits before
-    /// the last.
+    /// The words, each as its set bits, rising from 0. Bit i is the coefficient of x^i, sent i bits before the last.
     #[must_use]
     pub fn starting_at_0(&self) -> &[Vec<u16>] {
         &self.words
     }
 
-    /// How many words of the weight there are, wherever they begin: A_w.
+    /// The number of words of the weight, with any beginning: A_w.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| (self.length - span(word) + 1) as u64).sum()
     }
 
-    /// Each of them, wherever it begins.
+    /// All words of the weight, with any beginning.
     pub fn everywhere(&self) -> impl Iterator<Item = Vec<u16>> {
         self.words.iter().flat_map(move |word| {
             (0..=self.length - span(word)).map(move |shift| word.iter().map(|place| place + shift as u16).collect())
@@ -88,7 +87,7 @@ impl Words {
     }
 }
 
-/// Bits from the first to the last, both included.
+/// The number of bits from the first to the last, both included.
 fn span(word: &[u16]) -> usize {
     usize::from(word.last().copied().unwrap_or(0)) + 1
 }
@@ -103,12 +102,12 @@ fn place_all(middle: &[u16], highest: Option<usize>) -> Vec<u16> {
 /// All sums of `half` columns but the first's, in buckets.
 struct Halves {
     half: usize,
-    /// Where each bucket begins; one more than there are.
+    /// The beginning of each bucket, with one more entry than there are buckets.
     begins: Vec<u32>,
     /// The buckets that are not empty.
     occupied: Vec<usize>,
-    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place highest. In each bucket the highest
-    /// place rises.
+    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place in the highest bits. The highest place
+    /// rises in each bucket.
     entries: Vec<u64>,
 }
 
@@ -138,9 +137,9 @@ impl Halves {
         if self.half == 0 { entries } else { &entries[..entries.partition_point(|entry| highest(entry) < limit)] }
     }
 
-    /// Every two halves, the one below the other and both below `limit`, whose sums add up to `target`.
+    /// All pairs of halves, the one below the other and both below `limit`, whose sums add up to `target`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // A thread is worth its start only where there is work for it.
+        // A thread only pays off if it has enough work.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {

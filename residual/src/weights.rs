@@ -2,27 +2,26 @@
 //!
 //! # MacWilliams' identity
 //!
-//! Of a linear code of length n with A_w words of weight w, and its dual with 2^r words, B_j of weight j:
+//! A linear code of length n with A_w words of weight w, and its dual with 2^r words, B_j of weight j, satisfy
 //!
 //! > Σ A_w z^w = 2^-r Σ B_j (1 - z)^j (1 + z)^(n - j)
 //!
-//! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). Nothing is rounded: the
-//! right side is evaluated in integers as large as they come, by Horner's rule in 1 - z. A slip in the enumeration of
-//! the dual has little chance to pass: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and
-//! all must add up to 2^(n - r).
+//! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). The right side is evaluated
+//! exactly in integers of any size, by Horner's rule in 1 - z. An error in the enumeration of the dual is unlikely to
+//! pass: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all must add up to 2^(n - r).
 use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
 
-/// Why a weight distribution is not that of the dual of any code.
+/// The reason why a weight distribution is not that of the dual of any code.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotADual {
-    /// The words counted are not 2^r.
+    /// The number of counted words is not 2^r.
     #[error("the dual has {counted} words instead of 2^{check_bits}")]
     Words {
-        /// How many there are.
+        /// The number of counted words.
         counted: u128,
-        /// r.
+        /// The number r of check bits.
         check_bits: u32,
     },
     /// The transform has a fraction or a negative number where a count of codewords should be.
@@ -31,19 +30,19 @@ pub enum NotADual {
         /// The weight.
         weight: usize,
     },
-    /// The transform has not exactly one word of weight 0, or not 2^(n - r) in all.
+    /// The transform does not have exactly one word of weight 0, or not 2^(n - r) words in all.
     #[error("the codewords are not one of weight 0 and 2^{data_bits} in all")]
     Codewords {
-        /// n - r.
+        /// The number n - r of data bits.
         data_bits: usize,
     },
 }
 
-/// How many codewords have each weight: A_0 to A_n, exactly.
+/// The number of codewords of each weight: A_0 to A_n, exactly.
 ///
-/// Since the code is linear, that is also how many patterns of so many bit errors go undetected in any object, whatever
-/// it carries. Start value and final exclusive or of the CRC shift all codewords alike and change none of their
-/// distances.
+/// Because the code is linear, it is also the number of undetected error patterns of each weight in any object,
+/// whatever its contents. Start value and final exclusive or of the CRC shift all codewords alike and change none of
+/// their distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Weights {
     counts: Vec<BigUint>,
@@ -51,7 +50,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The weights of the code whose dual has these.
+    /// The weights of the code whose dual has these weights.
     ///
     /// # Errors
     ///
@@ -62,7 +61,7 @@ impl Weights {
             return Err(NotADual::Words { counted, check_bits });
         }
         let length = dual.length();
-        // R := R (1 - z) + B_j (1 + z)^(n - j), from j = n down to 0.
+        // The rule is R := R (1 - z) + B_j (1 + z)^(n - j), from j = n down to 0.
         let mut sum = vec![BigInt::ZERO; length + 1];
         let mut binomials = vec![BigInt::ZERO; length + 1];
         binomials[0] = BigInt::from(1);
@@ -103,25 +102,25 @@ impl Weights {
         &self.counts
     }
 
-    /// n: the codeword's length, bits.
+    /// The length n of the codeword, bits.
     #[must_use]
     pub fn length(&self) -> usize {
         self.counts.len() - 1
     }
 
-    /// r: the check bits among them.
+    /// The number r of check bits among them.
     #[must_use]
     pub fn check_bits(&self) -> u32 {
         self.check_bits
     }
 
-    /// Hamming distance: the least number of bit errors that can go undetected.
+    /// The Hamming distance, which is the least number of bit errors that can go undetected.
     #[must_use]
     pub fn hamming_distance(&self) -> usize {
         self.nonzero().map(|(weight, _)| weight).next().unwrap_or(self.length() + 1)
     }
 
-    /// The weights above 0 that codewords have, and how many have each.
+    /// The weights above 0 of codewords, and the number of codewords of each.
     pub fn nonzero(&self) -> impl Iterator<Item = (usize, &BigUint)> {
         self.counts.iter().enumerate().skip(1).filter(|(_, count)| **count != BigUint::ZERO)
     }
@@ -134,12 +133,12 @@ mod tests {
     use super::*;
     use crate::Polynomial;
 
-    /// The weights of all codewords, by writing every one down.
+    /// The weights of all codewords, computed by listing every one.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<BigUint> {
         let mut counts = vec![0_u64; length + 1];
         let data = length - polynomial.degree() as usize;
         for data in 0..1_u64 << data {
-            // Multiples of the polynomial: the codewords, in some order.
+            // The codewords are the multiples of the polynomial, in some order.
             let codeword = (0..length)
                 .filter(|bit| data >> bit & 1 == 1)
                 .fold(0_u64, |word, bit| word ^ polynomial.coefficients() << bit);
@@ -169,7 +168,7 @@ mod tests {
 
     #[test]
     fn hamming_codes_have_the_weights_in_the_books() {
-        // The [15, 11] Hamming code and its extension by parity (MacWilliams, Sloane, chapter 1).
+        // The code is the [15, 11] Hamming code with its extension by parity (MacWilliams, Sloane, chapter 1).
         let hamming = weights(Polynomial::from_normal(4, 3).unwrap(), 15);
         let expected = [1_u32, 0, 0, 35, 105, 168, 280, 435, 435, 280, 168, 105, 35, 0, 0, 1].map(BigUint::from);
         assert_eq!(hamming.counts(), expected);

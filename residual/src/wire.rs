@@ -1,9 +1,10 @@
-//! The theory held against the code that flies: errors injected into sealed objects, judged by `profile` itself.
+//! Compares the theory with the code that flies: errors are injected into sealed objects, which `profile` itself
+//! judges.
 //!
-//! Patterns that the mathematics says are detected must all be rejected; patterns that it says are codewords must all
-//! pass both CRCs. The second half is what shows that the weights in this crate are those of *that* code: of its
-//! polynomials, its byte order and its coverage. A codeword that happens to change the object's identifier is still
-//! rejected, for its identifier; that is told apart.
+//! Patterns that are detectable in theory must all be rejected; patterns that are codewords in theory must all pass
+//! both CRCs. The second half shows that the weights in this crate are those of *that* code: of its polynomials, its
+//! byte order and its coverage. A codeword that happens to change the object's identifier is still rejected, for its
+//! identifier, and counted separately.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -19,7 +20,7 @@ use crate::{Polynomial, Words, codes};
 pub const EXHAUSTIVE_BURST: usize = 16;
 /// Errors injected exhaustively.
 pub const EXHAUSTIVE_ERRORS: usize = 3;
-/// Seed of all that is sampled.
+/// The seed of all samples.
 const SEED: u64 = 0x4852_5553_2026_0001;
 
 /// A kind of object on the air.
@@ -53,7 +54,7 @@ impl Object {
         }
     }
 
-    /// One as it could be in flight, sealed by `profile`.
+    /// A realistic object, sealed by `profile`.
     #[must_use]
     pub fn sealed(self) -> Vec<u8> {
         let (latitude, longitude, altitude) = (47.497_9, 8.729_6, 493.2);
@@ -92,7 +93,7 @@ impl Object {
         }
     }
 
-    /// What `profile` finds wrong with these bytes as this object; None if it accepts them.
+    /// The reason why `profile` rejects these bytes as this object; None if it accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {
@@ -102,14 +103,14 @@ impl Object {
     }
 }
 
-/// What became of some injected patterns.
+/// The results of some injected patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Injected {
-    /// Patterns injected.
+    /// The number of injected patterns.
     pub tried: u64,
-    /// Those that passed every CRC of the object, and its identifier.
+    /// The number of patterns that passed every CRC of the object, and its identifier.
     pub accepted: u64,
-    /// Those that passed every CRC and were rejected for the identifier that they had changed.
+    /// The number of patterns that passed every CRC and were rejected for the changed identifier.
     pub identifier: u64,
 }
 
@@ -137,7 +138,7 @@ fn invert(bytes: &mut [u8], bit: usize) {
     bytes[bit / 8] ^= 0x80 >> (bit % 8);
 }
 
-/// Runs `work` for each of `items`, on all threads, and adds up.
+/// Runs `work` for each of `items`, on all threads, and adds the results.
 fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> Injected + Sync)) -> Injected {
     let next = AtomicUsize::new(0);
     let run = || {
@@ -163,7 +164,7 @@ fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> I
 ///
 /// # Panics
 ///
-/// If `errors` is neither 1, 2 nor 3.
+/// Panics if `errors` is neither 1, 2 nor 3.
 #[must_use]
 pub fn inject_errors(object: Object, errors: usize, threads: NonZero<usize>) -> Injected {
     assert!((1..=EXHAUSTIVE_ERRORS).contains(&errors), "{errors} errors");
@@ -200,7 +201,8 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     in_parallel(threads, object.bits(), &|start| {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
-        // All odd numbers of 16 bits, the first bit sent being their lowest: every burst that begins here, each once.
+        // The patterns are all odd numbers of 16 bits, whose lowest bit is sent first: every burst that begins here,
+        // each once.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -240,7 +242,7 @@ pub fn sample_bursts(
     })
 }
 
-/// Inverts the bits that `pattern` says, its lowest at `start`.
+/// Inverts the bits in `pattern`, whose lowest is at `start`.
 fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     while pattern != 0 {
         invert(bytes, start + pattern.trailing_zeros() as usize);
@@ -248,7 +250,7 @@ fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     }
 }
 
-/// Injects words: of each, the bits that are set, counted from the last that is sent.
+/// Injects words, each given by its set bits, counted from the last that is sent.
 #[must_use]
 pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16]>) -> Injected {
     let sealed = object.sealed();
@@ -263,9 +265,10 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
     injected
 }
 
-/// Random codewords of the code of `polynomial` in `length` bits, of `weight` ones; of each, the bits that are set.
+/// Random codewords of `weight` ones of the code of `polynomial` in `length` bits, each given by its set bits.
 ///
-/// Found by chance: of many random halves, some have equal sums. Every codeword of the weight is as probable as any.
+/// They are found by chance: some of many random halves have equal sums. Every codeword of the weight is equally
+/// probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
     const HALVES: usize = 1 << 19;
@@ -305,7 +308,7 @@ pub fn polynomial_word(polynomial: Polynomial) -> Vec<u16> {
     (0..=polynomial.degree() as u16).filter(|i| polynomial.coefficients() >> i & 1 == 1).collect()
 }
 
-/// Codewords of the position code of weight 9, its distance, and how many there are in its 160 bits.
+/// Codewords of the position code of weight 9, its distance, and their number in its 160 bits.
 #[must_use]
 pub fn position_words(threads: NonZero<usize>) -> Words {
     Words::find(codes::POSITION.polynomial, codes::POSITION_BITS, 9, threads)
@@ -314,29 +317,29 @@ pub fn position_words(threads: NonZero<usize>) -> Words {
 /// One line of the check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// Into which object.
+    /// The object of the injection.
     pub object: &'static str,
-    /// Which patterns.
+    /// The injected patterns.
     pub patterns: String,
-    /// What the algebra says becomes of them.
+    /// The outcome that the algebra predicts.
     pub expected: Expected,
-    /// What became of them.
+    /// The outcome of the injection.
     pub injected: Injected,
 }
 
-/// What must become of injected patterns.
+/// The required outcome of injected patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
     /// Every one is rejected by a CRC.
     Rejected,
     /// Every one passes the CRCs.
     Accepted,
-    /// One in 2^31 or less passes: at this number of samples one at the very most.
+    /// At most one in 2^31 passes: at this number of samples one at the very most.
     Improbable,
 }
 
 impl Check {
-    /// Whether what became of them is what must.
+    /// Whether the outcome is the required one.
     #[must_use]
     pub const fn holds(&self) -> bool {
         let passed = self.injected.accepted + self.injected.identifier;
@@ -348,12 +351,12 @@ impl Check {
     }
 }
 
-/// Bursts sampled of each length.
+/// The number of bursts that are sampled of each length.
 const BURST_SAMPLES: usize = 50_000;
-/// Codewords constructed of each kind.
+/// The number of codewords that are constructed of each kind.
 const CODEWORDS: usize = 1_000;
 
-/// Injects everything into both objects: some seconds.
+/// Injects everything into both objects, in some seconds.
 #[must_use]
 pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
     let mut checks = Vec::new();
@@ -396,7 +399,7 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
             }
             Object::ReportedPosition => {
-                // In the 288 bits behind the position CRC, and in all that do not leave it alone.
+                // The words lie within the 288 bits after the position CRC, or anywhere with a change of it.
                 let behind = random_codewords(frame, 8 * 36, 8, CODEWORDS);
                 add(
                     "random frame codewords of weight 8 behind the position CRC",
@@ -430,12 +433,12 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
     checks
 }
 
-/// xorshift64* (Vigna, 2014): enough for sampling, and the same everywhere.
+/// xorshift64* (Vigna, 2014), which suffices for sampling and is the same on every machine.
 struct Random(u64);
 
 impl Random {
     fn new(seed: u64) -> Self {
-        // A seed that differs in a few bits only should not begin alike.
+        // Seeds that differ in a few bits must not give similar beginnings.
         let mut random = Self(seed | 1);
         (0..16).for_each(|_| _ = random.next());
         random
@@ -448,7 +451,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// 0 to `limit` - 1, evenly but for a part in 2^50.
+    /// A number from 0 to `limit` - 1, uniform to a part in 2^50.
     fn below(&mut self, limit: usize) -> usize {
         ((u128::from(self.next()) * limit as u128) >> 64) as usize
     }

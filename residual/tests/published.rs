@@ -1,4 +1,5 @@
-//! What others have published of these polynomials, found again; and one polynomial in two notations told apart.
+//! Compares results with others' publications about these polynomials, and distinguishes one polynomial in two
+//! notations.
 use std::num::NonZero;
 
 use residual::codes::{CRC_32C, FRAME, IEEE_802_3, Named, OPC_UA_SAFETY, POLYNOMIALS, POSITION};
@@ -41,7 +42,7 @@ fn castagnolis_polynomials_have_the_distances_published() {
 
 #[test]
 fn opc_ua_safetys_digits_are_normal_notation() {
-    // Read as Koopman's, 0xF4ACFB13 is another polynomial, without the distance published.
+    // In Koopman's notation, 0xF4ACFB13 is another polynomial, without the published distance.
     let misread = Polynomial::from_koopman(32, 0xF4AC_FB13).unwrap();
     assert_eq!(OPC_UA_SAFETY.polynomial, Polynomial::from_normal(32, 0xF4AC_FB13).unwrap());
     assert_ne!(misread, OPC_UA_SAFETY.polynomial);
@@ -70,8 +71,8 @@ fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
 
 #[test]
 fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
-    // Frame, 0xF8C9140A: even digits are no polynomial in normal notation, so no distance at all: x divides it, and the
-    // last bit of an object is unprotected. Position, 0x9D7F97D6, likewise.
+    // The even digits of the frame CRC, 0xF8C9140A, are no polynomial in normal notation, so there is no distance at
+    // all: x divides it, and the last bit of an object is unprotected. The same holds for the position CRC, 0x9D7F97D6.
     for named in [FRAME, POSITION] {
         assert_eq!(Polynomial::from_normal(32, named.polynomial.koopman()), None, "{}", named.name);
         let algorithm = Box::leak(Box::new(crc::Algorithm {
@@ -85,7 +86,7 @@ fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
             residue: 0,
         }));
         let misused = crc::Crc::<u32>::new(algorithm);
-        // Bit 0 of the check value is that of the data's end alone: 31 bits are left.
+        // Bit 0 of the check value only depends on the data's end, so 31 bits are left.
         let lowest: Vec<u32> = (0..=255_u8).map(|byte| misused.checksum(&[0x48, byte, 0x17, 0x99, 0x03]) & 1).collect();
         assert!(lowest.iter().all(|bit| *bit == lowest[0]), "{}: the lowest check bit checks nothing", named.name);
     }

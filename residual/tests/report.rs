@@ -1,4 +1,4 @@
-//! What the command does, from the committed weights: all injections, the claims, the report's page and its JSON.
+//! Tests the command from the committed weights: all injections, the claims, the report's page and its JSON.
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -8,7 +8,7 @@ use residual::report::{Analysis, PLOT_PATH, REPORT_PATH, Report};
 use residual::wire::{self, Check, Expected, Injected, Object};
 use residual::{BitErrorRate, Code, DualWeights};
 
-/// Half a minute's work, done once.
+/// The report, which takes half a minute and is made once.
 static REPORT: LazyLock<Report> =
     LazyLock::new(|| Report::new(Analysis::committed().unwrap(), NonZero::new(2).unwrap()));
 
@@ -34,7 +34,7 @@ fn one_two_and_three_wrong_bits_are_always_rejected() {
 #[test]
 fn bursts_of_up_to_16_bits_are_always_rejected() {
     for object in Object::ALL {
-        // One burst of 1 bit at n places, 2^(b - 2) of b bits at n - b + 1.
+        // A burst of 1 bit has n places, and the 2^(b - 2) bursts of b bits have n - b + 1 places each.
         let n = object.bits() as u64;
         let tried = n + (2..=16).map(|b| (n - b + 1) << (b - 2)).sum::<u64>();
         let check = check(object, "every burst of 1 to 16 bits");
@@ -70,7 +70,7 @@ fn no_errors_below_12_damage_latitude_or_longitude_and_pass_both_crcs() {
     assert_eq!((joint.distance, joint.at_least), (Some(12), 12));
     assert!(!joint.words.is_empty());
     assert!(joint.words.iter().all(|word| word.len() == 12 && wire::touches(word, codes::REPORTED_BITS, 8..24)));
-    // Every candidate of 10 was looked up: as many as the dual says there are.
+    // Every candidate of weight 10 was tested: as many as the dual counts.
     let weights = Code { named: POSITION, bits: codes::POSITION_BITS }.weights().unwrap();
     for examined in &joint.examined {
         assert_eq!(weights.counts()[examined.inside], examined.candidates.into());
@@ -107,7 +107,7 @@ fn every_compared_code_is_in_the_json_by_length() {
             }
         }
     }
-    // In the text, where objects keep their order: the distance's weight comes first.
+    // Objects keep their order in the text: the distance's weight comes first.
     assert!(text.contains(r#""codeword_bits":480,"check_bits":32,"hd":8,"weights":{"8":"31604382","#));
     for claim in json["claims"].as_array().unwrap() {
         assert!(claim["claim"].is_string() && claim["holds"].is_boolean() && claim["figure"].is_string());
@@ -124,8 +124,8 @@ fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_er
     assert!(!holds("n = 3, bit error rate 1e-2"));
     assert!(holds("n = 3, bit error rate 1e-3"));
     assert!(holds("P_re,cond at most 4.0e-10"));
-    // By hand: 31 604 382 words of 8 in 480 bits, 53 157 895 in 512; at 1e-5 the next weights add less than a part in
-    // 10 000.
+    // The values by hand: 31 604 382 words of 8 in 480 bits, 53 157 895 in 512; at 1e-5 the next weights add less than
+    // a part in 10 000.
     let p = 1e-5_f64;
     let expected =
         360_000.0 * p.powi(8) * (53_157_895.0 * (1.0 - p).powi(504) + 3.0 * 31_604_382.0 * (1.0 - p).powi(472));

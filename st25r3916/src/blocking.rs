@@ -1,8 +1,8 @@
-//! The same machines and the same [`Executor`], polled to the next event on an [`SpiDevice`], an IRQ [`InputPin`] and a
+//! Runs the same machines and the same [`Executor`] with polling on an [`SpiDevice`], an IRQ [`InputPin`] and a
 //! [`DelayNs`].
 //!
-//! For bring-up on a bench, examples and small hosts. The IRQ pin is polled every
-//! [`POLL_US`]; every call returns after a bounded time.
+//! It is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every call returns
+//! after a bounded time.
 //!
 //! ```no_run
 //! # fn demo<S, P, D>(spi: S, irq: P, delay: D) -> Result<(), st25r3916::blocking::Error<S::Error, P::Error>>
@@ -27,10 +27,10 @@ use crate::machine::{Fault, Input, Short};
 use crate::poller::{self, PollerConfig, PollerCounters, PollerEvent, SendError};
 use crate::{Variant, command};
 
-/// How often the IRQ pin is looked at, in microseconds.
+/// The polling interval of the IRQ pin, µs.
 pub const POLL_US: u32 = 10;
 
-/// Why a blocking call failed. The next call recovers the chip by itself.
+/// The reason why a blocking call failed. The next call recovers the chip by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Error<S, P> {
@@ -44,7 +44,7 @@ pub enum Error<S, P> {
     Length,
 }
 
-/// The last transfer, which was over when it was started.
+/// The last transfer, which was complete when it had been started.
 #[derive(Clone, Copy, Debug)]
 enum Made {
     Short(usize),
@@ -64,9 +64,9 @@ struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     /// The payload that is sent, or the frame that was received.
     frame: [u8; BUFFER],
     made: Made,
-    /// What is left of the timer, in microseconds.
+    /// The remaining time of the timer, µs.
     left_us: u32,
-    /// What the wires have failed with since it was last asked for.
+    /// The last error of the wires, until it is taken.
     error: Option<Error<SPI::Error, IRQ::Error>>,
 }
 
@@ -76,7 +76,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         Self { spi, irq, delay, response, frame, made: Made::Failed, left_us: 0, error: None }
     }
 
-    /// Takes note of how a transfer ended.
+    /// Records the result of a transfer.
     fn made(&mut self, result: Result<Made, SPI::Error>) {
         self.made = result.unwrap_or_else(|error| {
             self.error = Some(Error::Spi(error));
@@ -84,7 +84,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         });
     }
 
-    /// Lets so much of the timer's time pass, at most `most_us`; in microseconds.
+    /// Lets up to `most_us` of the timer's time pass; returns the time passed, µs.
     fn pass(&mut self, most_us: u32) -> u32 {
         let us = self.left_us.min(most_us);
         self.delay.delay_us(us);
@@ -149,7 +149,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
     }
 }
 
-/// The next event `E` of a machine, or `None` when the time for it is over.
+/// The next event `E` of a machine, or `None` when the time limit is over.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
 /// A machine on its wires.
@@ -164,7 +164,7 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     let mut spent_us = 0_u32;
     loop {
         let waits = executor.is_waiting();
-        // A transfer that failed becomes an event: the error says more.
+        // A failed transfer becomes an event, but the error has more details.
         if (event.is_some() || waits)
             && let Some(error) = executor.port().error.take()
         {
@@ -189,7 +189,7 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
 pub struct Poller<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<poller::Poller, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
-    /// A poller on these wires. Nothing is sent yet.
+    /// A poller on these wires. No transfer has been made yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: PollerConfig) -> Self {
         Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
@@ -199,20 +199,19 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// Brings the chip up, or, if it is up, checks it: one attempt, at most about 0.3 s.
+    /// Brings the chip up or, if it is up, checks it: one attempt, at most about 0.3 s.
     ///
     /// # Errors
-    /// What stopped it; the next call tries again after a back-off of 1 ms to 64 ms.
+    /// The error that stopped it; the next call tries again after a back-off of 1 ms to 64 ms.
     pub fn bring_up(&mut self) -> Result<Variant, Error<SPI::Error, IRQ::Error>> {
         self.go_on(|machine| machine.step(Input::Start))?;
         self.0.machine().variant().ok_or(Error::Fault(Fault::Executor))
     }
 
-    /// Sends one frame of 1..=254 bytes and returns when the chip has sent it. Brings the chip up
-    /// first if it has to.
+    /// Sends one frame of 1..=254 bytes and returns when the chip has sent it. Brings the chip up first if necessary.
     ///
     /// # Errors
-    /// What stopped it; the frame may or may not have been sent.
+    /// The error that stopped it; the frame may or may not have been sent.
     pub fn send(&mut self, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
         if !self.0.machine().is_ready() {
             self.bring_up()?;
@@ -239,7 +238,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.go_on(|machine| machine.step(Input::Start)) // checked, Ready again
     }
 
-    /// Takes a step, and what follows from it, to the next event.
+    /// Takes a step, and the steps that follow from it, to the next event.
     fn go_on(
         &mut self,
         take: impl FnOnce(&mut poller::Poller) -> crate::Step<PollerEvent>,
@@ -257,7 +256,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
 pub struct Listener<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<listener::Listener, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
-    /// A listener on these wires. Nothing is sent yet.
+    /// A listener on these wires. No transfer has been made yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: ListenerConfig) -> Self {
         Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
@@ -267,24 +266,24 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// Which part answered the last bring-up.
+    /// The part that answered the last bring-up.
     pub const fn variant(&self) -> Option<Variant> {
         self.0.machine().variant()
     }
 
-    /// Goes on to the next event, or for `limit_us` microseconds of waiting, whichever is first
-    /// (`None`: nothing happened). Faults are events: the call after one recovers.
+    /// Continues to the next event, or for `limit_us` microseconds of waiting, whichever is first (`None`: there was no
+    /// event). Faults are events: the call after one recovers.
     ///
     /// # Errors
     /// The bus or the pin failed; the next call recovers.
     pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        // After an event; if the call before gave none, nothing.
+        // The machine resumes after an event; if the call before returned none, this has no effect.
         let event = self.0.resume();
         next(&mut self.0, event, Some(limit_us))
     }
 
-    /// The first `len` bytes of the payload that was received; until [`Listener::next`] is called again they are those
-    /// of the [`ListenerEvent::Frame`] that it gave last.
+    /// The first `len` bytes of the received payload; until the next call of [`Listener::next`] they are those of the
+    /// last [`ListenerEvent::Frame`].
     pub fn payload(&mut self, len: usize) -> &[u8] {
         self.0.port().frame.get(PAYLOAD_OFFSET..PAYLOAD_OFFSET + len).unwrap_or(&[])
     }

@@ -1,4 +1,4 @@
-//! Bring-up of either role: one list of operations, walked one at a time.
+//! Bring-up of either role: one list of operations, carried out one at a time.
 //!
 //! # The list
 //!
@@ -11,19 +11,19 @@
 //! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
 //!    rate read back.
 //!
-//! The order of the first part is the data sheet's power-up sequence. Two things are done that a chip in order would
-//! not need: the IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation
-//! when it is first relied on; and the interrupt registers are read once before the first wait, because the IRQ pin
-//! may have been high since before the host's reset. Nothing goes on air before every register was read back.
+//! The order of the first part is the data sheet's power-up sequence. Two steps are only needed by a chip in an unknown
+//! state: the IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
+//! it is first relied on; and the interrupt registers are read once before the first wait, because the IRQ pin may have
+//! been high since before the host's reset. The field stays off until every register has been read back.
 //!
-//! # Sources of the supply's part
+//! # Sources of the supply sequence
 //!
 //! The order (oscillator, calibration, measurement, `sup3V`, regulators), the source `mpsv` = VDD, the step of 23.4 mV
 //! and the threshold of 3.6 V are those of ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), of Flipper Zero
-//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and of embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`), which agree. That
-//! `reg_s` is to be toggled before the adjustment is in the first and the last of them. ST's library awaits I_dct
-//! after the RC calibration and goes on without it if it does not come; so does this one, because the next I_dct
-//! must not be taken for the measurement's.
+//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and of embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`), which agree. The first
+//! and the last of them toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and
+//! continues without it if it does not come. So does this driver, because the next I_dct must not be taken for the
+//! measurement's.
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
@@ -33,20 +33,20 @@ use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
 
-/// The interrupt registers alone, for the time before the masks are set.
+/// A read of only the interrupt registers, for the time before the masks are set.
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);
-/// Operation control, mode and bit rate: what a reset would change.
+/// A read of operation control, mode and bit rate, which a reset would change.
 pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OPERATION_CONTROL, 0, 0, 0]);
-/// The auxiliary display.
+/// A read of the auxiliary display.
 pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
-/// Interrupts without the awaited bit before the pin is called stuck.
+/// The number of interrupts without the awaited bit after which the pin counts as stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
 /// The shortest back-off before a bring-up, in microseconds; doubled by each failure.
 const BACK_OFF_US: u32 = 1_000;
-/// Back-off stops doubling at the seventh fault in a row: 1 ms · 2⁶ = 64 ms.
+/// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
 
-/// What the chip is brought up as.
+/// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Poller(Receiver),
@@ -54,7 +54,7 @@ pub(crate) enum Role {
 }
 
 impl Role {
-    /// Registers 02, 03 and 04 as they read in operation.
+    /// The values of registers 02, 03 and 04 in operation.
     pub(crate) const fn configuration(self) -> [u8; 3] {
         let [mode, rate] = match self {
             Self::Poller(_) => POLLER_MODE,
@@ -68,7 +68,7 @@ impl Role {
         [operation, mode, rate]
     }
 
-    /// Whether a [`CONFIGURATION_READ`] found the registers as they were set.
+    /// Checks that a [`CONFIGURATION_READ`] found the registers as they were set.
     ///
     /// # Errors
     /// [`Fault::Reset`] where the oscillator is not switched on, [`Fault::Register`] where another bit is wrong.
@@ -80,7 +80,7 @@ impl Role {
         }
     }
 
-    /// What the role sets before it goes on air, in order.
+    /// The role's settings before it goes on air, in order.
     const fn settings(self, variant: Variant) -> &'static [Setting] {
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
@@ -91,7 +91,7 @@ impl Role {
     }
 }
 
-/// Consecutive registers of one space and the values that they are set to, and must read back as.
+/// Consecutive registers of one space and their values, which must read back equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Setting {
     in_space_b: bool,
@@ -126,17 +126,17 @@ impl Setting {
         self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
     }
 
-    /// Whether the response to [`Setting::read`] has the values as they were written.
+    /// Checks that the response to [`Setting::read`] has the written values.
     ///
     /// # Errors
-    /// [`Fault::Register`] for the first that is not.
+    /// [`Fault::Register`] for the first difference.
     fn check(self, response: &[u8]) -> Result<(), Fault> {
         let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
         check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
     }
 }
 
-/// Whether the registers from `address` on were found as set.
+/// Checks that the registers from `address` on have the values that were set.
 fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
     if set.len() != found.len() {
         return Err(Fault::Bus);
@@ -161,8 +161,8 @@ const IO_3V: Setting = Setting::a(
 const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_MANUAL]);
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
-/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's
-/// receiver is off, but what its registers say should not depend on that, and [`Receiver::OnMasked`] switches it on.
+/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's receiver
+/// is off, but its register values should not depend on that, and [`Receiver::OnMasked`] switches it on.
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
     &[
@@ -214,7 +214,7 @@ const POLLER_B: [Setting; 12] = [
 const LISTENER_A: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_A);
 const LISTENER_B: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_B);
 
-/// No automatic answer and no load modulation come before the mode.
+/// The settings against automatic answers and load modulation come before the mode.
 const fn listener(antenna: &'static [u8]) -> [Setting; 9] {
     [
         Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
@@ -240,9 +240,9 @@ enum Part {
 
 /// One entry of the list.
 enum Operation {
-    /// A command or a write; the response means nothing.
+    /// A command or a write; the response is ignored.
     Send(Short),
-    /// A command or a write, then the wait for the interrupt that ends it.
+    /// A command or a write, followed by the wait for its end's interrupt.
     Run(Short, Awaited),
     /// Read the identity.
     Identify,
@@ -252,7 +252,7 @@ enum Operation {
     ReadBack(Setting),
     /// Read operation control, mode and bit rate back.
     Verify,
-    /// Nothing for this part or configuration.
+    /// No operation for this part or configuration.
     Skip,
     /// This part of the list is over.
     End,
@@ -277,7 +277,7 @@ impl Awaited {
         }
     }
 
-    /// What it is if the interrupt has not come by then. The calibration has its default to fall back on.
+    /// The fault if the interrupt has not come by then. The calibration falls back on its default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),
@@ -301,15 +301,15 @@ enum Phase {
     Sent,
     /// The awaited interrupt is outstanding.
     Waiting,
-    /// The interrupt registers are being read; `last`: the wait's time is over.
+    /// The interrupt registers are being read; `last` means that the wait's time is over.
     Reading { last: bool },
 }
 
-/// What bring-up wants next.
+/// The next action of bring-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Transfer(Short),
-    /// Wait for the IRQ pin, at most so many microseconds.
+    /// Wait for the IRQ pin, at most this many microseconds.
     Wait(u32),
     Finished,
     Failed(Fault),
@@ -319,13 +319,13 @@ pub(crate) enum Progress {
 pub(crate) struct BringUp {
     role: Role,
     variant: Option<Variant>,
-    /// The supply as measured, in millivolts.
+    /// The measured supply, mV.
     supply_mv: Option<u16>,
     part: Part,
     /// The operation under way within `part`.
     index: u8,
     phase: Phase,
-    /// Interrupts in a row that were not the awaited one.
+    /// The number of interrupts in a row that were not the awaited one.
     idle_irqs: u8,
     failures: u8,
     /// The setting that is read back next while the chip runs.
@@ -359,20 +359,20 @@ impl BringUp {
         self.supply_mv
     }
 
-    /// A fault was reported: the next back-off is twice as long, up to 64 ms.
+    /// Records a fault: the next back-off is twice as long, up to 64 ms.
     pub(crate) const fn failed(&mut self) {
         if self.failures < BACK_OFF_STEPS {
             self.failures += 1;
         }
     }
 
-    /// The time to wait before the next bring-up, in microseconds: 1 ms after the first fault.
+    /// The time to wait before the next bring-up, µs: 1 ms after the first fault.
     pub(crate) const fn back_off_us(&self) -> u32 {
         BACK_OFF_US << self.failures.saturating_sub(1)
     }
 
-    /// The link works: the next back-off is the shortest again. Not called at the end of bring-up, so
-    /// that a chip that resets right after each bring-up is not brought up without a pause.
+    /// Records that the link works: the next back-off is the shortest again. It is not called at the end of bring-up,
+    /// so that a chip that resets right after each bring-up is not brought up without a pause.
     pub(crate) const fn works(&mut self) {
         self.failures = 0;
     }
@@ -477,8 +477,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the first after it that this part of the list needs. At most one entry
-    /// in a row is skipped and each part has an entry, so the loop runs three times at most.
+    /// Issues the operation at `index`, or the next one that this part of the list needs. At most one entry in a row is
+    /// skipped and each part has an entry, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {
@@ -506,7 +506,7 @@ impl BringUp {
         }
     }
 
-    /// The IO configuration for the supply measured; until it is, for 5 V, as after a reset.
+    /// The IO configuration for the measured supply; before the measurement for 5 V, as after a reset.
     fn io(&self) -> Setting {
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
@@ -515,7 +515,7 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // Everything after the identity has a variant: without one, bring-up has failed.
+        // Every operation after the identity has a variant: without one, bring-up has failed.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -531,8 +531,8 @@ impl BringUp {
         }
     }
 
-    /// Everything that stays set when bring-up is over, in the order in which it is read back; but for operation
-    /// control, which [`CONFIGURATION_READ`] covers.
+    /// The settings that remain after bring-up, in the order of reading back, without operation control, which
+    /// [`CONFIGURATION_READ`] covers.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),
@@ -541,21 +541,21 @@ impl BringUp {
         }
     }
 
-    /// The setting whose turn it is; operation control, mode and bit rate have the last.
+    /// The setting to read back next; operation control, mode and bit rate come last.
     fn turn(&self) -> Option<Setting> {
         self.in_force(self.rotation)
     }
 
-    /// Reads back what has its turn. Called once a frame, so that everything has its turn within as many frames as
+    /// Reads the next setting back. It is called once a frame, so that every setting is read within as many frames as
     /// there are settings.
     pub(crate) fn read_next(&self) -> Short {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }
 
-    /// Takes the response to [`BringUp::read_next`]; what comes next has its turn.
+    /// Checks the response to [`BringUp::read_next`] and advances to the next setting.
     ///
     /// # Errors
-    /// [`Fault::Register`] if a register is not as it was set, or as [`Role::check_configuration`] says.
+    /// [`Fault::Register`] if a register differs from its setting, or the errors of [`Role::check_configuration`].
     pub(crate) fn check_next(&mut self, response: &[u8]) -> Result<(), Fault> {
         match self.turn() {
             Some(setting) => {
@@ -610,7 +610,7 @@ impl BringUp {
     }
 }
 
-/// A result of the supply measurement in millivolts: steps of 23.4 mV, rounded.
+/// Converts a result of the supply measurement to millivolts: steps of 23.4 mV, rounded.
 const fn supply_mv(steps: u8) -> u16 {
     (steps as u16 * 234 + 5) / 10
 }

@@ -20,7 +20,7 @@ pub const SPACE_TEST: u8 = 0xFC;
 pub const SET_DEFAULT: Short = Short::new([0xC1]);
 /// Stop all activities: transmission, reception, timers.
 pub const STOP: Short = Short::new([0xC2]);
-/// Transmit with CRC: the FIFO's content, framed as the mode register says.
+/// Transmit with CRC: the FIFO's content, framed by the mode register.
 pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
 /// Mask receive data: the receiver runs but reports nothing.
 pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
@@ -33,8 +33,8 @@ pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
 pub const MEASURE_SUPPLY: Short = Short::new([0xDF]);
 /// Clear the FIFO.
 ///
-/// The data sheet contradicts itself on whether this also clears the interrupt registers; nothing in
-/// this crate depends on either.
+/// The data sheet contradicts itself on whether this also clears the interrupt registers; this crate depends on
+/// neither.
 pub const CLEAR_FIFO: Short = Short::new([0xDB]);
 /// RC oscillator calibration (ST25R3916B only); I_dct at its end, at most 5 ms later.
 pub const RC_CALIBRATION: Short = Short::new([0xEA]);

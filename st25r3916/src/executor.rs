@@ -1,33 +1,33 @@
-//! The executor: carries out either machine's steps through a port whose every operation only starts something.
+//! The executor: carries out either machine's steps through a port whose operations only start something.
 //!
 //! Three interrupts drive it: a transfer has ended, the IRQ pin has risen, the timer has run out. Each of them calls
-//! [`Executor::poll`], which asks the port what is the case rather than trusting which interrupt came. So an edge of
-//! the IRQ pin that is lost or reported twice, or an interrupt that comes late, does no harm, and whoever polls now and
-//! then without a reason repairs what a lost edge could have left waiting.
+//! [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So an edge of the IRQ
+//! pin that is lost or reported twice, or an interrupt that comes late, does no harm, and an occasional poll without a
+//! cause recovers from a lost edge.
 //!
-//! Nothing waits here: a call ends when a transfer or the timer runs, or with an event. Every transfer has a bound,
-//! [`TRANSFER_US`]; one that does not end is reported to the machine as failed, and the machine brings the chip up
-//! again.
+//! The executor never blocks: a call ends when a transfer or the timer runs, or with an event. Every transfer has a
+//! time limit, [`TRANSFER_US`]; one that does not end is reported to the machine as failed, and the machine brings the
+//! chip up again.
 
 use core::num::NonZeroUsize;
 
 use crate::machine::{Input, Short, Step, Transfer};
 use crate::{Listener, ListenerEvent, Poller, PollerEvent};
 
-/// The longest transfer, in microseconds: 258 bytes at 8 MHz take 258 µs; with margin.
+/// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// Steps without a transfer or a wait before a call gives the processor back. The machines need two.
+/// The number of steps without a transfer or a wait after which a call returns. The machines need two.
 const STEPS: u32 = 8;
-/// How long a machine that exceeds that is left alone, in microseconds.
+/// The pause for a machine that exceeds that, µs.
 const PAUSE_US: u32 = 1_000;
 
-/// What an executor drives: [`Poller`] or [`Listener`].
+/// The machine that an executor drives: [`Poller`] or [`Listener`].
 pub trait Machine {
-    /// What it tells its owner.
+    /// Its events for the owner.
     type Event;
 
-    /// Takes one input, gives the next step.
+    /// Takes one input and returns the next step.
     fn step(&mut self, input: Input<'_>) -> Step<Self::Event>;
 }
 
@@ -56,27 +56,27 @@ pub trait Port {
     /// Starts this transfer, full duplex, chip select low from first to last bit.
     fn start_short(&mut self, short: &Short);
 
-    /// Starts a [`Transfer::Load`]; false where there are no such bytes. A listener needs none.
+    /// Starts a [`Transfer::Load`]; false where these bytes do not exist. A listener needs none.
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Starts a [`Transfer::Read`]; false where there is no such place. A poller needs none.
+    /// Starts a [`Transfer::Read`]; false where that place does not exist. A poller needs none.
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Whether the transfer has ended, well or not. If so chip select is high again, and this is not asked again before
-    /// the next one.
+    /// Whether the transfer has ended, with or without success. If so, chip select is high again, and this is not
+    /// called again before the next transfer.
     fn ended(&mut self) -> bool;
 
-    /// What the transfer that ended has clocked in, as [`Input::Done`] describes it.
+    /// The bytes that the ended transfer has clocked in, as [`Input::Done`] describes them.
     ///
     /// # Errors
     ///
-    /// [`Failed`] if it went wrong or was shorter than asked for.
+    /// [`Failed`] if it went wrong or was too short.
     fn response(&self) -> Result<&[u8], Failed>;
 
     /// Stops a transfer that does not end; chip select is high afterwards.
@@ -85,14 +85,14 @@ pub trait Port {
     /// Whether the IRQ pin is high.
     fn irq_is_high(&mut self) -> bool;
 
-    /// Starts the timer: `us` µs from now, or a little more. It replaces what was started before.
+    /// Starts the timer for `us` µs, or slightly more. It replaces an earlier start.
     fn start_timer(&mut self, us: u32);
 
     /// Whether that time is over.
     fn elapsed(&mut self) -> bool;
 }
 
-/// What an executor waits for.
+/// The condition that an executor waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     /// The end of a transfer.
@@ -103,7 +103,7 @@ enum Waiting {
     Time,
     /// The timer, after an event.
     Later,
-    /// The owner has been given an event and has not gone on yet.
+    /// The owner has an event and has not resumed yet.
     Owner,
 }
 
@@ -113,47 +113,47 @@ pub struct Executor<M, P> {
     machine: M,
     port: P,
     waiting: Waiting,
-    /// The transfer that runs is a load.
+    /// Whether the present transfer is a load.
     loading: bool,
-    /// Where the read that runs ends in the frame, if one runs.
+    /// The end of the present read in the frame, if one is running.
     reading_to: Option<NonZeroUsize>,
-    /// How many bytes of the frame the read that has just ended has completed, if one has.
+    /// The number of bytes of the frame after the read that has just ended, if one has.
     arrived: Option<NonZeroUsize>,
 }
 
 impl<M: Machine, P: Port> Executor<M, P> {
-    /// Nothing has happened yet; [`Executor::resume`] begins the bring-up.
+    /// The initial state; [`Executor::resume`] begins the bring-up.
     pub const fn new(machine: M, port: P) -> Self {
         Self { machine, port, waiting: Waiting::Owner, loading: false, reading_to: None, arrived: None }
     }
 
-    /// The machine, to look at.
+    /// Read access to the machine.
     pub const fn machine(&self) -> &M {
         &self.machine
     }
 
-    /// The port, to swap its buffer while an event is in hand.
+    /// The port, to swap its buffer after an event.
     pub const fn port(&mut self) -> &mut P {
         &mut self.port
     }
 
-    /// Whether a FIFO load is under way: the bytes under it must not change.
+    /// Whether a FIFO load is under way: its bytes must not change.
     pub const fn is_loading(&self) -> bool {
         self.loading
     }
 
-    /// Whether the timer is what it waits for, or the IRQ pin: nothing happens before one of them does.
+    /// Whether it only waits for the timer or the IRQ pin.
     pub const fn is_waiting(&self) -> bool {
         matches!(self.waiting, Waiting::IrqOrTime | Waiting::Time | Waiting::Later)
     }
 
-    /// How many bytes of the frame that is being received are in the buffer, LEN included: once for each read, when it
-    /// has ended. `None` while more are read, since the buffer must not be looked at then.
+    /// The number of bytes in the buffer of the frame being received, LEN included: once for each read that has ended.
+    /// `None` while more are read, because the buffer must not be read then.
     pub fn take_arrived(&mut self) -> Option<usize> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
 
-    /// Takes note of what has happened and goes on as far as possible; with an event if there is one, after which the
+    /// Evaluates the port's state and continues as far as possible; returns an event if there is one, after which the
     /// owner calls [`Executor::resume`], [`Executor::go_on`] or [`Executor::resume_later`].
     pub fn poll(&mut self) -> Option<M::Event> {
         let step = match self.waiting {
@@ -177,13 +177,13 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Goes on after an event.
+    /// Continues after an event.
     pub fn resume(&mut self) -> Option<M::Event> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Goes on after an event with the step that the owner has the machine take. While something is under way nothing
-    /// happens: the step that is outstanding would be lost.
+    /// Continues after an event with the step that the owner makes the machine take. While an operation is under way
+    /// this has no effect, because the outstanding step would be lost.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;
@@ -192,7 +192,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Goes on after an event, but only `us` µs later.
+    /// Continues after an event, but only `us` µs later.
     pub fn resume_later(&mut self, us: u32) {
         self.wait(Waiting::Later, us);
     }
@@ -201,7 +201,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         for _ in 0..STEPS {
             step = match step {
                 Step::Transfer(transfer) => {
-                    // The transfer first: its bound can be set while it runs.
+                    // The transfer is started first: its time limit can be set while it runs.
                     if self.start(transfer) {
                         self.wait(Waiting::Transfer, TRANSFER_US);
                         return None;
@@ -210,7 +210,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
                 Step::Wait { us } => {
                     self.wait(Waiting::IrqOrTime, us);
-                    // The pin is a level: it may be high already, or again, and then no edge comes.
+                    // The pin is a level: it may already be high, or high again, and then no edge comes.
                     if !self.port.irq_is_high() {
                         return None;
                     }
@@ -231,7 +231,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         None
     }
 
-    /// Whether the port could start it.
+    /// Starts a transfer; returns whether the port could.
     fn start(&mut self, transfer: Transfer) -> bool {
         match transfer {
             Transfer::Short(short) => {

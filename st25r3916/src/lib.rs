@@ -1,12 +1,10 @@
-//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener,
-//! one way.
+//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener, in one direction.
 //!
-//! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`]
-//! receives them; it never answers, and its driver registers are set so that it could not. There is no
-//! activation, no acknowledgement and no retry: what is lost is lost, and both ends get back to work by
-//! themselves.
+//! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives them;
+//! it never answers, and its driver registers are set so that it cannot. There is no activation, no acknowledgement and
+//! no retry: a lost frame stays lost, and both ends recover by themselves.
 //!
-//! # The simplest use
+//! # Simple use
 //!
 //! On `embedded-hal` traits, one call at a time ([`blocking`]):
 //!
@@ -15,7 +13,7 @@
 //! # use st25r3916::blocking::Error;
 //! use st25r3916::{ListenerConfig, ListenerEvent, PollerConfig, blocking};
 //!
-//! // One board: SPI mode 1, at most 10 MHz; the chip's IRQ pin; a delay.
+//! // One board has SPI mode 1 at 10 MHz at most, the chip's IRQ pin and a delay.
 //! # type Done<S, P> = Result<(), Error<S, P>>;
 //! # fn poller<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Done<S::Error, P::Error> {
 //! let mut poller = blocking::Poller::new(spi, irq, delay, PollerConfig::new());
@@ -36,28 +34,28 @@
 //!
 //! # Machines and executors
 //!
-//! Neither machine touches a bus. Each is a value with one method, `step`, which takes what just
-//! happened ([`Input`]) and gives what to do next ([`Step`]): make one SPI transfer, wait for the IRQ
-//! pin with a bound, or tell the caller something. Whoever carries the steps out is the executor. The one in
-//! [`executor`] does it through a [`executor::Port`], whose operations only start something: behind it are interrupts
-//! and DMA, or the polled wires of [`blocking`]. The logic is the same and is tested without hardware.
+//! Neither machine accesses a bus. Each is a value with one method, `step`, which takes the last event ([`Input`]) and
+//! returns the next action ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an
+//! event to the caller. An executor carries the steps out. The one in [`executor`] does it through a
+//! [`executor::Port`], whose operations only start something: behind it are interrupts and DMA, or the polled wires of
+//! [`blocking`]. The logic is the same and is tested without hardware.
 //!
-//! | step | the executor | then gives |
+//! | step | the executor | the next input |
 //! |---|---|---|
 //! | [`Step::Transfer`] | makes one transfer, chip select low throughout | [`Input::Done`] or [`Input::Failed`] |
-//! | [`Step::Wait`] | looks at the IRQ pin's level, and at a timer | [`Input::Irq`] or [`Input::Timeout`] |
-//! | [`Step::Delay`] | looks at a timer alone | [`Input::Timeout`] |
-//! | [`Step::Event`] | hands it to the caller, who may swap buffers now and only now | [`Input::Start`] |
+//! | [`Step::Wait`] | reads the IRQ pin's level, and a timer | [`Input::Irq`] or [`Input::Timeout`] |
+//! | [`Step::Delay`] | reads only a timer | [`Input::Timeout`] |
+//! | [`Step::Event`] | passes it to the caller, who may swap buffers only now | [`Input::Start`] |
 //!
-//! Three promises hold for every machine, in every state, whatever it is given:
+//! Three guarantees hold for every machine, in every state and for every input:
 //!
-//! - a call returns one step after a small bounded number of instructions, the same whatever the payload says;
-//! - every wait has a bound, and every failure becomes an event with a [`Fault`] or a [`Dropped`];
-//! - with a working chip and an executor that answers the step outstanding, it comes back to
-//!   [`PollerEvent::Ready`] or [`ListenerEvent::Listening`] by itself.
+//! - a call returns one step after a small bounded number of instructions, which does not depend on the payload;
+//! - every wait has a time limit, and every failure becomes an event with a [`Fault`] or a [`Dropped`];
+//! - with a working chip and an executor that answers the outstanding step, it returns to [`PollerEvent::Ready`] or
+//!   [`ListenerEvent::Listening`] by itself.
 //!
-//! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are
-//! read. Executors on an edge-triggered input look at the level when a [`Step::Wait`] begins.
+//! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are read.
+//! Executors on an edge-triggered input read the level when a [`Step::Wait`] begins.
 //!
 //! The states of each machine, with a diagram, are in [`poller`] and [`listener`].
 //!
@@ -67,7 +65,7 @@
 //! use st25r3916::{Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent};
 //! use st25r3916::{FrameFlags, Fault, ListenerState, PollerState, ReadMode, Step, Transfer, Variant};
 //!
-//! /// The bytes of the short transfer that a step asks for.
+//! /// The bytes of the short transfer that a step requests.
 //! fn mosi<E>(step: Step<E>) -> Vec<u8> {
 //!     match step {
 //!         Step::Transfer(Transfer::Short(short)) => short.bytes().to_vec(),
@@ -138,11 +136,11 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0x22, 0x07, 0xA0]); // length
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x59, 0, 0, 0, 0, 0, 0, 0]); // empty?
 //! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Prepared));
-//! // The payload is known: 80 and its first bytes.
+//! // Once the payload is known, its first bytes are loaded after the byte 80.
 //! let head = Transfer::Load { offset: 0, len: 16 };
 //! assert_eq!(poller.step(Input::Start), Step::Transfer(head));
 //! assert_eq!(poller.step(Input::Done(&[])), Step::Event(PollerEvent::Loaded));
-//! // At its own instant the executor sends this one byte, and then the rest of the payload:
+//! // At an instant of its choice the executor sends this one byte, and then the rest of the payload.
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
 //! let rest = Transfer::Load { offset: 16, len: 228 };
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Transfer(rest));
@@ -156,7 +154,7 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x30]))), [0x40, 0, 0]); // one of the settings after each frame
 //! assert_eq!(poller.step(Input::Done(&[0, 0x07, 0x3C])), Step::Event(PollerEvent::Ready));
 //!
-//! // The listener, a 3916, up to its regulators: as above without the RC calibration.
+//! // The listener is a 3916: up to its regulators the steps are the same, without the RC calibration.
 //! let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
 //! let mut listener = Listener::new(config);
 //! let _ = listener.step(Input::Start);
@@ -236,10 +234,10 @@
 //!
 //! # Sources
 //!
-//! "DS13541" is ST's data sheet of the ST25R3916B. Where the ST25R3916 differs (identity, overheat
-//! protection, antenna tuning, the coding of the AM depth) the driver reads which part it has and
-//! adapts. Values that the data sheet leaves to the user follow public drivers, named in [`register`]
-//! and in `bring_up.rs`. What no source settles is in the README's list of known trouble.
+//! "DS13541" is ST's data sheet of the ST25R3916B. Where the ST25R3916 differs (identity, overheat protection, antenna
+//! tuning, the coding of the AM depth), the driver reads the part's identity and adapts. Values that the data sheet
+//! leaves to the user follow public drivers, named in [`register`] and in `bring_up.rs`. The README's list of known
+//! trouble has what no source settles.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -263,7 +261,7 @@ pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState,
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
 /// The longest wait for the RC calibration of an ST25R3916B, in microseconds (5 ms in the data sheet). Without its
-/// interrupt bring-up goes on after this time.
+/// interrupt, bring-up continues after this time.
 pub const CALIBRATION_US: u32 = 6_000;
 /// The longest wait for the supply measurement, in microseconds (25 µs in the data sheet).
 pub const MEASUREMENT_US: u32 = 1_000;
@@ -276,12 +274,12 @@ pub const FRAME_US: u32 = 6_000;
 
 /// The lowest supply (VDD) that the data sheet allows, in millivolts. Less is [`Fault::SupplyOutOfRange`].
 pub const SUPPLY_MIN_MV: u16 = 2_400;
-/// From this supply on, in millivolts, the chip is set up for 5 V; below it for 3.3 V (`sup3V`).
+/// The supply from which on the chip is set up for 5 V, mV; below it the setting is 3.3 V (`sup3V`).
 pub const SUPPLY_5V_MV: u16 = 3_600;
 /// The highest supply (VDD) that the data sheet allows, in millivolts. More is [`Fault::SupplyOutOfRange`].
 pub const SUPPLY_MAX_MV: u16 = 5_500;
 
-/// Which part answered, from its identity register.
+/// The part that answered, by its identity register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Variant {
@@ -291,17 +289,17 @@ pub enum Variant {
     B,
 }
 
-/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: how long a
-/// poller waits for the end of its own frame.
+/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: the time for
+/// which a poller waits for the end of its own frame.
 ///
-/// 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of 13.56 MHz.
-/// Without 64-bit arithmetic, which is a library call on a Cortex-M4.
+/// It consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of
+/// 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
 const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
 }
 
-/// The README's example is a test as well.
+/// This runs the README's example as a test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
@@ -312,7 +310,7 @@ mod tests {
 
     #[test]
     fn air_times_are_those_of_the_bit_rate() {
-        // 4.814159 ms and 5.002950 ms.
+        // The exact values are 4.814159 ms and 5.002950 ms.
         assert_eq!((air_time_us(244), air_time_us(254)), (4_815, 5_003));
         for payload in 0..=255_u8 {
             let carrier_periods = (48 + 16 + 8 * (1 + u64::from(payload) + 2)) * 32;

@@ -1,9 +1,9 @@
-//! The listener: receives NFC-F frames, never answers.
+//! The listener receives NFC-F frames and never answers.
 //!
 //! # States
 //!
-//! [`Listener::state`] tells where a listener is. Names are those of [`ListenerState`], words in capitals are
-//! events; after an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
+//! [`Listener::state`] returns the state. Names are those of [`ListenerState`], words in capitals are events; after an
+//! event the machine waits for [`Input::Start`]. A comma separates successive states.
 //!
 //! ```text
 //!        New ◄── FAULT for silence              any state
@@ -30,64 +30,63 @@
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
 //! ```
 //!
-//! Not drawn: an error outside a frame leads from ReadingStatus to RearmClear; a second sync within a frame is
-//! DROPPED, from where Reported leads back to Receiving.
+//! The diagram omits two transitions: an error outside a frame leads from ReadingStatus to RearmClear; a second sync
+//! within a frame is DROPPED, from where Reported leads back to Receiving.
 //!
 //! # A frame
 //!
-//! I_rxs (sync seen) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every
-//! 18.9 µs. With [`ReadMode::StoreAndForward`] the machine sleeps until I_rxe and reads everything
-//! then: at 8 MHz 246 µs for the 245 bytes before the CRC-16 of a frame of 247. With
-//! [`ReadMode::WhileFilling`] it reads three times on the way,
+//! I_rxs (sync detected) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every 18.9 µs. With
+//! [`ReadMode::StoreAndForward`] the machine waits until I_rxe and then reads everything: at 8 MHz 246 µs for the 245
+//! bytes before the CRC-16 of a frame of 247. With [`ReadMode::WhileFilling`] it reads three times before that,
 //!
-//! 1. 16 bytes after the sync: what is there, LEN among it, which tells the frame's end;
-//! 2. [`BODY`] bytes before that end: what is there, most of the frame;
-//! 3. [`TAIL`] bytes before that end: what is there,
+//! 1. 16 bytes after the sync: the bytes present, which include LEN and so determine the frame's end;
+//! 2. [`BODY`] bytes before that end: the bytes present, most of the frame;
+//! 3. [`TAIL`] bytes before that end: the bytes present,
 //!
-//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The CRC-16 stays
-//! in the FIFO as far as it has not been read by then: the chip has compared it, and re-arming clears it away. The FIFO
-//! is never read empty while the chip fills it: a read on the way takes one byte less than the level gave, which can
-//! only have grown since, or takes so long that another byte has come by its end. An executor that is late at any of
-//! these instants finds more bytes, or the end; the result is the same, only later. A LEN damaged on air puts the
-//! second read at a wrong instant, nothing more.
+//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The part of the
+//! CRC-16 that has not been read by then stays in the FIFO: the chip has compared it, and re-arming clears it. The FIFO
+//! is never read empty while the chip fills it: an early read takes one byte less than the level, which can only have
+//! grown since, or takes so long that another byte has come by its end. An executor that is late at any of these
+//! instants finds more bytes, or the end; the result is the same, only later. A LEN damaged on air only puts the second
+//! read at a wrong instant.
 //!
 //! # Delivery before re-arming
 //!
-//! [`ListenerEvent::Frame`] is given as soon as the last byte is in the buffer; the transfers that
-//! re-arm the receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next
-//! [`Input::Start`]. The next frame's first byte is at least its preamble and sync (151 µs) after its
-//! beginning. Should it have begun before the executor came back, the status read shows its I_rxs and
-//! the machine leaves the FIFO alone (the chip resets it at I_rxs) and receives it. It clears only a FIFO that holds
-//! something, as after a frame, behind which the next one is far; an idle chip's it leaves alone. What cannot be told
-//! apart after a frame is a sync in the few microseconds between that read and the clear: if the clear also discards
-//! the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
+//! [`ListenerEvent::Frame`] is returned as soon as the last byte is in the buffer; the transfers that re-arm the
+//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. The next frame's
+//! first byte comes at least its preamble and sync (151 µs) after its beginning. If it has begun before the executor
+//! returns, the status read shows its I_rxs, and the machine leaves the FIFO alone (the chip resets it at I_rxs) and
+//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next one is far away; it does
+//! not clear that of an idle chip. After a frame, one case cannot be detected: a sync in the few microseconds between
+//! that read and the clear. If the clear also discards the interrupt (the data sheet contradicts itself), the frame is
+//! recognised only by its I_rxe.
 //!
-//! So I_eon and I_eof can be lost, too. After a bring-up, and [`ListenerConfig::supervision_us`] after the last
-//! interrupt, the field detector's output is read, and what it says is told if it differs from what was told before.
-//! (ST's RFAL reads the same bit before it relies on these interrupts.)
+//! Therefore I_eon and I_eof can also be lost. After a bring-up, and [`ListenerConfig::supervision_us`] after the last
+//! interrupt, the field detector's output is read, and reported if it differs from the last report. (ST's RFAL reads
+//! the same bit before it relies on these interrupts.)
 //!
 //! # Recovery
 //!
-//! | trouble | what happens |
+//! | trouble | reaction |
 //! |---|---|
 //! | I_rxs without I_rxe | [`Dropped::NoEnd`] 6 ms after I_rxs, re-arm |
 //! | I_rxs again without I_rxe | [`Dropped::Overrun`], the new frame is received |
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
-//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, field detector read, re-arm |
-//! | a register that is not as it was set | [`Fault::Register`] when its turn comes, one setting at each re-arming |
+//! | no event for [`ListenerConfig::supervision_us`] | configuration checked, field detector read, re-arm |
+//! | a register that differs from its setting | [`Fault::Register`] when it is read back, one setting at each re-arming |
 //! | no frame for [`SILENCE_US`] | [`Fault::Silence`], bring-up; then after twice that, up to [`SILENCE_LONGEST_US`] |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
 //! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms. Silence is none of
-//! these: the poller may be off, and a listener that backs off hears nothing. What is put off is the next bring-up.
+//! these: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
 //!
-//! # What is read back while the chip runs
+//! # Settings read back while the chip runs
 //!
-//! At each re-arming, one of the settings that bring-up has made is read back, in turn. With a frame every 10 ms each
-//! has its turn within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a
-//! frame which begins meanwhile is received, and takes at most 8 bytes.
+//! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each is read
+//! within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a frame which
+//! begins meanwhile is received, and takes at most 8 bytes.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -96,34 +95,34 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
-/// With [`ReadMode::WhileFilling`], bytes that are still to come when the second read begins. Until the third there are
-/// 24 bytes, 453 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status, and the rest is
-/// the executor's to verify what has arrived.
+/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the second read begins. 24 bytes
+/// remain until the third, 453 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status,
+/// and the executor has the rest of the time to verify the received bytes.
 pub const BODY: usize = 30;
-/// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, the CRC-16 among them.
-/// They take 113 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The executor may
-/// be late by the rest: by a byte's time, 19 µs, since LEN tells the end in whole bytes, by its own work, and by what
-/// interrupts it. A third read that is still under way as the frame ends is what makes a delivery late.
+/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the third read begins, with the
+/// CRC-16. They take 113 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
+/// executor may be late by the rest: by a byte's time, 19 µs, because LEN gives the end in whole bytes, by its own
+/// work, and by interrupts. A third read that is still under way at the frame's end makes the delivery late.
 pub const TAIL: usize = 6;
-/// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
+/// With [`ReadMode::WhileFilling`], the number of bytes awaited before the first read.
 const HEAD: u16 = 16;
-/// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.
+/// The number of bytes that an early read leaves in the FIFO, so that it never runs dry while the chip fills it.
 const MARGIN: u16 = 1;
-/// While so many bytes are read, at 10 MHz at most, another has arrived, if LEN says that more are to come: the third
-/// read, after which little time is left, then needs no [`MARGIN`].
+/// The number of bytes whose reading takes so long, at 10 MHz at most, that another arrives meanwhile, if LEN announces
+/// more: the third read, after which little time is left, then needs no [`MARGIN`].
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
-/// What a read takes beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
+/// The time of a read beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
 const READ_OVERHEAD_US: u16 = 10;
-/// A listener to which no frame was delivered for this long is brought up anew, in microseconds: 50 cycles of 10 ms.
-/// The time is that of its waits, so it is a lower bound.
+/// The time without a delivered frame after which a listener is brought up again, in microseconds: 50 cycles of 10 ms.
+/// It is the sum of its waits, so it is a lower bound.
 pub const SILENCE_US: u32 = 500_000;
-/// Each bring-up for silence in a row comes after twice the time of the one before, up to this, in microseconds.
+/// The longest time to a bring-up for silence, µs: each one in a row comes after twice the time of the one before.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// What counts as waited, in microseconds, for each wait for a frame's beginning and each frame that another begins
-/// within: interrupts without a frame must not keep a deaf listener from noticing.
+/// The time that counts as waited, in microseconds, for each wait for a frame's beginning and each frame within which
+/// another begins: interrupts without a frame must not keep a deaf listener from detecting it.
 const DISTURBED_US: u32 = 1_000;
 /// LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
@@ -132,42 +131,42 @@ const CRC: u16 = 2;
 /// LEN and CRC-16.
 const OVERHEAD: u16 = 3;
 
-/// The time `bytes` take at 424 kbit/s, in microseconds: 8 · 32 / 13.56 MHz = 18.879 µs each.
+/// The time of `bytes` bytes at 424 kbit/s, µs: 8 · 32 / 13.56 MHz = 18.879 µs each.
 const fn bytes_us(bytes: u16) -> u16 {
     ((bytes as u32 * 1_208) >> 6) as u16
 }
 
-/// Bytes the caller's receive buffer must have: LEN (one byte, ≤ 255) counts itself and the
-/// payload; the CRC-16 follows.
+/// The size of the caller's receive buffer, bytes: LEN (one byte, ≤ 255) counts itself and the payload; the CRC-16
+/// follows.
 pub const BUFFER: usize = 257;
-/// Where the payload starts in the receive buffer; the byte before it is LEN.
+/// The offset of the payload in the receive buffer; the byte before it is LEN.
 pub const PAYLOAD_OFFSET: usize = 1;
 
-/// When a listener reads the FIFO.
+/// The instants at which a listener reads the FIFO.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReadMode {
-    /// After the frame's end (I_rxe), all at once.
+    /// It reads everything at once after the frame's end (I_rxe).
     StoreAndForward,
-    /// While the frame arrives, at instants computed from the bit rate and the frame's own LEN, so
-    /// that few bytes are left when it ends.
+    /// It reads while the frame arrives, at instants computed from the bit rate and the frame's own LEN, so that few
+    /// bytes are left when it ends.
     #[default]
     WhileFilling,
 }
 
-/// How a listener is brought up.
+/// The settings of a listener's bring-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerConfig {
-    /// When the FIFO is read.
+    /// The instants at which the FIFO is read.
     pub read_mode: ReadMode,
-    /// With nothing on air, the chip is checked and re-armed this often, in microseconds. Longer
-    /// than the time between frames, it costs nothing while frames come.
+    /// The interval at which an idle chip is checked and re-armed, in microseconds. If it exceeds the time between
+    /// frames, it costs nothing while frames come.
     pub supervision_us: u32,
 }
 
 impl ListenerConfig {
-    /// Reads while the frame arrives, checks an idle chip every 20 ms.
+    /// The default reads while the frame arrives and checks an idle chip every 20 ms.
     #[must_use]
     pub const fn new() -> Self {
         Self { read_mode: ReadMode::WhileFilling, supervision_us: 20_000 }
@@ -180,8 +179,7 @@ impl Default for ListenerConfig {
     }
 }
 
-/// What the chip said about a frame. None of it rejects a frame by itself: the payload carries
-/// its own checks.
+/// The chip's flags about a frame. None of them rejects a frame by itself: the payload has its own checks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrameFlags(u8);
@@ -195,7 +193,7 @@ impl FrameFlags {
     pub const OVERFLOW: Self = Self(0x04);
     /// The FIFO was read beyond its content.
     pub const UNDERFLOW: Self = Self(0x08);
-    /// LEN does not agree with the number of bytes received.
+    /// LEN differs from the number of bytes received.
     pub const LENGTH: Self = Self(0x10);
     /// The last byte was incomplete. It is left out of the frame.
     pub const PARTIAL: Self = Self(0x20);
@@ -206,7 +204,7 @@ impl FrameFlags {
         Self(0)
     }
 
-    /// Whether the chip found nothing wrong.
+    /// Whether the chip found no error.
     #[must_use]
     pub const fn is_clean(self) -> bool {
         self.0 == 0
@@ -224,47 +222,47 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// Both sets together.
+    /// The union of both sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// The bits as above, for a log or a counter.
+    /// The bits of the flags, for a log or a counter.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
     }
 }
 
-/// Why a frame that began is not delivered.
+/// The reason why a frame that began is not delivered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Dropped {
-    /// I_rxs, but no I_rxe within [`crate::FRAME_US`].
+    /// I_rxs came, but no I_rxe within [`crate::FRAME_US`].
     NoEnd,
-    /// The field went off under it.
+    /// The field went off during the frame.
     FieldLost,
     /// Too short to hold LEN, one payload byte and the CRC-16.
     Runt,
-    /// Longer than LEN can say.
+    /// Longer than LEN can express.
     TooLong,
     /// Another frame began before this one was read.
     Overrun,
 }
 
-/// What a listener reports. The frame buffer may be swapped by the caller on any event.
+/// A listener's event. The caller may swap the frame buffer on any event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerEvent {
-    /// The chip is configured, checked and listens.
+    /// The chip is configured, checked and listening.
     Listening,
-    /// A frame is in the buffer: `buffer[1..1 + len]` is its payload. Given before the chip is
-    /// re-armed: [`Input::Start`] re-arms it.
+    /// A frame is in the buffer: `buffer[1..1 + len]` is its payload. The event comes before the chip is re-armed,
+    /// which [`Input::Start`] does.
     Frame {
         /// Payload length in bytes, 1..=254, from the number of whole bytes received.
         len: usize,
-        /// What the chip said about it.
+        /// The chip's flags about it.
         flags: FrameFlags,
     },
     /// A frame began but is not delivered.
@@ -281,15 +279,15 @@ pub enum ListenerEvent {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerCounters {
-    /// Frames delivered, whatever their flags.
+    /// Delivered frames, with any flags.
     pub frames: u32,
-    /// Of these, with [`FrameFlags::CRC`].
+    /// Delivered frames with [`FrameFlags::CRC`].
     pub crc: u32,
-    /// Of these, with [`FrameFlags::FRAMING`] or [`FrameFlags::PARTIAL`].
+    /// Delivered frames with [`FrameFlags::FRAMING`] or [`FrameFlags::PARTIAL`].
     pub framing: u32,
-    /// Of these, with [`FrameFlags::OVERFLOW`] or [`FrameFlags::UNDERFLOW`].
+    /// Delivered frames with [`FrameFlags::OVERFLOW`] or [`FrameFlags::UNDERFLOW`].
     pub flow: u32,
-    /// Of these, with [`FrameFlags::LENGTH`].
+    /// Delivered frames with [`FrameFlags::LENGTH`].
     pub length: u32,
     /// [`Dropped::NoEnd`].
     pub no_end: u32,
@@ -299,7 +297,7 @@ pub struct ListenerCounters {
     pub field_losses: u32,
     /// Faults reported.
     pub faults: u32,
-    /// Bring-ups that ended well.
+    /// Bring-ups that succeeded.
     pub bring_ups: u32,
 }
 
@@ -313,11 +311,12 @@ impl ListenerCounters {
     }
 }
 
-/// Where a listener is; the module's documentation draws how it gets there.
+/// A listener's state; the module's documentation has the diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerState {
-    /// The chip needs a bring-up, which the next step begins: nothing was done yet, or silence was reported.
+    /// The chip needs a bring-up, which the next step begins: this is the initial state, or follows a report of
+    /// silence.
     New,
     /// A fault was reported; the chip needs a bring-up.
     Faulted,
@@ -325,7 +324,7 @@ pub enum ListenerState {
     BackingOff,
     /// The chip is being brought up.
     BringingUp,
-    /// An event was given; the receiver is armed, or a frame is on its way.
+    /// An event was returned; the receiver is armed, or a frame is being received.
     Reported,
     /// A frame was delivered or dropped, and reported; the receiver needs re-arming.
     Delivered,
@@ -339,25 +338,25 @@ pub enum ListenerState {
     Listening,
     /// Waiting for the rest of a frame.
     Receiving,
-    /// The status is being read, in or out of a frame.
+    /// The status is being read, within or outside a frame.
     ReadingStatus {
-        /// The time of the wait before is over.
+        /// Whether the time of the wait before is over.
         late: bool,
     },
-    /// Re-armed: one of the settings that bring-up has made is being read back.
+    /// Re-armed: one of the settings of bring-up is being read back.
     CheckingSetting,
-    /// Nothing came for a while: operation control, mode and bit rate are being read.
+    /// After a wait without an event: operation control, mode and bit rate are being read.
     CheckingConfiguration,
-    /// After a bring-up, or where nothing came for a while: the field detector's output is being read.
+    /// After a bring-up, or a wait without an event: the field detector's output is being read.
     CheckingField {
-        /// It is the latter: the receiver is re-armed afterwards.
+        /// Whether it follows such a wait: the receiver is re-armed afterwards.
         idle: bool,
     },
     /// Bytes of a frame are being read.
     ReadingFifo {
-        /// How many.
+        /// The number of bytes.
         count: u16,
-        /// The frame is over: these are its last.
+        /// Whether the frame is over: these are its last.
         end: bool,
     },
 }
@@ -366,23 +365,24 @@ pub enum ListenerState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Frame {
     plan: Plan,
-    /// Bytes in the caller's buffer.
+    /// The number of bytes in the caller's buffer.
     got: u16,
     /// LEN + 2, once LEN is known.
     total: Option<u16>,
-    /// Time waited since I_rxs; a lower bound of the time passed. All times here are below [`FRAME_US`] or just above.
+    /// The time waited since I_rxs, µs; a lower bound of the time passed. All times here are below [`FRAME_US`] or just
+    /// above.
     waited_us: u16,
-    /// Time of the wait under way.
+    /// The time of the present wait, µs.
     waiting_us: u16,
-    /// What the last read has taken, with its status, at 8 MHz; on a slower bus the next one is later, not earlier.
+    /// The time of the last read, with its status, at 8 MHz; on a slower bus the next one is later, not earlier.
     read_us: u16,
     flags: FrameFlags,
-    /// Bytes of the CRC-16 that are not read, once the frame is over.
+    /// The number of bytes of the CRC-16 that are not read, once the frame is over.
     unread: u16,
 }
 
-/// What the next time-out within a frame is for. It only moves forward, so a frame costs at most three
-/// reads before its end.
+/// The purpose of the next time-out within a frame. It only moves forward, so a frame costs at most three reads before
+/// its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
@@ -398,22 +398,22 @@ pub struct Listener {
     bring_up: BringUp,
     state: ListenerState,
     frame: Option<Frame>,
-    /// I_eon and I_eof not yet reported.
+    /// The I_eon and I_eof that were not yet reported.
     field_irqs: u8,
     field_on: bool,
     idle_irqs: u8,
-    /// [`Fault::Silence`]s in a row.
+    /// The number of [`Fault::Silence`]s in a row.
     silences: u8,
-    /// Waited without a frame being delivered, in microseconds, since one was or since bring-up; a lower bound.
+    /// The time waited since the last delivered frame or since bring-up, in microseconds; a lower bound.
     silent_us: u32,
     counters: ListenerCounters,
-    /// The frame that was delivered last, until the next step counts it: whoever waits for the frame does not wait for
-    /// that.
+    /// The flags of the last delivered frame, until the next step counts it, so that the counting does not delay the
+    /// delivery.
     uncounted: Option<FrameFlags>,
 }
 
 impl Listener {
-    /// A listener that has not spoken to its chip yet. The first [`Input::Start`] begins bring-up.
+    /// A listener that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: ListenerConfig) -> Self {
         Self {
@@ -442,7 +442,7 @@ impl Listener {
         }
     }
 
-    /// Which part answered the last bring-up.
+    /// The part that answered the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
@@ -455,7 +455,7 @@ impl Listener {
         self.bring_up.supply_mv()
     }
 
-    /// Where the listener is.
+    /// The listener's state.
     #[must_use]
     pub const fn state(&self) -> ListenerState {
         self.state
@@ -471,13 +471,13 @@ impl Listener {
         counters
     }
 
-    /// Takes one input, gives the next step.
+    /// Takes one input and returns the next step.
     pub fn step(&mut self, input: Input<'_>) -> Step<ListenerEvent> {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
         match (self.state, input) {
-            // An event was given: whatever comes next goes on from it.
+            // An event was returned: the next input continues from it.
             (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
                 self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
@@ -538,7 +538,7 @@ impl Listener {
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
                     self.field_irqs = if there == self.field_on { 0 } else { irq };
                 }
-                // The status once more: a frame may have begun since the read before.
+                // The status is read again: a frame may have begun since the read before.
                 if idle {
                     self.short(ListenerState::RearmStatus, STATUS_READ)
                 } else {
@@ -565,7 +565,7 @@ impl Listener {
         self.silent_us = 0;
         count(&mut self.counters.faults);
         let state = if let Fault::Silence { .. } = fault {
-            // The next bring-up follows at once: how rare these are is counted in `silences`.
+            // The next bring-up follows at once: `silences` makes these ever rarer.
             ListenerState::New
         } else {
             self.field_on = false;
@@ -588,20 +588,20 @@ impl Listener {
         }
     }
 
-    /// Status at re-arming: a frame that has already begun is received, not cleared away.
+    /// Handles the status at re-arming: a frame that has already begun is received, not cleared.
     fn rearm(&mut self, status: Status) -> Step<ListenerEvent> {
         self.note_field(status);
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
-            // Nothing is to be cleared, and the clear would discard the I_rxs of a frame that begins just now.
+            // The FIFO is empty, and the clear would discard the I_rxs of a frame that begins just now.
             self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {
             self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
         }
     }
 
-    /// Tells what is still to tell about the field, then waits.
+    /// Reports remaining changes of the field, then waits.
     fn resume(&mut self) -> Step<ListenerEvent> {
         if self.frame.is_none() {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
@@ -668,9 +668,9 @@ impl Listener {
         }
     }
 
-    /// A frame begins, and may be over already. I_rxe without I_rxs is one whose I_rxs was cleared.
+    /// Begins a frame, which may be over already. I_rxe without I_rxs is one whose I_rxs was cleared.
     fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
-        // Where there is a frame there is a field, told or not (a start with the field on).
+        // A frame proves that there is a field, reported or not (at a start with the field on).
         self.field_on = true;
         self.begin_frame(status);
         if status.is_set(reg::IRQ_RXE) { self.frame_ends(status) } else { self.wait() }
@@ -685,8 +685,8 @@ impl Listener {
             return self.fault(Fault::Executor);
         };
         if status.is_set(reg::IRQ_RXS) {
-            // The chip resets the FIFO at each I_rxs: what was not read is gone. With I_rxe as well
-            // it cannot be told which of the two frames ended.
+            // The chip resets the FIFO at each I_rxs: unread bytes are lost. With I_rxe as well it is unknown which of
+            // the two frames ended.
             if status.is_set(reg::IRQ_RXE) {
                 return self.lose(Dropped::Overrun);
             }
@@ -723,13 +723,13 @@ impl Listener {
         }
     }
 
-    /// The frame is over: reads what is left of it but for the CRC-16, which the chip has compared already.
+    /// Ends the frame: reads the rest of it without the CRC-16, which the chip has compared already.
     fn frame_ends(&mut self, status: Status) -> Step<ListenerEvent> {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
         // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. The
-        // last read on the way has taken it already if the frame ended while that read's status was under way.
+        // last early read has taken it already if the frame ended during that read's status.
         let mut count = status.count;
         if frame.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {
@@ -814,7 +814,7 @@ impl Frame {
         }
     }
 
-    /// Adds what a status says about this frame.
+    /// Adds a status's information about this frame.
     fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
@@ -824,7 +824,7 @@ impl Frame {
             .union(flag(status.error & reg::IRQ_FRAMING != 0, FrameFlags::FRAMING))
             .union(flag(status.fifo & reg::FIFO_OVERFLOW != 0, FrameFlags::OVERFLOW))
             .union(flag(status.fifo & reg::FIFO_UNDERFLOW != 0, FrameFlags::UNDERFLOW))
-            // Before the end the last byte is as a matter of course not whole.
+            // Before the end an incomplete last byte is normal.
             .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
     }
 
@@ -836,8 +836,9 @@ impl Frame {
         };
     }
 
-    /// How long to wait now. Until the plan ends, until the bytes of the plan should be there: counted from the bytes
-    /// that had arrived at the last read, less the time that it has taken; then until the longest frame would be over.
+    /// The time to wait now. While the plan lasts, it is the time until the plan's bytes should have arrived: counted
+    /// from the bytes at the last read, less that read's duration. After that it lasts until the longest frame would be
+    /// over.
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {
@@ -847,7 +848,7 @@ impl Frame {
                 Plan::Tail => TAIL as u16,
                 Plan::End => return left_us,
             };
-            // What had arrived when the last read was decided on.
+            // These bytes had arrived when the last read was decided.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
                 && total > arrived + to_come
@@ -859,7 +860,7 @@ impl Frame {
     }
 }
 
-/// Whether a caller's buffer has no room for so many bytes.
+/// Whether a caller's buffer has no room for `bytes` bytes.
 const fn is_too_long(bytes: u16) -> bool {
     bytes as usize > BUFFER
 }

@@ -1,9 +1,9 @@
-//! The poller: field always on, sends NFC-F frames, never listens.
+//! The poller keeps its field on, sends NFC-F frames, and never listens.
 //!
 //! # States
 //!
-//! [`Poller::state`] tells where a poller is. Names are those of [`PollerState`], words in capitals are events; after
-//! an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
+//! [`Poller::state`] returns the state. Names are those of [`PollerState`], words in capitals are events; after an
+//! event the machine waits for [`Input::Start`]. A comma separates successive states.
 //!
 //! ```text
 //!        New                                    any state
@@ -42,37 +42,37 @@
 //!
 //! # A frame
 //!
-//! [`Poller::prepare`] clears the FIFO, sets the length, and reads the status, so that no interrupt of before is taken
-//! for one of this frame: all that can be done before the payload is known. The next [`Input::Start`] loads the first
-//! [`HEAD`] bytes of the payload, and [`PollerEvent::Loaded`] says that all that is left is one byte on the bus,
-//! [`Poller::transmit`], which the executor sends at an instant of its own choosing (a timer's compare event may start
-//! it with no code in between). The rest is loaded at once afterwards, while the chip sends preamble and sync. Then the
-//! machine waits for I_txe for as long as the frame's own air time and [`TRANSMIT_MARGIN_US`], then says
+//! [`Poller::prepare`] clears the FIFO, sets the length, and reads the status, so that no earlier interrupt is taken
+//! for one of this frame. This is everything that can be done before the payload is known. The next [`Input::Start`]
+//! loads the first [`HEAD`] bytes of the payload, and after [`PollerEvent::Loaded`] only one byte on the bus is left,
+//! [`Poller::transmit`], which the executor sends at an instant of its own choice (a timer's compare event may start it
+//! with no code in between). The rest is loaded directly afterwards, while the chip sends preamble and sync. Then the
+//! machine waits for I_txe for as long as the frame's own air time and [`TRANSMIT_MARGIN_US`], and returns
 //! [`PollerEvent::Sent`]. The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter
-//! on, and one of the settings that bring-up has made, in turn) and comes to [`PollerEvent::Ready`]. The field stays on
-//! from bring-up on.
+//! on, and one of the settings of bring-up, in turn) and leads to [`PollerEvent::Ready`]. The field stays on from
+//! bring-up on.
 //!
-//! Whether the chip raises I_txe while its receiver is off is what the data sheet implies; no public driver sends so,
-//! and nobody has seen it. So nothing depends on it: if I_txe has not come when its time is over, and the FIFO is
-//! empty, the chip has sent the frame, and [`PollerEvent::Sent`] says that it is unconfirmed.
+//! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends that way,
+//! and it was never observed. So the driver does not depend on it: if I_txe has not come when its time is over, and the
+//! FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
-//! The FIFO cannot run dry while the executor begins to load the rest within [`rest_within_us`] of the transmit
-//! command. Should a chip report it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is
-//! sent. The number of bytes needs no check of its own before the frame goes out: one too few is an underflow, one too
-//! many is left over ([`Fault::FifoCount`]), and the listener rejects what the frame's own checks do not cover.
+//! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
+//! If a chip reports it anyway, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is sent. The number
+//! of bytes needs no check of its own before the frame is sent: one too few is an underflow, one too many is left over
+//! ([`Fault::FifoCount`]), and the listener rejects what the frame's own checks do not cover.
 //!
 //! # Recovery
 //!
 //! | fault | first | again, with no frame sent in between |
 //! |---|---|---|
 //! | [`Fault::NoTransmitEnd`], [`Fault::FifoFlow`], [`Fault::FifoCount`] | stop, clear, check | bring-up |
-//! | every other | bring-up after a back-off of 1 ms, doubled each time up to 64 ms | the same |
+//! | all others | bring-up after a back-off of 1 ms, doubled each time up to 64 ms | the same |
 //!
-//! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when its turn comes.
+//! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when it is read back.
 //!
-//! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to
-//! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
-//! and leaves the field on.
+//! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to 5 ms)
+//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause one and
+//! leaves the field on.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -81,23 +81,23 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{Variant, air_time_us};
 
-/// How much longer than its air time a frame may take before its end counts as come, in microseconds. Recordings show
-/// the first bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame have
-/// to fit between two frames.
+/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
+/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
+/// between two frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
 
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// Bytes of the payload that are in the FIFO before the transmit command; what is longer is loaded behind it.
+/// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
 pub const HEAD: usize = 16;
 
-/// How long after the transmit command the load of the rest may begin, in microseconds, on an SPI of `spi_hz`, so that
-/// the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
+/// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
+/// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
 /// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
-/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has brought it after `n - HEAD + 2` bytes, the FIFO load command
-/// being the first. As the SPI is the faster one, the first byte of the rest decides.
+/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded it after `n - HEAD + 2` bytes, the first of which is
+/// the FIFO load command. Because the SPI is faster, the first byte of the rest decides.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
@@ -110,34 +110,34 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     Some((needed_us - brought_us) as u32)
 }
 
-/// What the receiver of a poller does.
+/// The state of a poller's receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Receiver {
-    /// `rx_en` = 0: the receiver is off, so "writes, never listens" holds in the chip itself.
+    /// `rx_en` = 0: the receiver is off, so the chip itself guarantees that the poller never listens.
     #[default]
     Off,
-    /// `rx_en` = 1 and the receive data masked (D0): every frame is confirmed by I_txe, also by a chip that proves not
-    /// to raise it with its receiver off.
+    /// `rx_en` = 1 and the receive data masked (D0): I_txe confirms every frame, also on a chip that turns out not to
+    /// raise it with its receiver off.
     OnMasked,
 }
 
-/// How a poller is brought up.
+/// The settings of a poller's bring-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
     /// Receiver off, or on and masked.
     pub receiver: Receiver,
-    /// When a frame was sent, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: it took more than the frame
+    /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: more were loaded than the frame
     /// has.
     pub check_left_over: bool,
-    /// Between frames, check in the auxiliary display that oscillator and transmitter are on, and fail
-    /// with [`Fault::FieldDropped`] if they are not.
+    /// Between frames, check in the auxiliary display that oscillator and transmitter are on, and fail with
+    /// [`Fault::FieldDropped`] if they are not.
     pub check_field: bool,
 }
 
 impl PollerConfig {
-    /// Receiver off, all checks on.
+    /// The default has the receiver off and all checks on.
     #[must_use]
     pub const fn new() -> Self {
         Self { receiver: Receiver::Off, check_left_over: true, check_field: true }
@@ -150,22 +150,22 @@ impl Default for PollerConfig {
     }
 }
 
-/// What a poller reports.
+/// A poller's event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerEvent {
-    /// The chip is configured, checked, and its field is on: [`Poller::prepare`] is possible.
-    /// ([`Input::Start`] checks the chip once more and comes back here.)
+    /// The chip is configured, checked, and its field is on: [`Poller::prepare`] is possible. ([`Input::Start`] checks
+    /// the chip once more and returns here.)
     Ready,
-    /// The FIFO is empty and the length is set: [`Input::Start`] loads the first bytes of the payload, which has to be
-    /// there by then. ([`Poller::prepare`] instead prepares a frame of another length.)
+    /// The FIFO is empty and the length is set: [`Input::Start`] loads the first bytes of the payload, which must be
+    /// ready by then. ([`Poller::prepare`] instead prepares a frame of another length.)
     Prepared,
-    /// The FIFO holds the first bytes of the frame: perform [`Poller::transmit`] at the instant wanted, then give
-    /// [`Input::Done`]. ([`Input::Start`] instead gives the frame up.)
+    /// The FIFO holds the first bytes of the frame: perform [`Poller::transmit`] at the chosen instant, then give
+    /// [`Input::Done`]. ([`Input::Start`] gives the frame up instead.)
     Loaded,
     /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
     Sent {
-        /// It said so (I_txe). If not, its time is over and the FIFO empty.
+        /// Whether I_txe confirmed it. If not, its time is over and the FIFO empty.
         confirmed: bool,
     },
     /// The frame, or the chip, is lost; [`Input::Start`] recovers, to [`PollerEvent::Ready`] or
@@ -173,7 +173,7 @@ pub enum PollerEvent {
     Fault(Fault),
 }
 
-/// Why [`Poller::prepare`] was refused. The machine is as it was before.
+/// The reason why [`Poller::prepare`] was refused. The machine is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
@@ -183,11 +183,11 @@ pub enum SendError {
     Length,
 }
 
-/// Where a poller is; the module's documentation draws how it gets there.
+/// A poller's state; the module's documentation has the diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerState {
-    /// Nothing was done yet.
+    /// The initial state.
     New,
     /// A fault was reported; the chip needs a bring-up.
     Faulted,
@@ -205,7 +205,7 @@ pub enum PollerState {
     CheckingConfiguration,
     /// Between frames: the auxiliary display is being read.
     CheckingField,
-    /// Between frames: one of the settings that bring-up has made is being read back.
+    /// Between frames: one of the settings of bring-up is being read back.
     CheckingSetting,
     /// [`Poller::prepare`] is possible.
     Ready,
@@ -213,13 +213,13 @@ pub enum PollerState {
     PreparingClear,
     /// A frame is prepared: its length is being written.
     PreparingLength,
-    /// A frame is prepared: interrupts of before and the FIFO level are being read.
+    /// A frame is prepared: earlier interrupts and the FIFO level are being read.
     CheckingFifo,
     /// A frame was prepared and reported.
     Prepared,
     /// The first bytes of the payload are being loaded.
     LoadingHead,
-    /// [`Poller::transmit`] is to be performed.
+    /// [`Poller::transmit`] is due.
     Loaded,
     /// On air: the rest of the payload is being loaded.
     LoadingRest,
@@ -227,7 +227,7 @@ pub enum PollerState {
     OnAir,
     /// On air: the interrupt registers are being read.
     ReadingIrqs {
-        /// The frame's time is over: this read decides.
+        /// Whether the frame's time is over: this read decides.
         last: bool,
     },
     /// The frame was sent and reported.
@@ -240,11 +240,11 @@ pub enum PollerState {
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Of these, without I_txe.
+    /// Frames sent without I_txe.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,
-    /// Bring-ups that ended well.
+    /// Bring-ups that succeeded.
     pub bring_ups: u32,
     /// Frames during which the FIFO ran dry or over.
     pub flow: u32,
@@ -256,16 +256,16 @@ pub struct Poller {
     config: PollerConfig,
     bring_up: BringUp,
     state: PollerState,
-    /// Payload bytes of the frame under way.
+    /// The number of payload bytes of the present frame.
     len: u8,
-    /// Frames lost in a row without a bring-up.
+    /// The number of frames lost in a row without a bring-up.
     lost: u8,
     idle_irqs: u8,
     counters: PollerCounters,
 }
 
 impl Poller {
-    /// A poller that has not spoken to its chip yet. The first [`Input::Start`] begins bring-up.
+    /// A poller that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: PollerConfig) -> Self {
         Self {
@@ -279,7 +279,7 @@ impl Poller {
         }
     }
 
-    /// Which part answered the last bring-up.
+    /// The part that answered the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
@@ -292,7 +292,7 @@ impl Poller {
         self.bring_up.supply_mv()
     }
 
-    /// Where the poller is.
+    /// The poller's state.
     #[must_use]
     pub const fn state(&self) -> PollerState {
         self.state
@@ -311,8 +311,8 @@ impl Poller {
         matches!(self.state, PollerState::Ready | PollerState::Prepared)
     }
 
-    /// The transfer that starts transmission (C4, one byte): the executor makes it at its own
-    /// instant after [`PollerEvent::Loaded`], then gives [`Input::Done`].
+    /// The transfer that starts transmission (C4, one byte): the executor makes it at its own instant after
+    /// [`PollerEvent::Loaded`], then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         command::TRANSMIT_WITH_CRC
@@ -322,7 +322,7 @@ impl Poller {
     /// [`PollerEvent::Prepared`]. Allowed when the last step was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     ///
     /// # Errors
-    /// [`SendError`]; the machine is as before.
+    /// [`SendError`]; the machine is unchanged.
     pub fn prepare(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
@@ -334,13 +334,13 @@ impl Poller {
         Ok(self.short(PollerState::PreparingClear, command::CLEAR_FIFO))
     }
 
-    /// Takes one input, gives the next step.
+    /// Takes one input and returns the next step.
     pub fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
         match (self.state, input) {
-            // An event was given: whatever comes next goes on from it.
+            // An event was returned: the next input continues from it.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Loaded, Input::Start) => {
@@ -472,8 +472,8 @@ impl Poller {
         self.wait()
     }
 
-    /// Waits for the end of the frame, counted from the end of its load, which no SPI makes shorter than that of 10
-    /// MHz.
+    /// Waits for the end of the frame, counted from the end of its load, which takes at least as long as on an SPI of
+    /// 10 MHz.
     fn wait(&self) -> Step<PollerEvent> {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
         Step::Wait { us: air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10 }

@@ -1,11 +1,11 @@
-//! Register addresses and bits: what this driver touches, and nothing else.
+//! The register addresses and bits that this driver uses.
 //!
-//! Source: DS13541 (ST25R3916B), "Registers" chapter; where the ST25R3916 differs, this says so. Bits
-//! marked *seen* were also observed on a real ST25R3916 (public SPI captures). Addresses are of
-//! space A unless the name starts with `B_`.
+//! The source is DS13541 (ST25R3916B), "Registers" chapter; differences of the ST25R3916 are noted. Bits marked *seen*
+//! were also observed on a real ST25R3916 (public SPI captures). Addresses are of space A unless the name starts with
+//! `B_`.
 //!
-//! The values of the receive chain, of the antenna tuning and of the supply measurement are in no table of
-//! the data sheet for this use. They follow public drivers, named in short where a value is defined:
+//! No table of the data sheet has the values of the receive chain, of the antenna tuning and of the supply measurement
+//! for this use. They follow public drivers, named in short where a value is defined:
 //!
 //! | short | repository, file |
 //! |---|---|
@@ -16,9 +16,9 @@
 //! | *rnfc* | embassy-rs/rnfc, `rnfc-st25r39/src/lib.rs` |
 //! | *TM* | techmccat/st25r39, `src/registers.rs` (paraphrases the ST25R3916B's data sheet) |
 //!
-//! Where they disagree, `docs/decisions/0008-receive-chain.md` says who is followed, and why.
+//! Where they disagree, `docs/decisions/0008-receive-chain.md` gives the choice and the reason.
 
-/// Added to an address of space B where one number has to name a register of either space.
+/// The offset of an address in space B where one number has to name a register of either space.
 pub const SPACE_B: u8 = 0x40;
 
 /// IO configuration 1: MCU clock output, I²C thresholds.
@@ -52,9 +52,9 @@ pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
 pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19; 1 masks. A masked bit still sets.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
-/// Last interrupt mask register. Everything it masks concerns card emulation in NFC-A and wake-up;
-/// this driver keeps it at [`IRQ_MASK_TARGET_ALL`], which a reset chip does not (it reads 0). Bit 2 is reserved and
-/// reads 0 whatever is written (*seen*: 0xFF written, 0xFB read).
+/// Last interrupt mask register. Everything it masks concerns card emulation in NFC-A and wake-up; this driver keeps it
+/// at [`IRQ_MASK_TARGET_ALL`], while a reset chip has 0. Bit 2 is reserved and reads 0 whatever is written (*seen*:
+/// 0xFF written, 0xFB read).
 pub const IRQ_MASK_TARGET: u8 = 0x19;
 /// First of four interrupt registers, 0x1A..=0x1D; reading clears.
 pub const IRQ_MAIN: u8 = 0x1A;
@@ -62,8 +62,8 @@ pub const IRQ_MAIN: u8 = 0x1A;
 pub const FIFO_STATUS_1: u8 = 0x1E;
 /// Transmit length in bytes, bits 12:5; bits 4:0 follow at 0x23, shifted left by 3.
 pub const TRANSMIT_LENGTH: u8 = 0x22;
-/// Result of the chip's A/D converter (read only); after [`crate::command::MEASURE_SUPPLY`] the supply in
-/// steps of 23.4 mV.
+/// Result of the chip's A/D converter (read only); after [`crate::command::MEASURE_SUPPLY`] it is the supply in steps
+/// of 23.4 mV.
 pub const AD_RESULT: u8 = 0x25;
 /// Antenna tuning A; B follows at 0x27. They drive the tuning pins only while [`IO_2_ANTENNA_TUNING`] is set.
 pub const ANTENNA_TUNING: u8 = 0x26;
@@ -71,11 +71,11 @@ pub const ANTENNA_TUNING: u8 = 0x26;
 pub const TRANSMIT_DRIVER: u8 = 0x28;
 /// Passive target modulation: driver resistance when modulated and when not.
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
-/// Thresholds of the external field detector, in millivolts at its input: from which on a field is there; below which
-/// it is gone follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
+/// Upper threshold of the external field detector, mV at its input, for a field to appear; the lower one, for it to
+/// stay, follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
 pub const FIELD_THRESHOLDS: u8 = 0x2A;
-/// Regulator control: regulated voltage by hand or as adjusted (`reg_s`), and what a supply measurement
-/// measures (`mpsv`, bits 2:0).
+/// Regulator control: regulated voltage by hand or as adjusted (`reg_s`), and the source of a supply measurement
+/// (`mpsv`, bits 2:0).
 pub const REGULATOR_CONTROL: u8 = 0x2C;
 /// Auxiliary display (read only).
 pub const AUXILIARY_DISPLAY: u8 = 0x31;
@@ -83,7 +83,7 @@ pub const AUXILIARY_DISPLAY: u8 = 0x31;
 pub const IDENTITY: u8 = 0x3F;
 /// Space B: correlator configuration 1; 2 follows at 0x0D. 0x93 and 0x00 after a reset (*seen*).
 pub const B_CORRELATOR: u8 = 0x0C;
-/// Space B: auxiliary modulation: which drivers do load modulation, and how a poller modulates its amplitude.
+/// Space B: auxiliary modulation: the drivers for load modulation, and the method of a poller's amplitude modulation.
 pub const B_AUXILIARY_MODULATION: u8 = 0x28;
 /// Space B: resistive AM modulation (bits 6:0), and the non-overlap of the drivers (`fa3_f`, bit 7).
 pub const B_DRIVER_NON_OVERLAP: u8 = 0x2A;
@@ -98,10 +98,10 @@ pub const TEST_OVERHEAT: u8 = 0x04;
 pub const IO_1_NO_CLOCK: u8 = 0x07;
 /// [`IO_CONFIGURATION_2`]: MISO pull-downs on (miso_pd2, miso_pd1), strong IO drivers (io_drv_lvl).
 pub const IO_2_MISO: u8 = 0x1C;
-/// [`IO_CONFIGURATION_2`]: `aat_en`, without which the antenna tuning registers drive nothing (*RFAL* and
-/// *Delpy*, both parts; *seen*: 0x3C on real boards).
+/// [`IO_CONFIGURATION_2`]: `aat_en`, without which the antenna tuning registers have no effect (*RFAL* and *Delpy*,
+/// both parts; *seen*: 0x3C on real boards).
 pub const IO_2_ANTENNA_TUNING: u8 = 0x20;
-/// [`IO_CONFIGURATION_2`]: `sup3V`, supply between 2.4 V and 3.6 V. Clear: above 3.6 V.
+/// [`IO_CONFIGURATION_2`]: `sup3V` for a supply between 2.4 V and 3.6 V; it is clear above 3.6 V.
 pub const IO_2_SUPPLY_3V: u8 = 0x80;
 
 /// [`REGULATOR_CONTROL`]: `reg_s`, which is set and cleared before the regulators are adjusted (*RFAL*, *Delpy*,
@@ -129,8 +129,8 @@ pub const BIT_RATE_424: u8 = 0x22;
 pub const PREAMBLE_48: u8 = 0x00;
 /// [`PASSIVE_TARGET`]: no automatic answer of any kind (d_ac_ap2p, d_212_424_1r, d_106_ac_a).
 pub const PASSIVE_TARGET_SILENT: u8 = 0x5D;
-/// [`AUXILIARY`]: the correlator receives (`dis_corr` = 0), the received CRC is checked (`no_crc_rx` = 0).
-/// (*RFAL* for NFC-F without its coherent option; reset value, *seen*.)
+/// [`AUXILIARY`]: the correlator receives (`dis_corr` = 0), and the received CRC is checked (`no_crc_rx` = 0). (*RFAL*
+/// for NFC-F without its coherent option; reset value, *seen*.)
 pub const AUXILIARY_CORRELATOR: u8 = 0x00;
 /// [`RECEIVER_1`] for NFC-F: AM channel, `lp_600khz`, `hz_12_80khz`. NFC-F has no subcarrier: at 424 kbit/s its
 /// Manchester code has its energy at 424 kHz and below, which [`RECEIVER_1`]'s reset value filters away.
@@ -144,60 +144,59 @@ pub const RECEIVER_2_NFC_F: u8 = 0x2D;
 pub const RECEIVER_3_NFC_F: u8 = 0x00;
 /// [`RECEIVER_4`] for NFC-F: no gain reduction in the second stage, AM and PM. (*Flipper*, *RFAL*, *Guyot*.)
 pub const RECEIVER_4_NFC_F: u8 = 0x00;
-/// [`B_CORRELATOR`], two registers, for NFC-F: `corr_s6`, `corr_s4`, `corr_s2`; nothing. (*Flipper*'s NFC-F
+/// [`B_CORRELATOR`], two registers, for NFC-F: `corr_s6`, `corr_s4`, `corr_s2`; the second is 0. (*Flipper*'s NFC-F
 /// listener, *RFAL*, *Guyot*.)
 pub const CORRELATOR_NFC_F: [u8; 2] = [0x54, 0x00];
 /// [`MASK_RECEIVE_TIMER`]: two steps. (*Flipper*'s listeners, *Delpy*'s targets.)
 pub const MASK_RECEIVE_SHORT: u8 = 0x02;
 /// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916 (*RFAL*, *Flipper*).
 pub const ANTENNA_TUNING_POLLER_A: [u8; 2] = [0x82, 0x82];
-/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B (*RFAL*; a matter of the board's matching
-/// network, this is ST's for its expansion board).
+/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B (*RFAL*; it depends on the board's matching
+/// network, and this is ST's for its expansion board).
 pub const ANTENNA_TUNING_POLLER_B: [u8; 2] = [0xC5, 0xE3];
 /// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916 (*RFAL*, *Delpy*).
 pub const ANTENNA_TUNING_LISTENER_A: [u8; 2] = [0x00, 0xFF];
 /// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916B (*RFAL*).
 pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
-/// [`PASSIVE_TARGET_MODULATION`]: both resistances at high impedance: the driver cannot
-/// modulate the poller's field.
+/// [`PASSIVE_TARGET_MODULATION`]: both resistances at high impedance, so that the driver cannot modulate the poller's
+/// field.
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
-/// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) nor by an external
-/// (lm_ext) driver.
+/// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) or by an external (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;
-/// [`FIELD_THRESHOLDS`], two registers. Peer detection, which is what a listener uses: there from 105 mV on, gone below
-/// 75 mV (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, for which the
-/// former is the data sheet's; the others have 105 mV and 75 mV). No source states what a reset leaves here; with 00 00
+/// [`FIELD_THRESHOLDS`], two registers. Peer detection, which a listener uses: upper threshold 105 mV, lower 75 mV
+/// (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, for which the
+/// former is the data sheet's; the others have 105 mV and 75 mV). No source states the values after a reset; with 00 00
 /// both thresholds would be 75 mV.
 pub const FIELD_THRESHOLDS_WITH_HYSTERESIS: [u8; 2] = [0x13, 0x02];
 /// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916: amplitude modulation by the regulator (`dis_reg_am` = 0,
 /// `res_am` = 0), no load modulation. (*RFAL*, *Flipper*.)
 pub const AM_BY_REGULATOR_A: u8 = 0x00;
-/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916B: `dis_reg_am` = 1, which goes with `act_amsink` = 0 in
+/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916B: `dis_reg_am` = 1, which belongs to `act_amsink` = 0 in
 /// [`IO_CONFIGURATION_2`] and a small capacitor at VDD_AM (*TM*), and `rgs_am`: modulation by active wave shaping.
-/// (*RFAL*, *Delpy*: 94, which has the driver's load modulation, `lm_dri`, as well; a poller has no use for that.)
+/// (*RFAL*, *Delpy*: 94, which has the driver's load modulation, `lm_dri`, as well; a poller does not need it.)
 pub const AM_BY_WAVE_SHAPING_B: u8 = 0x84;
 /// [`B_WAVE_SHAPING`], two registers, for NFC-F: `vddrf_cont`, which must be 1 (*TM*), with `rgs_txonoff`; then
 /// symmetric shape (`am_sym`, for ASK), weak sink, filter constant 8. (*RFAL*; *Delpy* the same but for NFC-A, with 18
 /// for OOK.)
 pub const WAVE_SHAPING_NFC_F: [u8; 2] = [0x09, 0x28];
-/// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; nothing; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7.
-/// (*RFAL*, which leaves the second at its reset value; *Delpy*, which sets it to 0.)
+/// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; 0; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7. (*RFAL*,
+/// which leaves the second at its reset value; *Delpy*, which sets it to 0.)
 pub const WAVE_SHAPING_TIMES_NFC_F: [u8; 4] = [0x01, 0x00, 0x79, 0x07];
-/// [`B_DRIVER_NON_OVERLAP`]: the least there is (`fa3_f`). It is a matter of efficiency. (*RFAL*, *Flipper*.)
+/// [`B_DRIVER_NON_OVERLAP`]: the smallest value (`fa3_f`), which affects the efficiency. (*RFAL*, *Flipper*.)
 pub const DRIVER_NON_OVERLAP_LEAST: u8 = 0x80;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916B: 12 % AM (am_mod = 4), lowest output resistance.
 pub const TRANSMIT_DRIVER_12_PERCENT_B: u8 = 0x40;
-/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The two
-/// parts code the depth differently: 4 would be 9 % here.
+/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The two parts code the depth
+/// differently: 4 would be 9 % here.
 pub const TRANSMIT_DRIVER_12_PERCENT_A: u8 = 0x70;
-/// [`TEST_OVERHEAT`]: keeps the internal overheat protection of the ST25R3916 from switching off below the
-/// permitted junction temperature. The power-on sequence asks for it after each set default (*RFAL*, *Flipper*,
-/// *Guyot*, *Delpy*).
+/// [`TEST_OVERHEAT`]: keeps the internal overheat protection of the ST25R3916 from switching off below the permitted
+/// junction temperature. The power-on sequence requires it after each set default (*RFAL*, *Flipper*, *Guyot*,
+/// *Delpy*).
 pub const TEST_OVERHEAT_PROTECTION: u8 = 0x10;
 
 /// Main interrupt: oscillator stable.
 pub const IRQ_OSCILLATOR: u8 = 0x80;
-/// Main interrupt: start of receive (the sync was seen).
+/// Main interrupt: start of receive (the sync was detected).
 pub const IRQ_RXS: u8 = 0x20;
 /// Main interrupt: end of receive.
 pub const IRQ_RXE: u8 = 0x10;
@@ -214,15 +213,14 @@ pub const IRQ_CRC: u8 = 0x80;
 /// Error interrupts: parity (0x40), soft framing (0x20), hard framing (0x10).
 pub const IRQ_FRAMING: u8 = 0x70;
 
-/// Poller masks, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error,
-/// every target interrupt. The FIFO water level (I_wl), raised on the way by a frame of more than
-/// 200 bytes, is among the masked.
+/// Poller masks, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error, every target
+/// interrupt. They include the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
 pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
 /// Listener masks: all but I_rxs and I_rxe, all but I_eon and I_eof, errors not masked, every
 /// target interrupt masked.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
-/// [`IRQ_MASK_TARGET`] as this driver sets it: every interrupt that exists, the reserved bit 2 left 0, so that it
-/// reads back as written; 0x00 after a reset.
+/// [`IRQ_MASK_TARGET`] as this driver sets it: every existing interrupt, with the reserved bit 2 left 0, so that it
+/// reads back as written; it is 0x00 after a reset.
 pub const IRQ_MASK_TARGET_ALL: u8 = 0xFB;
 
 /// FIFO status 2: underflow.
@@ -234,7 +232,7 @@ pub const FIFO_LAST_BITS: u8 = 0x0F;
 /// The FIFO's size in bytes.
 pub const FIFO_SIZE: u16 = 512;
 
-/// Auxiliary display: the external field detector senses a field (`efd_o`).
+/// Auxiliary display: the external field detector detects a field (`efd_o`).
 pub const DISPLAY_FIELD: u8 = 0x40;
 /// Auxiliary display: transmitter on.
 pub const DISPLAY_TX_ON: u8 = 0x20;

@@ -1,38 +1,38 @@
-//! The one read that tells everything: interrupts and FIFO level in a single transfer.
+//! The status read: interrupts and FIFO level in a single transfer.
 //!
-//! Registers 0x19..=0x1F, auto-increment, eight bytes on the wire: the last mask register, the four
-//! interrupt registers (which reading clears), the two FIFO status registers. Reading them together
-//! saves two transfers per interrupt and pairs the interrupts with a FIFO level that is never older
-//! than they are. The mask register is read along because it costs one byte and is the witness that
-//! the chip still has its configuration: this driver keeps it at 0xFB and a reset makes it 0x00.
+//! It covers registers 0x19..=0x1F, auto-increment, eight bytes on the wire: the last mask register, the four interrupt
+//! registers (which reading clears), the two FIFO status registers. Reading them together saves two transfers per
+//! interrupt and pairs the interrupts with a FIFO level that is never older than they are. The mask register is read
+//! along because it costs one byte and shows that the chip still has its configuration: this driver keeps it at 0xFB
+//! and a reset makes it 0x00.
 
 use crate::command;
 use crate::machine::{Fault, Short};
 use crate::register as reg;
 
-/// The read itself.
+/// The status read.
 pub(crate) const STATUS_READ: Short = Short::new([command::READ | reg::IRQ_MASK_TARGET, 0, 0, 0, 0, 0, 0, 0]);
 
-/// What it says.
+/// The contents of a status read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Status {
     pub(crate) main: u8,
     pub(crate) timer: u8,
     pub(crate) error: u8,
     pub(crate) target: u8,
-    /// Bytes in the FIFO.
+    /// The number of bytes in the FIFO.
     pub(crate) count: u16,
     /// FIFO status 2 without the count.
     pub(crate) fifo: u8,
 }
 
 impl Status {
-    /// Reads the response to [`STATUS_READ`].
+    /// Parses the response to [`STATUS_READ`].
     ///
     /// # Errors
-    /// [`Fault::Bus`] where no chip answers so (wrong length, or a FIFO level beyond the FIFO, as a
-    /// line stuck high shows); [`Fault::Reset`] where the mask register reads as after a reset, [`Fault::Register`]
-    /// where it is otherwise not as set.
+    /// [`Fault::Bus`] where no chip gives this response (wrong length, or a FIFO level beyond the FIFO, as on a line
+    /// stuck high); [`Fault::Reset`] where the mask register has its reset value, [`Fault::Register`] where it
+    /// otherwise differs from its setting.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
@@ -56,12 +56,12 @@ impl Status {
         self.main & main != 0
     }
 
-    /// No interrupt at all.
+    /// Whether no interrupt is set.
     pub(crate) const fn is_quiet(self) -> bool {
         self.main | self.timer | self.error | self.target == 0
     }
 
-    /// The FIFO ran dry or over.
+    /// Whether the FIFO ran dry or over.
     pub(crate) const fn flow_error(self) -> bool {
         self.fifo & (reg::FIFO_UNDERFLOW | reg::FIFO_OVERFLOW) != 0
     }

@@ -1,6 +1,6 @@
-//! Why a debug probe gets no access to a board, in words, and what keeps a board accessible.
+//! Explains why a debug probe has no access to a board, and determines what keeps a board accessible.
 //!
-//! Everything here is a pure function of what the probe saw; [`crate::probe`] does the seeing.
+//! Everything here is a pure function of the probe's findings; [`crate::probe`] reads them.
 
 use crate::Board;
 
@@ -12,30 +12,30 @@ pub(crate) const VARIANT: u64 = 0x1000_0104;
 #[cfg(feature = "probe")]
 pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
 
-/// What UICR.APPROTECT must hold for the debug port to open (HwDisabled, NordicSemiconductor/nrfx,
+/// The value of UICR.APPROTECT with which the debug port opens (HwDisabled, NordicSemiconductor/nrfx,
 /// `nrf52840_bitfields.h`).
 pub(crate) const HW_DISABLED: u32 = 0x5A;
 
-/// The first build code letter of parts that start with their debug port locked: see `dpr-fw/src/debug_port.rs`.
+/// The first letter of the build codes of parts that start with a locked debug port: see `dpr-fw/src/debug_port.rs`.
 const FIRST_LOCKED: u8 = b'F';
 
-/// What the probe library says when it did not get through to the part.
+/// The reason why the probe library did not reach the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// The debug port is locked; the library would have to erase everything and was not allowed to.
     Locked,
-    /// Everything was to be erased, and the debug port is locked still.
+    /// Everything was to be erased, and the debug port is still locked.
     StaysLocked,
     /// No part answers.
     NoAnswer,
 }
 
-/// What a probe is connected to, as far as its part says so before anything is done to it.
+/// The part at the probe, as identified before any access changes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Seen {
-    /// A Nordic part, by its CTRL-AP; FICR.INFO.PART if it is not locked.
+    /// A Nordic part, identified by its CTRL-AP; with FICR.INFO.PART if it is not locked.
     Nordic(Option<u32>),
-    /// A part with ST's DBGMCU, by the device number in its IDCODE (RM0090 38.6.1).
+    /// A part with ST's DBGMCU, with the device number in its IDCODE (RM0090 38.6.1).
     St(u32),
     /// A part that is neither.
     Other,
@@ -45,7 +45,7 @@ pub(crate) enum Seen {
 const NRF52840: u32 = 0x52840;
 const STM32F42X: u32 = 0x419;
 
-/// Why a part is not this board's; `None` where it may be.
+/// The reason why a part is not this board's; `None` where it may be.
 pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
     let what = match (board, seen) {
         (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
@@ -64,7 +64,7 @@ pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String
     ))
 }
 
-/// What to tell the user, who called this board's command through a probe of this name.
+/// The message for the user, who called this board's command with a probe of this name.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
     match refusal {
@@ -93,7 +93,7 @@ pub(crate) const fn chip(board: Board) -> &'static str {
     }
 }
 
-/// What to plug in.
+/// The instruction for connecting the board.
 pub(crate) const fn connection(board: Board) -> &'static str {
     match board {
         Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
@@ -101,20 +101,20 @@ pub(crate) const fn connection(board: Board) -> &'static str {
     }
 }
 
-/// What is to be done about UICR.APPROTECT, so that the debug port of an nRF52840 opens after the next power-on.
+/// The necessary change of UICR.APPROTECT, so that the debug port of an nRF52840 opens after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// Nothing: it is right, or the part is of the older kind, which is open while UICR is erased. On those the value
-    /// for the newer kind is not defined.
+    /// None: the value is right, or the part is of the older kind, which is open while UICR is erased and for which the
+    /// newer kind's value is not defined.
     Leave,
-    /// It is erased: [`HW_DISABLED`] is to be programmed.
+    /// It is erased, so [`HW_DISABLED`] must be programmed.
     Program,
     /// It holds another value, which only erasing changes: the part will be locked after the next power-on.
     WillLock,
 }
 
 impl Approtect {
-    /// What it is on a part with these two words.
+    /// The change for a part with these two words.
     pub(crate) const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
         if build_code < FIRST_LOCKED || uicr_approtect & 0xFF == HW_DISABLED {

@@ -1,7 +1,7 @@
-//! What the bench's boards keep while they are off: a file for each below `target/bench`.
+//! The memory that the bench's boards keep while they are off: a file for each below `target/bench`.
 //!
-//! A file holds what [`bench::debug_port::Wire::kept`] answers: of the DPR 1 MiB of flash and 4 KiB of UICR, of
-//! the HORUS side 2 MiB of flash and 16 bytes of options. To have a new board again, remove its file.
+//! A file holds the result of [`bench::debug_port::Wire::kept`]: for the DPR 1 MiB of flash and 4 KiB of UICR, for the
+//! HORUS side 2 MiB of flash and 16 bytes of options. A board whose file is removed is new again.
 
 use std::path::{Path, PathBuf};
 
@@ -17,12 +17,12 @@ pub(crate) const fn desk(board: Board) -> Desk {
     }
 }
 
-/// Where a board of the bench keeps what its part keeps without its supply.
+/// The file with the memory that a bench's board keeps without its supply.
 pub(crate) fn file(board: Board) -> PathBuf {
     workspace::target_dir().join("bench").join(board.name()).with_extension("flash")
 }
 
-/// What a board of the bench keeps in this file, `None` where there is none: the board is new.
+/// The kept memory in this file, `None` where there is no file: the board is new.
 pub(crate) fn read(board: Board, file: &Path) -> Result<Option<Vec<u8>>> {
     let bytes = match std::fs::read(file) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),

@@ -1,10 +1,9 @@
-//! A board of the bench behind a debug probe, as the probe-rs library sees probes: `--probe bench`.
+//! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
-//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); here is the probe between: an
-//! adapter that makes transfers on the wires of what the library asks for, as a CMSIS-DAP probe does, and that takes
-//! time for it.
-//! What the board's part keeps without its supply is in a file, so that one command finds what another wrote. Each
-//! command switches the board on.
+//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); this is the probe between them: an
+//! adapter that converts the library's requests to transfers on the wires, as a CMSIS-DAP probe does, and that takes
+//! time for it. A file has the memory that the board's part keeps without its supply, so that one command finds what
+//! another wrote. Each command switches the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,27 +21,29 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
 use crate::Board;
 use crate::bench_flash::{self, desk};
 
-/// What a command takes until its answer is there, ns: the probes on both boards are on full-speed USB, whose frames
-/// are 1 ms apart (USB 2.0, 5.3.3).
+/// The time of a command until its answer, ns: the probes on both boards are on full-speed USB, whose frames are 1 ms
+/// apart (USB 2.0, 5.3.3).
 const COMMAND_NS: u64 = 1_000_000;
 
-/// Clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two idle.
+/// The clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two
+/// idle.
 const TRANSFER_CLOCKS: u64 = 48;
 
-/// SWCLK in kHz: what probes take unless told otherwise, and the most that the nRF52840 has (PS v1.7, 4.8.6).
+/// SWCLK, kHz: the default of probes, and the highest for the nRF52840 (PS v1.7, 4.8.6).
 const DEFAULT_KHZ: u32 = 4_000;
 const MOST_KHZ: u32 = 8_000;
 
-/// nRESET among the pins of [`RawDapAccess::swj_pins`].
+/// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// Where both parts' RAM begins, in which nothing of the images is but what the DPR copies to code RAM's address.
+/// The beginning of both parts' RAM, which holds nothing of the images but what the DPR copies to the address of its
+/// code RAM.
 const RAM: u64 = 0x2000_0000;
 
 /// RDBUFF of the debug port.
 const READ_BUFFER: u8 = 0xC;
 
-/// A board on the bench, on which more than one hand is: the library's, through its probe, and ours.
+/// A board on the bench, shared by the library, through its probe, and this program.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 
@@ -50,13 +51,13 @@ pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 struct Switched {
     wire: Box<dyn Wire>,
     file: PathBuf,
-    /// Commands after which the probe is unplugged.
+    /// The number of commands after which the probe is unplugged.
     unplugged_after: Option<u64>,
     commands: u64,
 }
 
 impl BenchBoard {
-    /// Switches the board on, with what `file` holds; a new one where there is no file.
+    /// Switches the board on with the contents of `file`, or as a new one without a file.
     pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
         let kept = bench_flash::read(board, &file)?;
         let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;
@@ -70,11 +71,11 @@ impl BenchBoard {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // A panic elsewhere leaves the board as it is, which is what a board does.
+        // A panic elsewhere leaves the board in its state, as on a desk.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Writes what the part keeps to its file.
+    /// Writes the memory that the part keeps to its file.
     pub(crate) fn save(&self) -> Result<()> {
         self.with(Switched::save)
     }
@@ -84,8 +85,8 @@ impl BenchBoard {
         self.with(|on| on.wire.now())
     }
 
-    /// What the probe, or code that it put into RAM, did wrong since last asked, a line each. What the image does,
-    /// which a debugger stops in the middle of anything, is not among it: without one, `run` and `sim` tell that.
+    /// Takes the errors of the probe, or of code that it put into RAM, since the last call, a line each. Errors of the
+    /// image, which a debugger may stop at any point, are not included: `run` and `sim` report them without a debugger.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
@@ -95,22 +96,22 @@ impl BenchBoard {
 
 #[cfg(test)]
 impl BenchBoard {
-    /// From now on a bit of flash keeps its value whatever is programmed.
+    /// Makes a bit of flash keep its value from now on, whatever is programmed.
     pub(crate) fn stick_flash(&self, address: u32, bit: u8, value: bool) {
         assert!(self.with(|on| on.wire.stick_flash(address, bit, value)), "{address:#x} is flash");
     }
 
-    /// So many commands from now the probe's cable is pulled.
+    /// Unplugs the probe's cable after this many commands.
     pub(crate) fn unplug_after(&self, commands: u64) {
         self.with(|on| on.unplugged_after = Some(on.commands + commands));
     }
 
-    /// The cable is back.
+    /// Plugs the cable in again.
     pub(crate) fn plug_in(&self) {
         self.with(|on| on.unplugged_after = None);
     }
 
-    /// The board's supply goes off and comes on: all that its part does not keep is gone.
+    /// Switches the board's supply off and on: memory that its part does not keep is lost.
     pub(crate) fn switch_off_and_on(&self) {
         self.with(|on| {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
@@ -118,22 +119,22 @@ impl BenchBoard {
         });
     }
 
-    /// Commands that the probe got so far.
+    /// The number of commands that the probe got so far.
     pub(crate) fn commands(&self) -> u64 {
         self.with(|on| on.commands)
     }
 
-    /// Why the part restarted, each time since it was switched on.
+    /// The causes of all restarts of the part since it was switched on.
     pub(crate) fn restarts(&self) -> Vec<String> {
         self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
     }
 
-    /// So many nanoseconds pass on the board.
+    /// Lets `ns` nanoseconds pass on the board.
     pub(crate) fn run(&self, ns: u64) {
         self.with(|on| on.wire.pass(ns));
     }
 
-    /// What the part keeps.
+    /// The memory that the part keeps.
     pub(crate) fn kept(&self) -> Vec<u8> {
         self.with(|on| on.wire.kept())
     }
@@ -146,7 +147,7 @@ impl Switched {
         std::fs::write(&self.file, self.wire.kept()).with_context(|| format!("could not write {}", self.file.display()))
     }
 
-    /// A command reaches the probe.
+    /// Passes a command to the probe.
     fn command(&mut self) -> Result<(), DebugProbeError> {
         self.commands += 1;
         if self.unplugged_after.is_some_and(|after| self.commands > after) {
@@ -175,7 +176,7 @@ struct BenchProbe {
     protocol: Option<WireProtocol>,
 }
 
-/// One transfer, with its time.
+/// Makes one transfer and lets its time pass.
 fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
     on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
     match on.wire.transfer(request) {
@@ -202,7 +203,7 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// Reads of an access port are posted: each brings what the one before read, and RDBUFF the last.
+    /// Reads of an access port are posted: each returns the result of the one before, and RDBUFF that of the last.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {
@@ -226,7 +227,7 @@ impl RawDapAccess for BenchProbe {
         self.raw_write_block(address, &[value])
     }
 
-    /// Whether a write of an access port worked is known with the next transfer: RDBUFF is read for it.
+    /// The success of a write to an access port is known with the next transfer: RDBUFF is read for it.
     fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {

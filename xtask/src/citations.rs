@@ -1,15 +1,16 @@
-//! What code and pages cite exists: files below docs/, headings of pages, and decisions by their numbers.
+//! Checks that everything that code and pages cite exists: files below docs/, headings of pages, and decisions by
+//! number.
 //!
-//! # What counts as a citation
+//! # Citations
 //!
-//! | where | form | has to exist |
+//! | where | form | must exist |
 //! |---|---|---|
 //! | every text file | `docs/` and a path, perhaps with `#` and an anchor | the file or folder, and the heading |
 //! | pages in Markdown | a link to no other site | likewise; a path counts from the page's folder |
 //! | every text file | `decision` and a number | the page of that decision |
 //!
-//! A heading's anchor is what GitHub makes of it: lower case, without punctuation, spaces as hyphens. A section of the
-//! design is cited by its anchor. A citation by a number is an error, since the headings have none.
+//! A heading's anchor follows GitHub's rule: lower case, without punctuation, spaces as hyphens. A section of the
+//! design is cited by its anchor. A citation by a number is an error, because the headings have none.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -18,10 +19,10 @@ use anyhow::{Result, ensure};
 
 use crate::workspace::{root, tracked};
 
-/// Where the decisions are.
+/// The folder of the decisions.
 const DECISIONS: &str = "docs/decisions/";
 
-/// Whether a tracked file is looked through: what people write. Recorded data and test corpora are not.
+/// Whether a tracked file is checked: hand-written text is, recorded data and test corpora are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus" | "recorded"));
     let text = matches!(
@@ -35,11 +36,11 @@ fn is_checked(path: &str) -> bool {
 ///
 /// # Errors
 ///
-/// If there is such a citation, or git does not tell which files are tracked.
+/// There is such a citation, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let mut files = BTreeMap::new();
     for path in tracked()? {
-        // What cannot be read as text is cited, and cites nothing.
+        // A file that cannot be read as text may be cited, but cites nothing.
         let text = is_checked(&path).then(|| std::fs::read_to_string(root().join(&path)).ok()).flatten();
         files.insert(path, text.unwrap_or_default());
     }
@@ -51,7 +52,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// The citations in `files` (path and text) of what is not among them, each as `file:line: what`.
+/// The citations in `files` (path and text) of missing targets, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {
@@ -96,19 +97,20 @@ fn is_by_number(before: &str, line: &str) -> bool {
 /// A path from the root of the workspace, and an anchor there.
 type Cited = (String, Option<String>);
 
-/// Paths below docs/ that a line names, whatever surrounds them.
+/// Paths below docs/ that a line names, in any context.
 fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // `../docs/` is ours, as it is from a file of this workspace; another site's or project's folder is not.
+            // The prefix `../docs/` in a file of this workspace means its own folder; another site's or project's
+            // folder does not count.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
         .filter_map(|(at, _)| {
             let rest = &line[at..];
             let end = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
-            // A pattern (`docs/*.md`) names no one file.
+            // A pattern (`docs/*.md`) does not name one file.
             let pattern = rest[end..].starts_with(['*', '{', '<']);
             let (file, anchor) = split(rest[..end].trim_end_matches(['.', '-', '#']));
             (!pattern && file != "docs/").then(|| (file.trim_end_matches('/').to_owned(), anchor))
@@ -116,7 +118,7 @@ fn paths(line: &str) -> Vec<Cited> {
         .collect()
 }
 
-/// Where the links of a page in Markdown lead, in a line of it, if not to another site.
+/// The targets of the links in a line of a Markdown page, unless they are on another site.
 fn links(page: &str, line: &str) -> Vec<Cited> {
     let folder = Path::new(page).parent().unwrap_or(Path::new(""));
     line.split("](")
@@ -183,7 +185,7 @@ fn anchors(page: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// A heading as it is read: of a link its words.
+/// The text of a heading; a link counts with its words.
 fn text_of(heading: &str) -> String {
     let mut text = String::new();
     let mut rest = heading.trim();
@@ -198,8 +200,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// What is broken in one file beside a page of the design and a decision. A `^` in the text is left out: so this
-    /// file does not itself cite what its tests do.
+    /// The broken citations in one file beside a page of the design and a decision. A `^` in the text is removed, so
+    /// that this file does not itself cite what its tests cite.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

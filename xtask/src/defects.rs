@@ -1,13 +1,13 @@
-//! Runs a table of defects against the judge: each must be noticed by the violation that the table names.
+//! Runs a table of defects against the judge: each must show the violation that the table names.
 //!
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder: each becomes a choice between the old text and the new one, by a number that a crate of the
-//! copy alone gives. In a firmware image that number is a constant in flash, which is written into the built file
+//! below the target folder: each becomes a choice between the old text and the new one, by a number from a crate that
+//! only the copy has. In a firmware image that number is a constant in flash, which is written into the built file
 //! before its CRC; in the bench, where the flight controller's client and the base station run, it is an environment
-//! variable. So two images and one bench do for the whole table. With number 0 the copy does what the checkout does,
-//! and has to pass every run of the table without a violation.
+//! variable. So two images and one bench suffice for the whole table. With number 0 the copy behaves like the checkout,
+//! and must pass every run of the table without a violation.
 //!
-//! Without the bench's share, which takes longest to build, `cargo xtask test` runs a sample.
+//! `cargo xtask test` runs a sample without the bench's defects, because the bench takes longest to build.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -35,20 +35,20 @@ pub(crate) struct DefectsArgs {
     names: Vec<String>,
 }
 
-/// What the copy's package and binaries are called more than the checkout's, whose files they would replace otherwise.
+/// The suffix of the copy's package and binaries, without which they would replace the checkout's files.
 const SUFFIX: &str = "-with-defects";
 /// The two words before the number of the defect in an image.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
 /// The environment variable that gives the number to the bench.
 const VARIABLE: &str = "HORUS_DEFECT";
-/// What stands for the choice in the new text of an edit.
+/// The placeholder for the choice in the new text of an edit.
 const CHOICE: &str = "DEFECT";
 /// The crates that the table may change.
 const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
 /// Folders that no build needs.
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
-/// Names of defects that `cargo xtask test` runs: of the firmwares alone, in short runs, of each kind one.
+/// The defects that `cargo xtask test` runs: those of the firmwares only, in short runs, one of each kind.
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
@@ -60,7 +60,7 @@ const SAMPLE: [&str; 8] = [
     "uplink-ages-exchanged",
 ];
 
-/// The crate of the copy that says which defect was chosen.
+/// The copy's crate with the number of the chosen defect.
 fn chooser() -> String {
     let [first, second] = MARK;
     format!(
@@ -89,7 +89,7 @@ const fn number(place: usize) -> u32 {
     place as u32 + 1
 }
 
-/// What stands in the copy where the old text of an edit is.
+/// The text in the copy in place of the old text of an edit.
 fn changed(number: u32, old: &str, new: &str) -> String {
     let choice = format!("::defect::is({number})");
     if new.contains(CHOICE) {
@@ -101,7 +101,7 @@ fn changed(number: u32, old: &str, new: &str) -> String {
     }
 }
 
-/// `text` of `file` with all defects of the table that are in it.
+/// The `text` of `file` with all its defects of the table.
 fn with_defects(file: &str, text: &str) -> Result<String> {
     let mut edits = vec![];
     for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
@@ -150,12 +150,12 @@ fn manifest(folder: &str, text: &str) -> String {
     }
 }
 
-/// Where the copy is.
+/// The folder of the copy.
 fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy, with all defects, and leaves files that are so already as they are: cargo builds what has changed.
+/// Makes the copy with all defects, and leaves files that are already equal unchanged: cargo builds what has changed.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -172,7 +172,7 @@ fn copy() -> Result<()> {
     Ok(())
 }
 
-/// Copies what is in the folder `inside` of `from`, which has to be a part of the workspace.
+/// Copies the folder `inside` of `from`, which must be a part of the workspace.
 fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> Result<()> {
     let folder = from.join(inside);
     for entry in fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))? {
@@ -199,7 +199,7 @@ fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> 
     Ok(())
 }
 
-/// Writes a file unless it holds that already.
+/// Writes a file unless it already has these contents.
 fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     if fs::read(path).is_ok_and(|there| there == bytes) {
         return Ok(());
@@ -208,7 +208,7 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both images of the copy as they were built, in which no defect is chosen and which have no CRC yet.
+/// Both images of the copy as built, without a chosen defect and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {
@@ -255,7 +255,7 @@ fn build_bench() -> Result<PathBuf> {
     Ok(target_dir().join("debug").join(package))
 }
 
-/// What a run of `cargo xtask sim` with defect `number` shows: its violations, in words.
+/// The violations, as text, of a run of `cargo xtask sim` with defect `number`.
 fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec<String>> {
     let output = Command::new(bench)
         .args(["sim", "--threads", "1", "--json", "-", "--images"])
@@ -280,7 +280,7 @@ fn kinds(violations: &[String]) -> Vec<Violation> {
     violations.iter().filter_map(of).collect()
 }
 
-/// A run of the table: a defect, or none at all.
+/// A run of the table, with a defect or without any.
 struct Case {
     name: String,
     number: u32,
@@ -288,7 +288,7 @@ struct Case {
     defect: Option<&'static Defect>,
 }
 
-/// What came of a case.
+/// The outcome of a case.
 struct Outcome {
     line: String,
     holds: bool,
@@ -335,8 +335,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and the runs without any, on all processors. Prints each, and answers how many were not as the
-/// table says.
+/// Runs these defects, and the runs without any, on all processors. Prints each, and returns how many differed from the
+/// table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -359,7 +359,7 @@ fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Resu
     Ok(wrong.into_inner())
 }
 
-/// The defects called so, with their places.
+/// The selected defects, with their places.
 fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> {
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }

@@ -1,7 +1,7 @@
-//! docs/design.md states the numbers that the code has.
+//! Tests that docs/design.md states the numbers of the code.
 //!
-//! The page is written by hand. Each test here makes of constants the words or the row in which the page states them,
-//! and asks that the page has them once.
+//! The page is written by hand. Each test here formats constants as the page's words or table rows, and checks that
+//! each occurs there exactly once.
 
 use bench_judge::bounds;
 use profile::air::{self, Place};
@@ -11,7 +11,7 @@ use profile::{Identifier, LinkStatus, Profile, ReportedPosition, Uplink, crc, im
 
 const PAGE: &str = include_str!("../../docs/design.md");
 
-/// Asks that the page has each of these once, wherever its lines end.
+/// Checks that the page has each of these once, with any line breaks.
 fn states(numbers: &[String]) {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let page = words(PAGE);
@@ -33,7 +33,7 @@ fn us(ns: u64) -> String {
 fn the_design_states_sizes_and_offsets() {
     let sizes = [Profile::<1>::SIZE, Profile::<2>::SIZE, Profile::<3>::SIZE, Profile::<5>::SIZE];
     let [one, two, three, five] = sizes;
-    // The first offsets are those of an image without receivers: the place of GPS1.
+    // The first offsets are those of an image without receivers, before GPS1.
     let gps = Image::<1>::place(1).expect("GPS1");
     let port = |uplinks: usize| gps.start + 64 * uplinks;
     states(&[

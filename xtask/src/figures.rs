@@ -1,7 +1,7 @@
-//! The figures of docs/figures.md and the sample of a run in README, from fresh runs.
+//! Writes the figures of docs/figures.md and the sample of a run in README, from fresh runs.
 //!
-//! Every run is a command line of `sim`, and the page names it, so that anybody can ask for the same again. Nothing on
-//! the page depends on the machine: what a run takes by the clock on the wall is not among the figures.
+//! Every run is a command line of `sim`, which the page names, so that any user can repeat it. The page does not depend
+//! on the machine: real time is not among the figures.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,13 +29,13 @@ const SAMPLE: [&str; 10] = [
     "violations ",
 ];
 
-/// Around the sample in README.
+/// The marks around the sample in README.
 const MARKS: [&str; 2] =
     ["<!-- written by `cargo xtask figures` -->\n", "<!-- end of what `cargo xtask figures` writes -->\n"];
 
 #[derive(Args)]
 pub(crate) struct FiguresArgs {
-    /// Write nothing; fail if a file is not what would be written.
+    /// Write nothing; fail if a file is not current.
     #[arg(long)]
     check: bool,
 }
@@ -65,7 +65,7 @@ fn write(check: bool, path: PathBuf, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// The reports, if none of their runs violates anything.
+/// Returns the reports if none of their runs has a violation.
 fn sound(reports: Vec<Report>) -> Result<Vec<Report>> {
     for report in &reports {
         ensure!(report.violations.is_empty(), "the {} clock: {}", report.clock, report.violations.join("; "));
@@ -85,7 +85,7 @@ fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     [Clock::Fast, Clock::Optimistic, Clock::Pessimistic].into_iter().map(run).collect()
 }
 
-/// A row: what it is, and the figure of a report.
+/// A row: its label, and the figure of a report.
 type Row = (&'static str, fn(&Report) -> String);
 
 /// Rows of every run.
@@ -118,7 +118,7 @@ const ONE_FRAME: Row = ("sample to readable, 99.9 %, as a multiple of the air ti
     or_none(readable.map(|found| format!("{:.3}", found.p999 as f64 / it.air.air_time_ns as f64)))
 });
 
-/// Rows that depend on where the SSI's transactions and HORUS's frames meet.
+/// Rows that depend on the phase between the SSI's transactions and HORUS's frames.
 const MEETING: [Row; 2] = [
     ("last bit to readable, worst, µs", |it| {
         or_none(it.latency_ns.last_bit_to_readable.map(|it| thousandths(it.max)))
@@ -126,7 +126,7 @@ const MEETING: [Row; 2] = [
     ("SSI ready for the next transaction, worst, µs", |it| or_none(it.ssi.ready_ns.map(|it| thousandths(it.max)))),
 ];
 
-/// A table with a column for each report, and where `slipping` is given, [`MEETING`] of that too.
+/// A table with a column for each report, and the rows [`MEETING`] of `slipping` where that is given.
 fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     let mut text = String::from("| |");
     reports.iter().for_each(|report| text += &format!(" {} |", report.clock));
@@ -149,12 +149,12 @@ fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     text + "\n"
 }
 
-/// What a run violates, in words.
+/// The violations of a run as text.
 fn violations(report: &Report) -> String {
     if report.violations.is_empty() { "none".into() } else { report.violations.join("; ") }
 }
 
-/// Nanoseconds in microseconds.
+/// Converts nanoseconds to microseconds.
 fn thousandths(ns: u64) -> String {
     format!("{}.{:03}", ns / 1_000, ns % 1_000)
 }

@@ -9,13 +9,13 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// Where the images are kept, each in a folder named after its profile's feature.
+/// The folder of the images, each in a subfolder named after its profile's feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
 
-/// Builds one board's image in release, writes its CRC into it, and returns the ELF, which later builds for other
-/// profiles leave alone.
+/// Builds one board's image in release, writes its CRC into it, and returns the ELF's path, which later builds for
+/// other profiles do not change.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
@@ -23,7 +23,8 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let made = build_for_target(&args, package)?;
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    // Into the copy, not into cargo's own file, which cargo takes for up to date only while nobody else writes it.
+    // The CRC goes into the copy, because cargo considers its own file up to date only while no other program writes
+    // it.
     seal::copy_sealed(&made, &kept)?;
     Ok(kept)
 }
@@ -40,7 +41,7 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // Read by defmt when it is compiled: what the images log.
+        // defmt reads this variable at compile time: it sets the log level of the images.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;

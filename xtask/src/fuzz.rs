@@ -1,8 +1,8 @@
 //! Fuzzes the parsers of the profile and of the base station.
 //!
-//! cargo-fuzz on the pinned toolchain: both crates forbid unsafe code, so no sanitizer is wanted, and without one no
-//! nightly compiler is needed. The committed corpus seeds each run and is replayed by the ordinary tests; what a run
-//! adds stays below `target/`, and a crash is written to the folder's `artifacts`, to be minimised into the corpus.
+//! cargo-fuzz runs on the pinned toolchain: both crates forbid unsafe code, so no sanitizer is needed, and without one
+//! no nightly compiler either. The committed corpus seeds each run and is replayed by the ordinary tests; a run's
+//! additions stay below `target/`, and a crash is written to the folder's `artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 
@@ -18,7 +18,7 @@ const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 pub(crate) struct FuzzArgs {
     /// The fuzz target; all of them, one after the other, if none is named.
     target: Option<String>,
-    /// How long each target is fuzzed, in seconds.
+    /// The time for which each target is fuzzed, in seconds.
     #[arg(long, default_value_t = 60)]
     seconds: u32,
     /// The fuzzer's seed.
@@ -41,7 +41,7 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     };
     for (folder, target) in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
-        // The first folder is the one that libFuzzer adds to.
+        // libFuzzer adds new inputs to the first folder.
         let found = target_dir().join("fuzz-corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();

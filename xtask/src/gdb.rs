@@ -1,4 +1,4 @@
-//! gdb at a board of the running link, and at one that `run` has alone: the socket; `bench::gdb` is the rest.
+//! The socket of gdb, for a board of the running link and for one that `run` runs alone; `bench::gdb` has the rest.
 
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
@@ -13,16 +13,16 @@ use clap::Args;
 use crate::Board;
 use crate::sim::{self, Screen, SimArgs};
 
-/// The port that OpenOCD takes, which editors offer by default.
+/// The default port, which is OpenOCD's and the default of editors.
 pub(crate) const PORT: u16 = 3333;
 
 /// Runs the link as `sim` does, with the same options, and waits with it for a debugger.
 #[derive(Args)]
 pub(crate) struct GdbArgs {
-    /// The board that the debugger is at; the other goes on in virtual time.
+    /// The board with the debugger; the other continues in virtual time.
     #[arg(value_enum)]
     board: Board,
-    /// The port on 127.0.0.1 to wait at; 0 takes a free one.
+    /// The port on 127.0.0.1 to wait at; 0 selects a free one.
     #[arg(long, default_value_t = PORT)]
     port: u16,
     #[command(flatten)]
@@ -40,8 +40,8 @@ pub(crate) fn gdb(args: &GdbArgs) -> Result<ExitCode> {
     })
 }
 
-/// Waits at this port of this machine until a debugger comes to `board`, which `image` is for; `say` tells a person
-/// where.
+/// Waits at this port of this machine until a debugger connects to `board`, which runs `image`; `say` prints the
+/// address.
 pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&str)) -> Result<TcpStream> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .with_context(|| format!("--port {port}: cannot wait there for a debugger"))?;
@@ -54,16 +54,16 @@ pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&s
         image.display()
     ));
     let (connection, _) = listener.accept().context("no debugger came")?;
-    // The listener goes: one debugger for one run.
+    // The listener is closed: a run has one debugger.
     Ok(connection)
 }
 
-/// What is said of a debugger that went away by itself.
+/// Prints that a debugger disconnected by itself.
 pub(crate) fn say_lost(error: &str) {
     eprintln!("the debugger is gone ({error}); the run goes on without it");
 }
 
-/// What is said of a run that the debugger ended after so many nanoseconds.
+/// Prints that the debugger ended a run after `at` nanoseconds.
 pub(crate) fn say_killed(at: u64) {
     eprintln!("the debugger ended the run after {:.3} ms", at as f64 / 1e6);
 }

@@ -2,13 +2,13 @@
 //!
 //! # Design
 //!
-//! A generator of our own, not cbindgen: the objects of `profile` are arrays of bytes whose fields are private, and
-//! their status words are made by a macro, so a tool that reads the source sees neither. This one measures: it has
-//! `profile` seal each object with a value that occurs in one field only, and looks for its bytes. So an offset in the
-//! header is where the Rust code puts the field. Fields must fill their object without a gap, and bits their status
-//! word; otherwise nothing is generated. So a field or a bit that is new in Rust cannot be forgotten here.
+//! It is a generator of our own, not cbindgen: the objects of `profile` are arrays of bytes whose fields are private,
+//! and a macro defines their status words, so a tool that reads the source finds neither. This generator measures: it
+//! makes `profile` seal each object with a value that occurs in one field only, and searches for its bytes. So an
+//! offset in the header is where the Rust code puts the field. Fields must fill their object without a gap, and bits
+//! their status word; otherwise nothing is generated. So a new field or bit in Rust cannot be forgotten here.
 //!
-//! `profile/c/horus_dpr.h` is `template.h` with what is measured put in its places; `profile/c/horus_dpr_crc.h` are the
+//! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
 
 mod objects;
@@ -27,7 +27,7 @@ use profile::{Command, Identifier, Layout, Uplink, Violation, crc, image, range}
 
 #[derive(Args)]
 pub(crate) struct HeaderArgs {
-    /// Write nothing; fail if a file is not what would be written.
+    /// Write nothing; fail if a file is not current.
     #[arg(long)]
     check: bool,
 }
@@ -44,7 +44,7 @@ pub(crate) fn header(args: &HeaderArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Fails if a generated file is not what would be generated now.
+/// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
     files()?.iter().try_for_each(|(path, text)| check_one(path, text))
 }
@@ -77,7 +77,7 @@ fn client_header() -> Result<String> {
     Ok(text)
 }
 
-/// `#define` lines, their values in one column, each with what it means.
+/// `#define` lines with their values in one column, each with its meaning.
 fn defines(lines: &[(String, String, &str)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
@@ -202,7 +202,7 @@ fn constants() -> String {
     text
 }
 
-/// The sizes of every layout, asserted of the macros that compute them.
+/// The sizes of every layout, as assertions about the macros that compute them.
 fn layouts() -> String {
     Layout::ALL.iter().fold(String::new(), |mut text, layout| {
         let n = layout.receivers();

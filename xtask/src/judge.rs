@@ -11,7 +11,7 @@ use clap::Args;
 
 #[derive(Args)]
 pub(crate) struct JudgeArgs {
-    /// The log, as `cargo xtask sim --events FILE` stored it.
+    /// The log, as stored by `cargo xtask sim --events FILE`.
     log: PathBuf,
 }
 

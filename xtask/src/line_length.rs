@@ -1,6 +1,6 @@
-//! No line of source is longer than 120 columns, comments included.
+//! Checks that no source line is longer than 120 columns, comments included.
 //!
-//! rustfmt wraps code at that width but leaves comments and string literals as they are, so it does not see them.
+//! rustfmt wraps code at that width but leaves comments and string literals unchanged, so it does not detect them.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use crate::workspace::{root, tracked};
 /// The longest line, in characters.
 const COLUMNS: usize = 120;
 
-/// Names of files that are checked: what people write by hand. Documents in Markdown, recorded data, test corpora and
-/// generated files are not.
+/// Names of checked files: hand-written sources. Documents in Markdown, recorded data, test corpora and generated files
+/// are not checked.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
     let source = matches!(
@@ -34,7 +34,7 @@ fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
 ///
 /// # Errors
 ///
-/// If there is such a line, or git does not tell which files are tracked.
+/// There is such a line, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let (mut files, mut found) = (0, 0);
     for path in tracked()?.iter().filter(|path| is_checked(path)) {
@@ -60,7 +60,7 @@ mod tests {
     fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
         let fits = "x".repeat(120);
         let comment = format!("// {}", "x".repeat(118));
-        // 120 characters of two bytes each.
+        // The line has 120 characters of two bytes each.
         let accents = "é".repeat(120);
         let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
         assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);

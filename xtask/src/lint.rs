@@ -1,5 +1,6 @@
-//! Line length, citations, the C header and formatting, then clippy with warnings as errors, for the host and for the
-//! target, the crates' documentation likewise, and what the dependencies may be, where cargo-deny is installed.
+//! Checks line length, citations, the C header and formatting, then runs clippy with warnings as errors, for the host
+//! and for the target, builds the crates' documentation likewise, and checks the dependencies where cargo-deny is
+//! installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -42,7 +43,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
         }
     }
-    // Each suite by the feature of its name; the last one fails on purpose.
+    // Each suite has a feature of its name; the last one fails on purpose.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",

@@ -1,26 +1,25 @@
-//! The whole link at the pace of the clock on the wall, and the base station's page of it.
+//! The whole link in real time, with the base station's page.
 //!
 //! # Design
 //!
-//! All of it is the real thing but for the wires' other ends. Both images run on the bench, and its flight controller
-//! reads the DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
-//! [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. What the forwarder sends goes
+//! All of it is real except the wires' other ends. Both images run on the bench, and its flight controller reads the
+//! DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
+//! [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's messages go
 //! through a UDP socket of this machine to the station and the page of `horus-base serve`, in this process.
 //!
-//! **Pace.** The bench reads no clock. It is held up here, every 10 ms of virtual time, until the clock on the wall
-//! has come as far. What it has forwarded meanwhile goes out then, so nothing is shown before its time, and all that is
-//! shown is 10 ms late at most by this. If the machine is too slow, the run falls behind, and says how much.
+//! **Pace.** The bench reads no clock. This module stops it, every 10 ms of virtual time, until real time has come as
+//! far. The messages forwarded meanwhile are sent then, so nothing is shown early, and everything is at most 10 ms late
+//! by this. If the machine is too slow, the run falls behind, and reports by how much.
 //!
-//! **Whose clock.** At the pace of 1 the station reads the system's clock, so ages on the page are true, and grow when
-//! the bench falls behind. At any other pace that clock would take HORUS's for wrong, and the bench tells the station
-//! its own.
+//! **Clock.** At pace 1 the station reads the system's clock, so ages on the page are true, and grow when the bench
+//! falls behind. At any other pace HORUS's clock would look wrong against it, so the bench sets the station's clock.
 //!
-//! **Panel.** A second address is on the bench's side of the wire: it breaks things in the running flight, and shows
-//! both boards' logs ([`panel`]). The base station knows nothing of it, and its own page stays read-only.
+//! **Panel.** A second address is on the bench's side of the wire: it injects faults into the running flight, and shows
+//! both boards' logs ([`panel`]). The base station is independent of it, and its own page stays read-only.
 //!
 //! **The way back.** With `--uplink` the page sends uplinks to the flight controller, signed, through the same socket;
-//! its end of that is [`base_station::carrier::mavlink::Inbound`]. It writes them to the DPR, and forwards what the DPR
-//! shows of them. `--loss` loses messages, each way, drawn from the seed.
+//! its end of that is [`base_station::carrier::mavlink::Inbound`]. It writes them to the DPR, and forwards the DPR's
+//! display of them. `--loss` loses messages, each way, drawn from the seed.
 
 mod panel;
 #[cfg(test)]
@@ -55,23 +54,23 @@ const SYSTEM: u8 = 1;
 /// MAVLink's component id of the flight controller: MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
 
-/// What a fast telemetry radio carries: all objects at 10 Hz.
+/// The rates of a fast telemetry radio: all objects at 10 Hz.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The run can be ended so often, virtual ns.
+/// The interval at which the run can be ended, virtual ns.
 const PIECE: u64 = 100_000_000;
 
-/// A run that was never further behind the clock on the wall than this has held real time: one period of the
-/// forwarder's, a quarter of the age at which the page calls a position old.
+/// The greatest lag of a run that counts as real time: one period of the forwarder, a quarter of the age at which the
+/// page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// What was sent last has arrived after so long, or it never will.
+/// The time after which the last sent message has arrived or is lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
-/// Where everything is: this machine.
+/// The address of all sockets: this machine.
 const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
 
-/// A day, which is as long as a flight is planned at most, s.
+/// The longest flight, s: a day, which is the longest that can be planned.
 const LONGEST: f64 = 86_400.0;
 
 pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
@@ -103,11 +102,11 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     }
 }
 
-/// A key of this run alone: both ends of the way back are in this process.
+/// A key for this run only: both ends of the way back are in this process.
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
-        // Each is seeded by the system.
+        // The system seeds each of them.
         chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
     }
     Key::new(bytes)
@@ -119,12 +118,12 @@ fn unix_us() -> u64 {
     u64::try_from(unix.as_micros()).unwrap_or_default()
 }
 
-/// Tells an alarm that came or went.
+/// Prints a change of an alarm.
 fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// What became of the messages with objects.
+/// The fate of the messages with objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -133,7 +132,7 @@ struct Shown {
 }
 
 impl Shown {
-    /// Whether all that was sent arrived, and intact.
+    /// Whether all sent messages arrived intact.
     const fn is_whole(self) -> bool {
         self.arrived == self.sent && self.bad_crc == 0
     }
@@ -153,29 +152,28 @@ struct Page {
     forwarder: Forwarder,
     socket: UdpSocket,
     to: SocketAddr,
-    /// Virtual time per time on the wall; 0 for as fast as it goes.
+    /// Virtual time divided by real time; 0 for as fast as possible.
     pace: f64,
-    /// How much virtual time has passed, µs, for a station that does not read the system's clock.
+    /// The elapsed virtual time, µs, for a station that does not read the system's clock.
     passed_us: Arc<AtomicU64>,
-    /// When the run began on the wall: as if its first step had taken no time, for before that the images are loaded.
+    /// The real time of the run's beginning, without the time of its first step, which loads the images.
     began: Option<Instant>,
-    /// How far behind the clock on the wall it was at worst.
+    /// The greatest lag behind real time.
     behind: Duration,
-    /// Messages with objects that were sent.
+    /// The number of messages with objects that were sent.
     sent: u64,
-    /// Why one could not be.
+    /// The reason why one could not be sent.
     unsent: Option<std::io::Error>,
-    /// What somebody breaks meanwhile.
+    /// The faults that a user injects meanwhile.
     panel: Panel,
     /// The flight controller's end of the way back, if there is one.
     inbound: Option<Inbound>,
-    /// How many messages of a hundred are lost, each way, and what they are drawn from.
+    /// The percentage of messages that are lost, each way, and the generator that draws them.
     loss: (u64, Rng),
 }
 
 impl Page {
-    /// Opens the page on this port, which can send uplinks if it is said so; `told` hears of every alarm that comes or
-    /// goes.
+    /// Opens the page on this port, with uplinks if `uplink` is set; `told` gets every change of an alarm.
     fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
@@ -218,7 +216,7 @@ impl Page {
         })
     }
 
-    /// The radio loses so many messages of a hundred, each way, drawn from this seed.
+    /// Makes the radio lose this percentage of messages, each way, drawn from this seed.
     fn with_loss(self, percent: u64, seed: u64) -> Self {
         Self { loss: (percent, Rng::new(seed)), ..self }
     }
@@ -229,7 +227,7 @@ impl Page {
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and sends what its flight controller forwards.
+    /// Runs the link, and sends the messages that its flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -239,7 +237,7 @@ impl Page {
         }
     }
 
-    /// Waits until the station has taken what was sent, or it is clear that it will not.
+    /// Waits until the station has taken what was sent, or the time for it is over.
     fn settle(&self) -> Shown {
         let began = Instant::now();
         loop {
@@ -255,7 +253,7 @@ impl Page {
         }
     }
 
-    /// Whether the pace was held, in a line.
+    /// A line about whether the pace was held.
     fn pace(&self) -> String {
         let behind = self.behind.as_secs_f64() * 1e3;
         let held = match self.pace {
@@ -266,7 +264,7 @@ impl Page {
         format!("pace                  {} x real time, {held}: {behind:.1} ms late at worst\n", self.pace)
     }
 
-    /// Waits until the clock on the wall has come as far as the run.
+    /// Waits until real time has come as far as the run.
     fn wait(&mut self, virtual_ns: u64) {
         if self.pace == 0.0 {
             return;
@@ -296,7 +294,7 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // What a receiver finds in it is what will arrive.
+                // The number of messages that a receiver finds is the number that will arrive.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }
@@ -313,7 +311,7 @@ impl Observer for Page {
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let mut bytes = [0; 512];
         let mut to_write = None;
-        // What fails here is that there is nothing.
+        // An error here means that there is no message.
         while let Ok(length) = self.socket.recv(&mut bytes) {
             if !self.loses()
                 && let Some(inbound) = &mut self.inbound

@@ -3,7 +3,7 @@
 //! One binary builds both firmware images, runs them against each other on the bench, tests everything, checks sizes
 //! against budgets and flashes the boards. Each command lives in a module of its own; this file is the command line.
 //!
-//! Exit codes: 0 success, 1 a check failed (said on standard error), 2 a wrong command line.
+//! The exit codes are 0 for success, 1 for a failed check (reported on standard error), 2 for a wrong command line.
 
 #[cfg(any(feature = "probe", test))]
 mod access;
@@ -61,13 +61,13 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
-    /// Run the link with gdb, or an editor that speaks its protocol, at one of the boards.
+    /// Run the link with gdb, or an editor that uses its protocol, at one of the boards.
     Gdb(gdb::GdbArgs),
-    /// Run the link at the pace of the clock on the wall, and show on a page what its base station sees.
+    /// Run the link in real time, and show its base station's page.
     Live(LiveArgs),
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
-    /// Instructions per second of the core alone, and where the time of `sim` goes.
+    /// Measure instructions per second of the core alone, and where the time of `sim` goes.
     Speed(speed::SpeedArgs),
     /// Run any ELF alone on one board of the bench: its log, its exit code, its faults.
     Run(run::RunArgs),
@@ -75,8 +75,8 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Line length, citations, the C header, formatting, then clippy with warnings as errors, for host and target, and
-    /// documentation likewise.
+    /// Check line length, citations, the C header and formatting, then run clippy with warnings as errors, for host and
+    /// target, and build the documentation likewise.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
@@ -131,7 +131,7 @@ impl Board {
     }
 }
 
-/// How many GNSS receivers the profile carries (1, 2, 3 or 5).
+/// The number of GNSS receivers in the profile (1, 2, 3 or 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Receivers(pub(crate) usize);
 
@@ -187,15 +187,15 @@ pub(crate) struct FlashArgs {
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
     #[arg(long, default_value_t = Receivers::DEFAULT)]
     pub(crate) gps: Receivers,
-    /// End after showing the log for so many seconds: of virtual time on the bench, where it is 1 if absent. A real
-    /// board's log is shown until it is interrupted (Ctrl-C) if absent.
+    /// End after showing the log for this many seconds: of virtual time on the bench, where the default is 1. A real
+    /// board's log is shown until it is interrupted (Ctrl-C) by default.
     #[arg(long, value_parser = sim::positive_seconds)]
     pub(crate) seconds: Option<f64>,
     #[command(flatten)]
     pub(crate) probe: ProbeArgs,
 }
 
-/// Which debug probe, and how fast.
+/// The debug probe, and its speed.
 #[derive(Args, Clone)]
 pub(crate) struct ProbeArgs {
     /// The probe, as VID:PID or VID:PID:SERIAL; needed when more than one is connected. Or `bench`: that of the board
@@ -210,10 +210,10 @@ pub(crate) struct ProbeArgs {
     pub(crate) erase_all: bool,
 }
 
-/// The link beside a person.
+/// The options of the link in real time.
 #[derive(Args, Clone)]
 pub(crate) struct LiveArgs {
-    /// Virtual time to run, in seconds; without it, until it is interrupted (Ctrl-C), a day at most.
+    /// Virtual time to run, in seconds; without it, until it is interrupted (Ctrl-C), at most a day.
     #[arg(long, value_parser = sim::positive_seconds)]
     pub(crate) seconds: Option<f64>,
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
@@ -222,22 +222,22 @@ pub(crate) struct LiveArgs {
     /// Seed of everything random: flight, receivers' noise, faults.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// What goes wrong on purpose, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang.
+    /// Faults to inject, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) faults: Vec<Kind>,
-    /// TCP port of the page on 127.0.0.1; 0 takes a free one.
+    /// TCP port of the page on 127.0.0.1; 0 selects a free one.
     #[arg(long, default_value_t = 8480)]
     pub(crate) port: u16,
-    /// TCP port on 127.0.0.1 of the panel that breaks things; 0 takes a free one.
+    /// TCP port on 127.0.0.1 of the panel that injects faults; 0 selects a free one.
     #[arg(long, default_value_t = 8481)]
     pub(crate) panel_port: u16,
-    /// Virtual time per time on the wall, up to 100; 0 goes as fast as it can.
+    /// Virtual time divided by real time, up to 100; 0 runs as fast as possible.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = pace)]
     pub(crate) pace: f64,
-    /// Let whoever opens the page send uplinks of the base station to the DPR.
+    /// Allow users of the page to send uplinks of the base station to the DPR.
     #[arg(long)]
     pub(crate) uplink: bool,
-    /// How many messages of a hundred the radio between flight controller and base station loses, each way.
+    /// The percentage of messages that the radio between flight controller and base station loses, each way.
     #[arg(long, value_name = "PERCENT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=90))]
     pub(crate) loss: u64,
 }
@@ -293,7 +293,7 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Without the probe library in this binary: the same command again, with it.
+/// Runs the same command again with the probe library, which this binary lacks.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -304,7 +304,7 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Without the page in this binary: the same command again, with it.
+/// Runs the same command again with the page, which this binary lacks.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

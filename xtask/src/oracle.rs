@@ -1,4 +1,4 @@
-//! The bench's core against QEMU and LLVM's disassembler.
+//! Compares the bench's core with QEMU and LLVM's disassembler.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,12 +7,12 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use core_oracle::{Class, Options, RECORDED_CASES};
 
-/// Where the recordings are that the ordinary tests replay, from the workspace's root.
+/// The folder of the recordings that the ordinary tests replay, from the workspace's root.
 const RECORDINGS: &str = "emulator/cortex-m4/tests/data";
 
 #[derive(Args)]
 pub(crate) struct OracleArgs {
-    /// A class of cases, all of them unless one or more are named.
+    /// A class of cases; all of them by default.
     #[arg(long, value_parser = class)]
     class: Vec<Class>,
     /// Random cases of each class.

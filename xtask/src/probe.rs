@@ -1,7 +1,7 @@
-//! Real boards, through the probe-rs library: write, verify, show the log, run a test suite.
+//! Real boards through the probe-rs library: writes, verifies, shows the log, runs a test suite.
 //!
-//! Chip and probe are always named: the chip by the board, the probe by being the only one or by `--probe`. Two probes
-//! are never chosen between, because writing the wrong board's image is worse than asking.
+//! Chip and probe are always explicit: the board gives the chip, and the probe is the only one or that of `--probe`.
+//! The program never chooses between two probes, because writing the wrong board's image is worse than an error.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -39,7 +39,7 @@ use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 use watchdog::Feeding;
 
-/// How long a core gets to do what a debugger asks.
+/// The time limit for a core to carry out a debugger's request.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Registers by their numbers in DCRSR (ARMv7-M ARM C1.6.3).
@@ -48,13 +48,13 @@ const XPSR: RegisterId = RegisterId(16);
 const MSP: RegisterId = RegisterId(17);
 const PSP: RegisterId = RegisterId(18);
 
-/// How often the log is read: far below the time in which a 1 KiB buffer fills at either image's rate.
+/// The polling interval of the log: far below the time in which a 1 KiB buffer fills at either image's rate.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
-/// How long an image gets to set up its log after reset.
+/// The time limit for an image to set up its log after reset.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// How long the log of a board on the bench is shown if nothing else is said: nobody is there to interrupt it.
+/// The default duration of the log of a board on the bench, s: no user is there to interrupt it.
 const BENCH_LOG: f64 = 1.0;
 
 /// A probe that was found.
@@ -62,7 +62,7 @@ const BENCH_LOG: f64 = 1.0;
 enum Found {
     /// On USB.
     Usb(DebugProbeInfo),
-    /// That of a board on the bench.
+    /// The probe of a board on the bench.
     Bench(BenchBoard),
 }
 
@@ -75,7 +75,7 @@ impl std::fmt::Display for Found {
     }
 }
 
-/// How long a log is shown: until it ends or is interrupted, or for a time of the board's.
+/// The duration of a log: until it ends or is interrupted, or for a time of the board's.
 #[derive(Debug)]
 enum Span<'a> {
     Endless,
@@ -106,7 +106,7 @@ impl<'a> Span<'a> {
 
 /// Builds, writes, verifies, resets, then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
-    // The probe first: a missing one should not cost a build.
+    // The probe comes first: a missing one should not cost a build.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
     flash_elf(args, &probe, &elf)
@@ -131,7 +131,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
 
-/// Shows what the bench found wrong on its board. Answers whether there is anything.
+/// Prints the bench's findings about its board. Returns whether there are any.
 fn say_findings(probe: &Found) -> bool {
     let Found::Bench(board) = probe else { return false };
     let found = board.take_findings();
@@ -139,7 +139,7 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
+/// Writes an ELF, runs it, shows its log and exits with its status: a semihosting exit gives the code.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -185,7 +185,7 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library takes a part's name on trust: an STM32's absent access port 1 would read like a locked nRF52840's.
+    // The library does not check a part's name: an STM32's absent access port 1 would read like a locked nRF52840's.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -208,12 +208,12 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
     Ok((session, feeding))
 }
 
-/// Opens the probe. Answers the SWD clock in kHz, if one was asked for.
-/// The probe, the clock that it was told to make, and what ends that it feeds an nRF52840's watchdog.
+/// Opens the probe. Returns the probe, its requested SWD clock in kHz if any, and the handle that ends the feeding of
+/// an nRF52840's watchdog.
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // These of the library's probes work in transfers, and the watchdog can be fed between two of them.
+            // These probes of the library work in transfers, and the watchdog can be fed between two of them.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -237,10 +237,10 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
     Ok((opened, khz.transpose()?, feeding))
 }
 
-/// What the probe is connected to; `None` where no debug port answers, which attaching will say. Only identification
-/// registers are read, and the part goes on as it was.
+/// The part at the probe; `None` where no debug port answers, which attaching will report. Only identification
+/// registers are read, and the part continues undisturbed.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
-    /// IDR of an access port: Nordic's JEP106 number, 0x44 in bank 2 (PS v1.7, 4.8.1; ADIv5.2, C1.3).
+    /// The IDR of an access port: Nordic's JEP106 number, 0x44 in bank 2 (PS v1.7, 4.8.1; ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;
     const DESIGNER: u32 = 0x0FFE_0000;
     const NORDIC: u32 = 0x0288_0000;
@@ -266,13 +266,13 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// What an error of the library's `attach` means, which was or was not allowed to erase everything.
+/// The meaning of an error of the library's `attach`, which was or was not allowed to erase everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
-        // Of the steps of attaching to an nRF52840, unlocking alone ends so.
+        // Only the unlocking step of attaching to an nRF52840 ends with this error.
         probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }
@@ -287,11 +287,11 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // A word takes 41 us (PS v1.7, NVMC, electrical specification), a look at it through the probe longer.
+    // A word takes 41 us (PS v1.7, NVMC, electrical specification), a read of it through the probe longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // So that no firmware uses the NVMC meanwhile.
+    // The halt keeps the firmware from using the NVMC meanwhile.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
@@ -316,7 +316,7 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
 }
 
 /// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which its firmware stops at the
-/// start; the other option bytes stay (RM0090, "Option bytes"). The level counts from the next reset on.
+/// start; the other option bytes stay (RM0090, "Option bytes"). The level takes effect at the next reset.
 fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTKEYR: u64 = 0x4002_3C08;
     const KEYS: [u32; 2] = [0x0819_2A3B, 0x4C5D_6E7F];
@@ -327,11 +327,11 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTSTRT: u32 = 1 << 1;
     const BOR_LEV: u32 = 3 << 2;
     // The option bytes are erased and programmed together: a sector's time, 0.8 s at most (DS9405, "Flash memory
-    // characteristics"). A look at the register through the probe takes 50 us and more.
+    // characteristics"). A read of the register through the probe takes 50 us and more.
     const LOOKS: usize = 50_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // What was just written has not run; whatever ran before must not use the interface meanwhile.
+    // The new image has not run; the previous one must not use the interface meanwhile.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let options = core.read_word_32(OPTCR)?;
     let level = options & BOR_LEV;
@@ -352,7 +352,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // What the next start loads is what was programmed, not what the register was told.
+    // The next start loads the programmed value, which may differ from the register's.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -394,7 +394,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     })
 }
 
-/// What to say of an image that was not written.
+/// The message about an image that was not written.
 fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     let elf = elf.display();
     match error {
@@ -409,7 +409,7 @@ fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     }
 }
 
-/// What a step of writing is called on the screen.
+/// The name of a writing step on the screen.
 const fn verb(operation: &ProgressOperation) -> &'static str {
     match operation {
         ProgressOperation::Fill => "reading",
@@ -419,29 +419,29 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// Whose log is shown.
+/// The owner of the displayed log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Follow {
-    /// An image's that is meant to run on for ever: what it does about a HardFault or a restart is its own affair.
+    /// An image that is meant to run for ever: its reaction to a HardFault or a restart is its own.
     Firmware,
-    /// A test suite's, which ends by itself: by a semihosting exit, or by a HardFault if it fails (panic-probe). The
-    /// core halts there, since nothing else would end it: cortex-m-rt's handler is a loop.
+    /// A test suite, which ends by itself: by a semihosting exit, or by a HardFault if it fails (panic-probe). The core
+    /// halts there, because nothing else would end it: cortex-m-rt's handler is a loop.
     Suite,
 }
 
-/// Restarts of a suite after which no other ending is to be expected of it.
+/// The number of restarts of a suite after which no other ending is expected.
 const MOST_RESTARTS: usize = 10;
 
-/// Debug Halting Control and Status Register. S_RESET_ST says that the core was reset since this was last read
-/// (ARMv7-M ARM C1.6.2).
+/// Debug Halting Control and Status Register. S_RESET_ST means that the core was reset since the last read of the
+/// register (ARMv7-M ARM C1.6.2).
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
-/// What core it is (ARMv7-M ARM B3.2.3).
+/// The CPUID register, which identifies the core (ARMv7-M ARM B3.2.3).
 const CPUID: u64 = 0xE000_ED00;
 
 /// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
-/// it is interrupted. The log of a part that restarts meanwhile goes on from its new start.
+/// it is interrupted. If the part restarts meanwhile, the log continues from its new start.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -454,28 +454,28 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // What the last run left in RAM must not be taken for this run's log.
+    // The last run's contents of RAM must not be taken for this run's log.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // Only a power-on resets it on every part, so another run may have left it.
+    // Some resets do not clear the catch on every part, so another run may have left it.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // The reset just now is ours.
+    // The last reset was ours.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
-    // From here on its image has to do that.
+    // The image itself must feed the watchdog from here on.
     feeding.end();
     let mut rtt = attach_log(&mut core, block)?;
     let mut restarts = 0;
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // Read after the status: what was logged before a halt is then shown before the run ends.
+        // The log is read after the status, so that lines before a halt are shown before the run ends.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The start-up code has initialised the control block anew, or is about to.
+                // The start-up code has initialised the control block again, or is about to.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
                 }
@@ -491,16 +491,16 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // What was on its way is lost with the buffer.
+            // Partial data are lost with the buffer.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
-                // Before that, with nobody to catch it: what it logged is still there.
+                // The HardFault came before it could be caught: its log is still there.
                 rtt = attach_log(&mut core, block)?;
                 drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The start-up code takes far less than this to initialise the control block.
+            // The start-up code needs far less than this to initialise the control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -514,7 +514,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The library's reason may be several: what made it halt before is only partly its to clear.
+            // The library may report several reasons, because it can only clear some of the earlier ones.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -522,23 +522,23 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // A board on the bench goes on with each look at it.
+            // A board on the bench advances with each access.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
     }
 }
 
-/// Whether the core was reset since this was last asked.
+/// Whether the core was reset since the last call.
 fn was_reset(core: &mut Core<'_>) -> Result<bool> {
     Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
 }
 
-/// Has the core halt at a HardFault again, and at semihosting calls: of the resets of an nRF52840 only the soft ones
-/// leave that as it was (PS v1.7, 5.3.7.8). Answers whether a HardFault came before that.
+/// Makes the core halt again at a HardFault and at semihosting calls: only soft resets of an nRF52840 keep that setting
+/// (PS v1.7, 5.3.7.8). Returns whether a HardFault came before that.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // Those resets also close an nRF52840's debug port until the image opens it, some time after its start. Until then
-    // all reads zero, CPUID too, which never is, and a request to halt is lost.
+    // Other resets also close an nRF52840's debug port until the image opens it, some time after its start. Until then
+    // every read returns zero, also of CPUID, which is never zero, and a request to halt is lost.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
         if since.elapsed() >= CORE_TIMEOUT {
@@ -563,15 +563,15 @@ fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
     Ok(status & EXCEPTION == HARD_FAULT)
 }
 
-/// Where the code was that the core left for the first instruction of its HardFault handler, for the end of a sentence.
+/// The address of the code before the first instruction of the core's HardFault handler, for the end of a sentence.
 fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     /// Bit 2 of EXC_RETURN: the frame is on the process stack (ARMv7-M ARM table B1-8).
     const PROCESS_STACK: u32 = 1 << 2;
-    /// The return address in the frame.
+    /// The offset of the return address in the frame.
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // A stack that led into nothing may be why.
+    // The cause may be a stack outside memory.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

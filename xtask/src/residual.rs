@@ -1,4 +1,5 @@
-//! What the profile's two CRCs are worth: counted, compared with the committed counts, written into the safety report.
+//! Counts the detection of the profile's two CRCs, compares the counts with the committed ones, and writes the safety
+//! report.
 
 use std::io::Write as _;
 use std::num::NonZero;
@@ -25,10 +26,10 @@ pub(crate) struct ResidualArgs {
     /// Take the committed weights of the dual codes instead of counting their words again.
     #[arg(long)]
     committed: bool,
-    /// Replace the committed weights by those counted, instead of comparing with them.
+    /// Replace the committed weights by the counted ones, instead of comparing them.
     #[arg(long, conflicts_with = "committed")]
     store: bool,
-    /// Threads to count with; as many as there are cores if absent.
+    /// Number of threads; as many as there are cores by default.
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
 }
@@ -62,7 +63,7 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     write(&page, &report.refresh(&text).map_err(anyhow::Error::msg)?)?;
 
-    // A program that reads the JSON from standard output gets nothing else there.
+    // Only the JSON goes to standard output then, because a program reads it.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {
@@ -115,7 +116,7 @@ fn committed() -> Result<Vec<(Code, DualWeights)>> {
     Code::all().into_iter().map(dual).collect()
 }
 
-/// Counts the words of all dual codes, saying on standard error how long each took.
+/// Counts the words of all dual codes and prints on standard error how long each took.
 fn count(threads: NonZero<usize>) -> Vec<(Code, DualWeights)> {
     let all = Code::all();
     let style = ProgressStyle::with_template("{bar:40} {percent} % of {msg}, {eta} left").expect("a constant template");

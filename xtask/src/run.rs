@@ -1,4 +1,4 @@
-//! Any ELF alone on one board: a cargo runner, for the on-target tests and for projects of other people.
+//! Runs any ELF alone on one board: a cargo runner for the on-target tests and for other projects.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -26,14 +26,14 @@ pub(crate) struct RunArgs {
     /// Stop after this much virtual time, in seconds; an image that is still running then fails. Bench only.
     #[arg(long, default_value_t = 60.0, value_parser = crate::sim::positive_seconds, conflicts_with = "seconds")]
     limit: f64,
-    /// The image is meant to run on for ever: end after this much virtual time, in seconds, as a success. Bench only.
+    /// The image is meant to run for ever: end after this much virtual time, in seconds, as a success. Bench only.
     #[arg(long, value_parser = crate::sim::positive_seconds)]
     seconds: Option<f64>,
     /// Print each change of a pin with its virtual time: P0.13 on the dpr board, PB7 on horus. Any number. Bench only.
     #[arg(long, value_name = "PIN")]
     pin: Vec<String>,
-    /// Drive a pin from outside, from power-on or from so many milliseconds on: P0.11=0, PC13=1@250. Any number. Bench
-    /// only.
+    /// Drive a pin from outside, from power-on or from this many milliseconds on: P0.11=0, PC13=1@250. Any number.
+    /// Bench only.
     #[arg(long, value_name = "PIN=0|1[@MS]")]
     drive: Vec<String>,
     /// Join two pins by a wire: P0.02=P0.03. Levels and UART frames that the firmware puts on either arrive at the other.
@@ -52,20 +52,20 @@ pub(crate) struct RunArgs {
     /// optimistic one a delay loop is never shorter than it can be. Bench only.
     #[arg(long, default_value_t = Clock::Optimistic)]
     clock: Clock,
-    /// Halt the board at power-on and wait for gdb, or an editor that speaks its protocol. Bench only.
+    /// Halt the board at power-on and wait for gdb, or an editor that uses its protocol. Bench only.
     #[arg(long)]
     gdb: bool,
-    /// The port on 127.0.0.1 to wait for gdb at; 0 takes a free one.
+    /// The port on 127.0.0.1 to wait for gdb at; 0 selects a free one.
     #[arg(long, default_value_t = gdb::PORT, requires = "gdb")]
     port: u16,
-    /// Where it runs.
+    /// The place where it runs.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
     #[command(flatten)]
     probe: ProbeArgs,
 }
 
-/// Where target code runs.
+/// The place where target code runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Place {
     /// The emulated boards: no hardware needed.
@@ -146,7 +146,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     Ok(ending(args, &outcome))
 }
 
-/// What to look at where an image lies at addresses that another part's flash has.
+/// A hint where an image lies at addresses of another part's flash.
 fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     // The STM32 shows its flash at 0, too, so that an image for the nRF52840 is loaded and runs into nothing.
     const STM32_FLASH: u64 = 0x0800_0000;
@@ -159,7 +159,7 @@ fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     })
 }
 
-/// How to get text of a firmware that printed none.
+/// A hint for a firmware that printed nothing: the ways in which text arrives.
 fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
     if !outcome.lines.is_empty() || !args.uart.is_empty() {
         return None;
@@ -171,7 +171,7 @@ fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Optio
     })
 }
 
-/// What the run came to, as an exit code; said where it is not plain.
+/// The exit code of the run, with a message where the reason is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -180,7 +180,7 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-/// What is to be said of a run that was to take so many `seconds`, or at most `limit`, and its status.
+/// The message about a run that was to take `seconds`, or at most `limit`, and its status.
 fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -204,14 +204,14 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
         );
         return (Some(says), outcome.status());
     }
-    // A firmware that says it is well while the bench saw it do wrong is not well.
+    // A firmware that reports success has failed if the bench has findings about it.
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
-/// The file that the bytes of a pin go to, and what it is called.
+/// The files that pins' bytes go to, with their names.
 type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
-/// What the arguments clip to the board.
+/// The connections to the board by these arguments.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -277,7 +277,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     Ok((connected, files))
 }
 
-/// The pin that a board's maker calls so: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+/// The pin with this name of the board's maker: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
 fn pin_called(board: Board, name: &str) -> Option<Pin> {
     let rest = name.strip_prefix(['P', 'p'])?;
     let (port, number) = match board {
@@ -313,21 +313,21 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// Where the firmware's log goes.
+/// The destination of the firmware's log.
 struct Output<W> {
     stdout: W,
-    /// Who read it went away: a pipe into `head`, say. The run goes on, as its exit code still counts.
+    /// Whether its reader has gone, as in a pipe into `head`. The run continues, because its exit code still counts.
     closed: bool,
-    /// The line that each UART has begun, and when its first byte was sent, ns.
+    /// The unfinished line of each UART, with the instant of its first byte, ns.
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
-/// A line of a UART that is longer is shown in parts.
+/// The longest line of a UART; a longer one is shown in parts.
 const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {
-    /// Shows a line. One without a time stamp of the firmware's gets virtual time: when the probe took it, up to 1 ms
-    /// after it was written.
+    /// Shows a line. One without a time stamp of the firmware gets the virtual time at which the probe read it, up to 1
+    /// ms after it was written.
     fn line(&mut self, line: &LogLine) {
         if line.timestamp.is_empty() {
             self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));
@@ -370,7 +370,7 @@ fn milliseconds(ns: u64) -> f64 {
     ns as f64 / 1e6
 }
 
-/// What came of a run that took so many `seconds`, in a line; nothing of its speed where a debugger held it up.
+/// The outcome of a run in one line, with its speed unless a debugger held it up; `seconds` is what it took.
 fn summary(outcome: &Outcome, clock: Clock, seconds: Option<f64>) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
@@ -410,7 +410,7 @@ mod tests {
 
     use super::*;
 
-    /// A reader that goes away after so many lines.
+    /// A reader that stops after a number of lines.
     struct Pipe(Vec<u8>, usize);
 
     impl Write for Pipe {

@@ -1,9 +1,9 @@
 //! Writes an image's CRC into its ELF file, so that the firmware can check at start whether its flash is as built.
 //!
-//! The linker script `firmware-common/image_crc.x` reserves one word, section `.image_crc`, behind everything that is
+//! The linker script `firmware-common/image_crc.x` reserves one word, section `.image_crc`, after everything that is
 //! loaded into flash. [`seal`] writes the frame CRC of all bytes from the vector table up to that word into it, most
-//! significant byte first. A gap between two sections counts as 0xFF, which is what erased flash reads. The firmware
-//! compares in `firmware_common::image`.
+//! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware compares
+//! it in `firmware_common::image`.
 
 use std::path::Path;
 
@@ -18,13 +18,13 @@ const CRC_SECTION: &str = ".image_crc";
 /// The section at which the CRC's range begins.
 const FIRST_SECTION: &str = ".vector_table";
 
-/// What erased flash reads.
+/// The value of erased flash.
 const ERASED: u8 = 0xFF;
 
-/// Bytes of the CRC.
+/// The size of the CRC, bytes.
 const CRC_SIZE: u64 = 4;
 
-/// Bytes that a programmer writes: where they are in memory and in the file.
+/// A range of bytes that a programmer writes, with its places in memory and in the file.
 #[derive(Clone, Copy)]
 struct Loaded {
     address: u64,
@@ -42,7 +42,7 @@ impl Loaded {
 ///
 /// # Errors
 ///
-/// If a file cannot be read or written, or is not an image as [`seal`] expects it.
+/// A file cannot be read or written, or is not an image that [`seal`] accepts.
 pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
     let mut elf = std::fs::read(from).with_context(|| format!("could not read {}", from.display()))?;
     seal(&mut elf).with_context(|| format!("could not give {} its CRC", from.display()))?;
@@ -53,8 +53,7 @@ pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
 ///
 /// # Errors
 ///
-/// If it is not a 32-bit ELF file with a vector table and one word of `.image_crc` behind everything else that is
-/// loaded.
+/// It is not a 32-bit ELF file with a vector table and one word of `.image_crc` after everything else that is loaded.
 pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     let (image, word) = layout(elf)?;
     let crc = profile::crc::frame(&image);
@@ -66,7 +65,7 @@ pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     Ok(crc)
 }
 
-/// The image from the vector table up to the CRC, and where in the file the CRC is.
+/// The image from the vector table up to the CRC, and the offset of the CRC in the file.
 fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let header = FileHeader32::<Endianness>::parse(elf).context("not a 32-bit ELF file")?;
     let endian = header.endian()?;
@@ -75,7 +74,8 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address: initial values of variables are loaded into flash, though they run from RAM.
+            // The physical address counts: initial values of variables are loaded into flash, though they are used in
+            // RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -109,7 +109,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
                 crc.address
             );
         }
-        // Of the segment that holds the CRC, what is before it.
+        // The segment that holds the CRC only counts up to it.
         let len = usize::try_from(segment.end().min(crc.address).saturating_sub(segment.address))?;
         let to = usize::try_from(segment.address - first)?.min(image.len());
         let from = usize::try_from(segment.offset)?;
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use firmware_common::image::Comparison;
 
-    /// A section of the test's ELF file, which gets a segment of its own: name, load address, bytes.
+    /// A section of the test's ELF file, which gets its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
     /// A little-endian 32-bit ELF file: header, one program header per part, the parts, section names, section headers.
@@ -138,9 +138,9 @@ mod tests {
         let (mut segments, mut sections) = (vec![], vec![0; 40]);
         for &(name, address, content) in parts {
             let (offset, len) = (body + bytes.len() as u32, content.len() as u32);
-            // type, offset, virtual address, physical address, size in file, size in memory, flags, alignment
+            // The fields are type, offset, virtual and physical address, size in file and in memory, flags, alignment.
             segments.extend(words(&[1, offset, address, address, len, len, 5, 4]));
-            // name, type, flags, address, offset, size, link, info, alignment, entry size
+            // The fields are name, type, flags, address, offset, size, link, info, alignment, entry size.
             sections.extend(words(&[names.len() as u32, 1, 2, address, offset, len, 0, 0, 4, 0]));
             names.extend(name.bytes().chain([0]));
             bytes.extend_from_slice(content);
@@ -158,12 +158,12 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// Vector table at 0x1000, two bytes of gap behind the code, the CRC's word behind them.
+    /// An image with a vector table at 0x1000, two bytes of gap after the code, and the CRC's word after them.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }
 
-    /// What is in flash once the image is written: the same in the order of addresses.
+    /// The contents of flash once the image is written, in the order of addresses.
     fn flash() -> Vec<u8> {
         [&VECTORS[..], &CODE[..], &[0xFF, 0xFF]].concat()
     }
@@ -172,7 +172,7 @@ mod tests {
         bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word))
     }
 
-    /// The CRC's word in the file, as the processor will load it.
+    /// The CRC's word in the file, as the processor loads it.
     fn stored(elf: &[u8]) -> u32 {
         let at = layout(elf).unwrap().1 as usize;
         u32::from_le_bytes(elf[at..at + 4].try_into().unwrap())

@@ -1,4 +1,4 @@
-//! Both images against each other on the bench, and what came of it on one screen.
+//! Runs both images against each other on the bench, and shows the result on one screen.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -18,13 +18,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// Crystals are sold to tens of ppm; far more than that is a mistyped number.
+/// The limit for crystals' errors, ppm: crystals are sold to tens of ppm, so a far larger number is a typing error.
 const MAX_PPM: f64 = 1000.0;
 
-/// Ctrl-C ends a run after so much virtual time at most, ns.
+/// The longest virtual time after which Ctrl-C ends a run, ns.
 const PIECE: u64 = 500_000_000;
 
-/// Ctrl-C was pressed.
+/// Whether Ctrl-C was pressed.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 #[derive(Args)]
@@ -38,20 +38,20 @@ pub(crate) struct SimArgs {
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
     #[arg(long, default_value_t = Receivers::DEFAULT)]
     gps: Receivers,
-    /// What the first receiver sends: a log that a real one recorded, instead of the generated flight.
+    /// The first receiver's data: a log from a real receiver, instead of the generated flight.
     #[arg(long, value_name = "FILE")]
     ubx1: Option<PathBuf>,
-    /// What the second receiver sends.
+    /// The second receiver's data.
     #[arg(long, value_name = "FILE")]
     ubx2: Option<PathBuf>,
-    /// What the third receiver sends.
+    /// The third receiver's data.
     #[arg(long, value_name = "FILE")]
     ubx3: Option<PathBuf>,
-    /// Every generated receiver has so many solutions a second, and refuses to be configured to another rate: 1 to 40,
-    /// a whole number of milliseconds apart.
+    /// The number of solutions a second of every generated receiver, which then refuses another rate: 1 to 40, with a
+    /// period of a whole number of milliseconds.
     #[arg(long, value_name = "HZ", value_parser = receiver_hz)]
     receiver_hz: Option<u32>,
-    /// Every generated receiver starts with its factory settings: 38 400 bit/s where it has a UART, NMEA alone, 1 Hz.
+    /// Every generated receiver starts with its factory settings: 38 400 bit/s where it has a UART, NMEA only, 1 Hz.
     #[arg(long)]
     factory_settings: bool,
     /// Write the report as JSON to a file, or to standard output with `-`.
@@ -66,11 +66,11 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs, hang, chips (drawn into the run
-    /// from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// Faults to inject: a list of air, gnss, fc, power, buffers, inputs, hang, chips (drawn into the run from the
+    /// seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
-    /// How many upsets of RAM, flash and registers are tried.
+    /// The number of upsets of RAM, flash and registers that are tried.
     #[arg(long, value_name = "COUNT", default_value_t = 120)]
     upsets: usize,
     /// Flip every bit of every register of both front ends once, for both parts, each on a copy of the bench; with a
@@ -80,19 +80,20 @@ pub(crate) struct SimArgs {
     /// The front ends are ST25R3916, instead of ST25R3916B.
     #[arg(long)]
     st25r3916: bool,
-    /// HORUS's front end does not tell the end of a transmission while its receiver is off.
+    /// HORUS's front end does not report the end of a transmission while its receiver is off.
     #[arg(long)]
     no_txe: bool,
     /// Run the images in this folder, horus-tx-fw.elf and dpr-fw.elf, instead of building them.
     #[arg(long, value_name = "FOLDER", conflicts_with = "from_flash")]
     images: Option<PathBuf>,
-    /// Run what `flash --probe bench` wrote to both boards of the bench. It has to be the images as they are built now.
+    /// Run what `flash --probe bench` wrote to both boards of the bench. It must equal the images as they are built
+    /// now.
     #[arg(long)]
     from_flash: bool,
     /// Show both boards' defmt logs as they run.
     #[arg(long)]
     log: bool,
-    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes.
+    /// The cost of processor time: fast, optimistic or pessimistic. The last two bound what silicon takes.
     #[arg(long, default_value_t)]
     clock: Clock,
     /// Threads to run on: 1 or 2. The outcome is the same, byte for byte.
@@ -135,14 +136,14 @@ fn ppm(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Progress and, if asked for, logs on a terminal.
+/// Progress and, if requested, logs on a terminal.
 pub(crate) struct Screen {
     bar: ProgressBar,
     log: bool,
 }
 
 impl Screen {
-    /// Says something beside the progress.
+    /// Prints a message beside the progress.
     pub(crate) fn say(&self, text: &str) {
         if self.bar.is_hidden() {
             eprintln!("{text}");
@@ -183,14 +184,14 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
 }
 
-/// Builds both images, runs the link with them, and answers with the report alone.
+/// Builds both images, runs the link with them, and returns only the report.
 pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     let (horus, dpr) = firmware::build_pair(args.gps)?;
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both images, has `go` run the link with them, and shows what came of it. `go` answers nothing where the run
-/// was ended before its time, which fails.
+/// Builds both images, makes `go` run the link with them, and shows the result. `go` returns `None` where the run was
+/// ended early, which fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
@@ -287,7 +288,7 @@ fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     Ok(flipped)
 }
 
-/// What is in the flash of a board of the bench.
+/// The contents of the flash of a board of the bench.
 fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     let name = board.name();
     bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
@@ -295,7 +296,7 @@ fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     })
 }
 
-/// What the arguments ask for.
+/// The setup by these arguments.
 fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
@@ -329,8 +330,8 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     }
 }
 
-/// How long a copy of the bench is run on after an upset, ns: the watchdogs bite within 200 ms, and a board that has
-/// restarted is believed again 40 ms later.
+/// The time for which a copy of the bench runs after an upset, ns: the watchdogs reset within 200 ms, and a board that
+/// has restarted is accepted again 40 ms later.
 const AFTER_UPSET: u64 = 400_000_000;
 
 /// Tries upsets on copies of the bench.
@@ -348,7 +349,7 @@ fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     Ok(bench::sim::campaign(&setup, &options)?)
 }
 
-/// Until when Reported-Position was valid, and which receivers had fallen silent by then.
+/// The end of Reported-Position's validity, and the receivers that were silent by then.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -358,7 +359,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // One that had a solution since is not silent.
+        // A receiver with a later solution is not silent.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -368,7 +369,7 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
-/// How many receivers agreed, for how long, and how far off their vote was.
+/// The number of agreeing receivers over time, and the error of their vote.
 fn vote(voter: &Voter) -> String {
     let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
     let agree: Vec<String> = agree
@@ -382,10 +383,10 @@ fn vote(voter: &Voter) -> String {
     format!("{agree}; none in {}{error}", voter.none)
 }
 
-/// So many exclusions are told.
+/// The most exclusions that are listed.
 const MOST_EXCLUSIONS: usize = 5;
 
-/// Who was excluded, from when to when, and how far it was off then: a few lines.
+/// The exclusions with their beginning, end and error at that time, in a few lines.
 fn exclusions(voter: &Voter) -> String {
     let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
     let mut text = String::new();
@@ -428,11 +429,11 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
     )
 }
 
-/// One screen for a person.
+/// The report on one screen.
 pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
-    // What was never measured has no figure.
+    // A value that was never measured has no figure.
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
     // What the DPR counts it counts from its last start.

@@ -1,9 +1,8 @@
-//! Image sizes against the budgets written in each firmware's `Cargo.toml`.
+//! Compares image sizes with the budgets written in each firmware's `Cargo.toml`.
 //!
-//! Flash is what the image occupies there: code, constants and the initial values of statics. RAM is every static,
-//! initialised or not; what remains below the budget is the stack's, which flip-link puts where an overflow faults.
-//! Code that is copied to RAM has a region of its own there, which the linker bounds, and counts in flash; it has a
-//! column of its own.
+//! Flash is the image's size there: code, constants and the initial values of statics. RAM is every static, initialised
+//! or not; the rest of the budget is the stack's, which flip-link places so that an overflow faults. Code that is
+//! copied to RAM has its own region there, which the linker bounds, and counts in flash; it has a separate column.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,7 +14,7 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
-/// Bytes in each kind of memory.
+/// The number of bytes in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
@@ -83,17 +82,17 @@ pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
 fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
-    // What a programmer writes: the file's bytes of each loadable segment.
+    // A programmer writes the file's bytes of each loadable segment.
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
-    // Code whose address is another than where it is loaded.
+    // Code whose run address differs from its load address is copied.
     let is_code = |segment: &&ProgramHeader32<_>| segment.p_flags(endian) & PF_X == PF_X;
     let code_in_ram = loaded()
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))
         .map(|segment| u64::from(segment.p_memsz(endian)))
         .sum();
-    // What the statics take: every writable section that has an address at run time.
+    // The statics are every writable section that has an address at run time.
     let ram = header
         .section_headers(endian, data)?
         .iter()

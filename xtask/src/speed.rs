@@ -1,4 +1,4 @@
-//! How fast the bench is: the core alone, and where the time of a link goes.
+//! Measures the speed of the bench: of the core alone, and where the time of a link goes.
 
 use std::process::ExitCode;
 
@@ -9,19 +9,19 @@ use emulator_node::Threads;
 
 use crate::{Receivers, firmware, workspace};
 
-/// What is run first and not measured: the firmwares' start-up, which longer runs hardly notice.
+/// The time that runs first and is not measured, ns: the firmwares' start-up, which is negligible in longer runs.
 const WARM_UP_NS: u64 = 1_000_000_000;
 
-/// Reports instructions per second of the core alone, where the time of `sim` goes, and what a copy of it takes.
+/// Reports instructions per second of the core alone, where the time of `sim` goes, and the time of a copy of it.
 ///
 /// Core: the loops of cortex-m4's example `speed` for half a second each: one computes, one polls a register of a
 /// device. Memory and the device are a few lines; there are no part models.
 ///
-/// Link: both images on one thread on the fast clock, after their first second, the least time of three runs. What an
-/// instruction takes in the loop that computes, times the instructions that each core executed, is the cores' share.
-/// The rest is measured as a whole only: what accesses, interrupts and memory protection cost the cores beyond that
-/// loop, part models, front ends, air and what stands around the boards. The shares of single functions are told by a
-/// profiler: `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
+/// Link: both images on one thread on the fast clock, after their first second, the least time of three runs. The time
+/// of an instruction in the computing loop, times the instructions that each core executed, is the cores' share. The
+/// rest is only measured as a whole: the cores' cost of accesses, interrupts and memory protection beyond that loop,
+/// part models, front ends, air and the surroundings of the boards. A profiler shows the shares of single functions:
+/// `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
 #[derive(Args)]
 pub(crate) struct SpeedArgs {
     /// Virtual time of the link to measure, in seconds.
@@ -56,8 +56,8 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the core's own example and shows what it prints. Answers what an instruction takes in the loop that computes on
-/// the fast clock, in nanoseconds.
+/// Runs the core's own example and shows its output. Returns the time of an instruction in the computing loop on the
+/// fast clock, ns.
 fn core_alone() -> Result<f64> {
     let mut cargo = workspace::cargo();
     cargo.args(["run", "--quiet", "--package", "cortex-m4", "--example", "speed"]);

@@ -1,4 +1,4 @@
-//! Every test of the workspace, all of them run, what failed said at the end.
+//! Runs every test of the workspace, also after a failure, and lists the failures at the end.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -13,11 +13,11 @@ use crate::{Board, ProbeArgs, Receivers, firmware};
 
 #[derive(Args)]
 pub(crate) struct TestArgs {
-    /// Where the on-target suites run.
+    /// The place where the on-target suites run.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
-    /// What processor time costs in the on-target suites on the bench: fast, optimistic or pessimistic. Fast and
-    /// pessimistic, one after the other, unless one is named.
+    /// The cost of processor time in the on-target suites on the bench: fast, optimistic or pessimistic. By default
+    /// fast and pessimistic, one after the other.
     #[arg(long)]
     clock: Option<Clock>,
     /// Run the on-target suite of this board only, and no host test.
@@ -26,7 +26,8 @@ pub(crate) struct TestArgs {
     /// Run the on-target suites only, and no host test.
     #[arg(long)]
     on_target: bool,
-    /// Run one package's tests, or those of each test binary of this name, and of these what has TEST in its name.
+    /// Run one package's tests, or those of each test binary of this name, and of these only those with TEST in their
+    /// name.
     #[arg(long, num_args = 1..=2, value_names = ["NAME", "TEST"], conflicts_with_all = ["board", "on_target", "clock"])]
     only: Vec<String>,
     #[command(flatten)]
@@ -48,14 +49,14 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<String>> {
     if package.is_none() {
         args.extend(["--test".into(), name.to_owned()]);
     }
-    // A test of xtask may need what only these bring in.
+    // A test of xtask may need what only these features include.
     if args.iter().any(|arg| arg == "xtask") {
         args.extend(["--features".into(), "live,probe".into()]);
     }
     Ok(args)
 }
 
-/// Runs what [`selected`] says, with both images.
+/// Runs the tests that [`selected`] selects, with both images.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let args = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -75,8 +76,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // Asked for before anything is built: the host tests are built with all features of xtask, which replaces the file
-    // of the running program, and the system then reports its path with " (deleted)" appended.
+    // The path is read before anything is built: the host tests are built with all features of xtask, which replaces
+    // the file of the running program, and the system then reports its path with " (deleted)" appended.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -96,8 +97,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         step("a sample of the defects", &mut crate::defects::sample);
-        // The tests that run both images are told where those are. Otherwise they would not be run, and would fail
-        // where CI is set.
+        // The tests that run both images get their folder. Without it they would not be run, and would fail where CI is
+        // set.
         let images = firmware::folder();
         step("host tests", &mut || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
@@ -119,7 +120,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
 }
 
 /// One board's defmt-test suite: the same code on the bench and on the board. It is built for the clock of the bench on
-/// which it runs, since its bounds depend on that; without one, for the board. `runner` is this program's own file.
+/// which it runs, because its bounds depend on that; without one, for the board. `runner` is this program's own file.
 fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
@@ -154,7 +155,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // As a list, so that a space in the path divides nothing. A list of strings is the same in JSON and in TOML.
+        // The runner is a list, so that a space in the path does not split it. A list of strings is the same in JSON
+        // and in TOML.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");
@@ -165,7 +167,7 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
     check("the suite", &mut command)
 }
 
-/// Says what failed, or that nothing did.
+/// Prints what failed, or that nothing did.
 pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
     for failure in failed {
         eprintln!("FAILED {failure}");

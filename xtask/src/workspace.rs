@@ -1,4 +1,4 @@
-//! Where the workspace is, and how to call cargo and the tools it needs.
+//! The workspace's folders, and the calls of cargo and the necessary tools.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail, ensure};
 /// The target of both microcontrollers: Cortex-M4F.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// A tool from crates.io that xtask installs for itself under `target/tools`, pinned.
+/// A pinned tool from crates.io that xtask installs for itself under `target/tools`.
 pub(crate) struct Tool {
     name: &'static str,
     version: &'static str,
@@ -25,7 +25,8 @@ pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2"
 
 /// The workspace's root folder.
 pub(crate) fn root() -> PathBuf {
-    // xtask's own folder at build time, unless the checkout moved since: then cargo says where it is now.
+    // This is xtask's own folder at build time, unless the checkout has moved since: then cargo reports its present
+    // place.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
@@ -44,7 +45,7 @@ pub(crate) fn tracked() -> Result<Vec<String>> {
     Ok(listed.split('\0').filter(exists).map(str::to_owned).collect())
 }
 
-/// The folder for what cargo and xtask make.
+/// The folder for the output of cargo and xtask.
 pub(crate) fn target_dir() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(PathBuf::from(dir)))
 }
@@ -53,7 +54,7 @@ pub(crate) fn target_dir() -> PathBuf {
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
-    // What cargo told *this* process about its own package must not reach the next one.
+    // cargo's environment variables about this process's own package must not reach the next one.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
@@ -90,8 +91,8 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs this same command line again with a feature of xtask's compiled in. On Unix that process takes the place of
-/// this one, so that an interrupt from the keyboard reaches one alone.
+/// Runs this same command line again with a feature of xtask compiled in. On Unix that process replaces this one, so
+/// that an interrupt from the keyboard reaches only one.
 #[cfg(not(all(feature = "probe", feature = "live")))]
 pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
     let mut command = cargo();
@@ -120,7 +121,7 @@ fn path_with_tools() -> OsString {
     std::env::join_paths(parts).unwrap_or(old)
 }
 
-/// What cargo says of the workspace's packages.
+/// cargo's metadata of the workspace's packages.
 pub(crate) fn metadata() -> Result<serde_json::Value> {
     let output = cargo()
         .args(["metadata", "--no-deps", "--format-version", "1"])

@@ -1,15 +1,15 @@
-//! A headless Chromium for tests of a page: opens it, looks at it, types, and says what went wrong in it.
+//! A headless Chromium for tests of a page: it opens and inspects the page, types into it, and reports its errors.
 //!
 //! # Design
 //!
-//! Chromium speaks the DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero
+//! Chromium uses the DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero
 //! byte. There is no port, nothing listens, and Chromium ends when the pipes do, so no test leaves one behind. The
-//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. A library for it would be
-//! `headless_chrome` or `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it
-//! code generated for a protocol of which this needs a dozen commands.
+//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. Libraries for it are `headless_chrome`
+//! and `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it code generated for
+//! a protocol of which a dozen commands are used here.
 //!
-//! Nothing but this machine is reached: every other host name resolves to nothing, which a page that asks for one shows
-//! as a failed request ([`Tab::requests`]).
+//! Only this machine is reachable: every other host name resolves to nothing, which shows as a failed request
+//! ([`Tab::requests`]).
 
 #![forbid(unsafe_code)]
 
@@ -24,21 +24,21 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
-/// What the browser is called, in the order in which it is looked for.
+/// The browser's program names, in the order of the search.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// Longer than any answer takes on a machine that is busy.
+/// The time limit for an answer, which exceeds that of a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How often [`Tab::until`] looks.
+/// The interval at which [`Tab::until`] checks.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The browser's program: what the environment's `CHROMIUM` says, or the first that is found. Nothing, said, where
-/// there is none, and a panic where the environment has `CI`: there it is to be installed.
+/// The browser's program: the environment's `CHROMIUM`, or the first that is found. Where there is none, it is `None`
+/// and a message is printed; in an environment with `CI` it panics, because the browser must be installed there.
 ///
 /// # Panics
 ///
-/// Where there is no browser and the environment has `CI`.
+/// Panics where there is no browser and the environment has `CI`.
 #[must_use]
 pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
@@ -54,16 +54,16 @@ pub fn program() -> Option<PathBuf> {
     program
 }
 
-/// How large the page is seen.
+/// The size at which the page is displayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen {
-    /// CSS pixels.
+    /// The width, CSS pixels.
     pub width: u32,
-    /// CSS pixels.
+    /// The height, CSS pixels.
     pub height: u32,
-    /// Pixels of the screen for each of CSS, in a row.
+    /// The screen's pixels per CSS pixel, in a row.
     pub scale: u32,
-    /// It is a phone's.
+    /// Whether it is a phone's.
     pub phone: bool,
 }
 
@@ -79,7 +79,7 @@ pub struct Tab {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
-    /// The session of the page, for every command.
+    /// The DevTools session of the page, for every command.
     session: String,
     commands: u64,
     events: VecDeque<Value>,
@@ -88,20 +88,20 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Starts the browser, with an empty page. What it stores goes below `folder`, which is emptied first.
+    /// Starts the browser with an empty page. Its files go below `folder`, which is emptied first.
     ///
     /// # Panics
     ///
-    /// If it cannot be started, or does not answer.
+    /// Panics if it cannot be started, or does not answer.
     #[must_use]
     pub fn start(program: &Path, folder: &Path) -> Self {
-        // What is left of a run before this.
+        // An earlier run may have left files.
         let _ = std::fs::remove_dir_all(folder);
-        // The pipes are to be descriptors 3 and 4; the shell makes them of those that std sets up.
+        // The pipes must be descriptors 3 and 4; the shell duplicates those that std sets up.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // Containers give a browser less shared memory than it wants, and root no sandbox; the page is ours.
+        // In a container the browser lacks shared memory, and as root it has no sandbox. The page is trusted.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -139,11 +139,11 @@ impl Tab {
         tab
     }
 
-    /// Carries a command out and answers its result.
+    /// Carries a command out and returns its result.
     ///
     /// # Panics
     ///
-    /// If it fails, or the browser does not answer.
+    /// Panics if the command fails or the browser does not answer.
     pub fn command(&mut self, method: &str, params: Value) -> Value {
         self.commands += 1;
         let id = self.commands;
@@ -164,7 +164,7 @@ impl Tab {
         }
     }
 
-    /// The browser tells of something.
+    /// Records an event from the browser.
     fn note(&mut self, event: Value) {
         let params = &event["params"];
         match event["method"].as_str().unwrap_or_default() {
@@ -185,7 +185,7 @@ impl Tab {
         self.events.push_back(event);
     }
 
-    /// Takes what the browser has told meanwhile.
+    /// Takes the events that the browser has sent.
     fn listen(&mut self) {
         loop {
             match self.from.recv_timeout(Duration::ZERO) {
@@ -196,7 +196,7 @@ impl Tab {
         }
     }
 
-    /// Opens a page and waits until it is there.
+    /// Opens a page and waits until it is loaded.
     pub fn open(&mut self, address: &str) {
         self.events.clear();
         let opened = self.command("Page.navigate", json!({ "url": address }));
@@ -209,11 +209,11 @@ impl Tab {
         }
     }
 
-    /// What a JavaScript expression is, awaited if it is a promise.
+    /// The value of a JavaScript expression, awaited if it is a promise.
     ///
     /// # Panics
     ///
-    /// If it throws.
+    /// Panics if the expression throws.
     pub fn eval(&mut self, expression: &str) -> Value {
         let params = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
         let done = self.command("Runtime.evaluate", params);
@@ -221,7 +221,7 @@ impl Tab {
         done["result"]["value"].clone()
     }
 
-    /// The text that is shown in the first element that a CSS selector finds.
+    /// The displayed text of the first element that a CSS selector finds.
     pub fn text(&mut self, selector: &str) -> String {
         let text = self.eval(&format!("document.querySelector({}).innerText", Value::from(selector)));
         text.as_str().unwrap_or_default().trim().to_owned()
@@ -231,7 +231,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// If that takes longer than a minute.
+    /// Panics if that takes longer than a minute.
     pub fn until(&mut self, expression: &str) {
         let began = Instant::now();
         while self.eval(expression) != Value::Bool(true) {
@@ -240,26 +240,27 @@ impl Tab {
         }
     }
 
-    /// The page is seen on this screen from now on.
+    /// Displays the page on this screen from now on.
     pub fn screen(&mut self, screen: Screen) {
         let Screen { width, height, scale, phone } = screen;
         let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone });
         self.command("Emulation.setDeviceMetricsOverride", metrics);
     }
 
-    /// The person prefers this colour scheme from now on: `light` or `dark`.
+    /// Sets the user's preferred colour scheme from now on: `light` or `dark`.
     pub fn scheme(&mut self, scheme: &str) {
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         self.command("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
-    /// Presses a key and lets it go: `Tab`, `Enter`, `Space`, `ArrowDown`, …, or a small letter.
+    /// Presses and releases a key: `Tab`, `Enter`, `Space`, `ArrowDown`, …, or a small letter.
     ///
     /// # Panics
     ///
-    /// If it is a key that has not been needed so far.
+    /// Panics if the key is not in its table.
     pub fn press(&mut self, key: &str) {
-        // Key, code, Windows' code, text: as https://www.w3.org/TR/uievents-code/ and virtual-key codes have them.
+        // The table has key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/ and virtual-key
+        // codes.
         let (key, code, number, text) = match (key, key.as_bytes()) {
             ("Tab", _) => ("Tab", "Tab".to_owned(), 9, ""),
             ("Enter", _) => ("Enter", "Enter".to_owned(), 13, "\r"),
@@ -284,7 +285,7 @@ impl Tab {
         }
     }
 
-    /// What a screen reader is told: role and name of each thing on the page that it does not skip.
+    /// The output of a screen reader: role and name of each element of the page that it does not skip.
     pub fn spoken(&mut self) -> Vec<(String, String)> {
         let tree = self.command("Accessibility.getFullAXTree", json!({}));
         let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
@@ -297,7 +298,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// If it cannot be written.
+    /// Panics if it cannot be written.
     pub fn picture(&mut self, path: &Path) {
         let shot = self.command("Page.captureScreenshot", json!({ "captureBeyondViewport": true }));
         let bytes = BASE64_STANDARD.decode(shot["data"].as_str().expect("a picture")).expect("base64");
@@ -305,13 +306,13 @@ impl Tab {
         written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     }
 
-    /// What the page asked for since the last call: addresses.
+    /// Takes the addresses that the page has requested since the last call.
     pub fn requests(&mut self) -> Vec<String> {
         self.listen();
         std::mem::take(&mut self.requests)
     }
 
-    /// What went wrong in the page since the last call: exceptions, and errors and warnings of the console.
+    /// Takes the page's errors since the last call: exceptions, and errors and warnings of the console.
     pub fn troubles(&mut self) -> Vec<String> {
         self.listen();
         std::mem::take(&mut self.troubles)
@@ -320,7 +321,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // It may have ended already. Its helpers end with it.
+        // It may have ended already. Its helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

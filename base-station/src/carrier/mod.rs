@@ -1,7 +1,7 @@
-//! What brings objects here, and how they are packed for it.
+//! The carriers that bring objects, and the objects' packing for each.
 //!
-//! A carrier is trusted in nothing: what it brings is a [`Bundle`](crate::Bundle) of bytes, which
-//! [`Drone::take`](crate::Drone::take) judges.
+//! A carrier is not trusted: it brings a [`Bundle`](crate::Bundle) of bytes, which [`Drone::take`](crate::Drone::take)
+//! judges.
 //!
 //! | carrier | how objects travel |
 //! |---|---|

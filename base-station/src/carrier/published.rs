@@ -1,20 +1,20 @@
-//! What base stations hand to one another through a broker (decision 19).
+//! The messages that base stations exchange through a broker (decision 19).
 //!
-//! One message is what arrived of one drone at one instant: the objects as they are, and what the publishing station
-//! found of each. Who subscribes judges them again (black channel): a broker is one more carrier. All numbers are
+//! One message holds what arrived of one drone at one instant: the unchanged objects, and the publishing station's
+//! verdict on each. A subscriber judges them again (black channel): a broker is one more carrier. All numbers are
 //! little-endian.
 //!
 //! | offset | what |
 //! |---|---|
 //! | 0 | u8 number of the first object in the order of the map: 0 Link-Status to 6 GPS5, 7 Port-Status, 8 uplink |
-//! | 1 | u8 how many objects follow one another from there, n |
-//! | 2 | u64 when they arrived at the publishing station, µs since 1970 by its clock |
-//! | 10 | n × u8 what was found of each ([`VERDICTS`]) |
+//! | 1 | u8 number n of successive objects from there |
+//! | 2 | u64 instant at which they arrived at the publishing station, µs since 1970 by its clock |
+//! | 10 | n × u8 verdict on each ([`VERDICTS`]) |
 //! | 10 + n | the objects |
 //!
-//! The topic is `horus/1/STATION/DRONE`: 1 is the version of all this, STATION the publishing station's name, DRONE
-//! what that station calls the drone. Two stations may hear two drones that have one MAVLink system id, so a subscriber
-//! calls a drone by both: `STATION/DRONE`.
+//! The topic is `horus/1/STATION/DRONE`: 1 is the version of this format, STATION the publishing station's name, DRONE
+//! that station's name of the drone. Two stations may receive two drones with the same MAVLink system id, so a
+//! subscriber names a drone by both: `STATION/DRONE`.
 
 use core::fmt;
 
@@ -22,7 +22,7 @@ use profile::Rejection;
 
 use crate::{Bundle, DroneId, Place, Verdict};
 
-/// What all topics begin with.
+/// The common beginning of all topics.
 pub const TOPICS: &str = "horus/1";
 
 /// The verdicts, by their numbers; 255 is any other rejection.
@@ -44,21 +44,21 @@ const HEAD: usize = 10;
 /// The longest message, bytes: every object.
 pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60 + 2 * 64;
 
-/// A station's name has so many characters at most.
+/// The most characters of a station's name.
 pub const MAX_STATION: usize = 32;
 
-/// A name has so many characters at most: the station's, a slash, and an IPv6 address with its port.
+/// The most characters of a name: the station's, a slash, and an IPv6 address with its port.
 const MAX_NAME: usize = 96;
 
-/// What a drone is called that another station hears: `STATION/DRONE`.
+/// The name of a drone that another station receives: `STATION/DRONE`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name {
-    /// Zeros behind it.
+    /// The name, followed by zeros.
     text: [u8; MAX_NAME],
 }
 
 impl Name {
-    /// A name, if it is a station's and a drone's with a slash between them, and not too long.
+    /// A name, if it consists of a station's and a drone's with a slash between them, and is not too long.
     #[must_use]
     pub fn new(name: &str) -> Option<Self> {
         let (station, drone) = name.split_once('/')?;
@@ -71,17 +71,17 @@ impl Name {
         Some(Self { text })
     }
 
-    /// The name that a message of this topic is about.
+    /// The name of the drone in this topic.
     #[must_use]
     pub fn of_topic(topic: &str) -> Option<Self> {
         Self::new(topic.strip_prefix(TOPICS)?.strip_prefix('/')?)
     }
 
-    /// It in characters.
+    /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(MAX_NAME);
-        // It was made of ASCII characters alone.
+        // It only consists of ASCII characters.
         core::str::from_utf8(&self.text[..end]).unwrap_or_default()
     }
 }
@@ -92,24 +92,24 @@ impl fmt::Debug for Name {
     }
 }
 
-/// Whether a station may be called so: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and underscores. What has a
-/// meaning in topics is not among them.
+/// Whether this is a valid name of a station: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and underscores.
+/// Characters with a meaning in topics are excluded.
 #[must_use]
 pub fn is_station(name: &str) -> bool {
     let is_known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     (1..=MAX_STATION).contains(&name.len()) && name.chars().all(is_known)
 }
 
-/// The topic of a drone that the station of this name hears.
+/// The topic of a drone that the station of this name receives.
 #[must_use]
 pub fn topic(station: &str, drone: DroneId) -> String {
     format!("{TOPICS}/{station}/{drone}")
 }
 
-/// What arrived of one drone at one instant.
+/// The arrival of one drone at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Published<'a> {
-    /// When it arrived at the station that published it, µs since 1970 by that one's clock.
+    /// The instant of its arrival at the publishing station, µs since 1970 by that station's clock.
     pub at_us: u64,
     /// The objects.
     pub bundle: Bundle<'a>,
@@ -117,7 +117,7 @@ pub struct Published<'a> {
 }
 
 impl<'a> Published<'a> {
-    /// Reads a message; `None` if it is none.
+    /// Reads a message; `None` if it is not valid.
     #[must_use]
     pub fn read(message: &'a [u8]) -> Option<Self> {
         let ([first, count], rest) = message.split_first_chunk()?;
@@ -128,13 +128,13 @@ impl<'a> Published<'a> {
         Some(Self { at_us: u64::from_le_bytes(*at_us), bundle, verdicts })
     }
 
-    /// What the station that published them found of each; `None` for a rejection that has no number.
+    /// The publishing station's verdict on each; `None` for a rejection that has no number.
     pub fn verdicts(&self) -> impl Iterator<Item = Option<Verdict>> + use<'a> {
         self.verdicts.iter().map(|number| VERDICTS.get(usize::from(*number)).copied())
     }
 }
 
-/// The message of what arrived of a drone at `at_us`, µs since 1970, with what was found of each object.
+/// The message of an arrival of a drone at `at_us`, µs since 1970, with the verdict on each object.
 #[must_use]
 pub fn message(at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) -> Vec<u8> {
     let first = bundle.objects().next().map_or(0, |(place, _)| place.index());

@@ -1,12 +1,12 @@
-//! Framing of a byte stream from a flight controller to a base station, for who has no MAVLink.
+//! Framing of a byte stream from a flight controller to a base station, for links without MAVLink.
 //!
-//! The link is a byte stream that may lose and damage bytes. A profile travels as it is, in consistent overhead byte
+//! The link is a byte stream that may lose and damage bytes. A profile travels unchanged, in consistent overhead byte
 //! stuffing (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2),
-//! 1999), ended by a zero byte: the encoded bytes contain no zero, so a receiver is in step again at the next one,
-//! whatever happened before. There is no checksum here: the objects carry theirs (black channel).
+//! 1999), ended by a zero byte. The encoded bytes contain no zero, so a receiver resynchronises at the next one after
+//! any damage. There is no checksum here: the objects have their own (black channel).
 //!
-//! It is written here, and not taken from the crate `cobs`: the deframer holds no more than a frame whatever comes, and
-//! says which frames were damaged, for 60 lines that the paper's examples test.
+//! The crate `cobs` is not used, because this deframer never holds more than a frame and reports damaged frames, in 60
+//! lines that the paper's examples test.
 
 /// Ends each frame, and occurs nowhere else.
 pub const DELIMITER: u8 = 0;
@@ -26,7 +26,7 @@ pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
         }
         line.push(*byte);
         line[code_at] += 1;
-        // A full run is followed by another code byte, unless the frame ends with it.
+        // Another code byte follows a full run, unless the frame ends with it.
         if usize::from(line[code_at]) == RUN_MAX + 1 && index + 1 < payload.len() {
             code_at = line.len();
             line.push(1);
@@ -35,11 +35,11 @@ pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
     line.push(DELIMITER);
 }
 
-/// A frame that is not one: cut off, or longer than a deframer takes.
+/// A frame that is cut off, or longer than a deframer accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Damaged;
 
-/// Finds frames in a byte stream.
+/// Extracts the frames of a byte stream.
 #[derive(Debug, Clone)]
 pub struct Deframer {
     /// Encoded bytes since the last delimiter.
@@ -56,7 +56,8 @@ impl Deframer {
         Self { held: Vec::new(), limit: longest + longest / RUN_MAX + 1, overrun: false }
     }
 
-    /// Takes the next byte of the stream; gives the frame that it ends, if it does. Delimiters in a row end nothing.
+    /// Takes the next byte of the stream; returns the frame that it completes, if any. Further delimiters complete
+    /// none.
     pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Damaged>> {
         if byte != DELIMITER {
             if self.held.len() < self.limit {
@@ -144,7 +145,7 @@ mod tests {
         let mut line = Vec::new();
         encode(&[1, 2, 0, 3, 4], &mut line);
         let whole = line.clone();
-        // Starts in the middle, loses a byte, and is flooded.
+        // The stream starts in the middle, loses a byte, and is flooded.
         let mut stream = whole[4..].to_vec();
         stream.extend(&whole[..3]);
         stream.extend(&whole[4..]);

@@ -1,29 +1,30 @@
-//! What is known of one drone: the newest of each of its objects, how old each is, and what is wrong.
+//! The state of one drone: the newest of each of its objects, their ages, and the alarms.
 //!
 //! # Design
 //!
-//! **Each object by itself.** Its CRCs and its identifier say whether it is intact ([`Place::judge`]). It is shown if
-//! it is newer than the one of its kind that is shown. So of two messages that arrive in the wrong order the older one
-//! brings nothing, unless the newer one lost just what the older one has: that is then shown, with its age.
+//! **Each object is judged separately.** Its CRCs and its identifier determine whether it is intact ([`Place::judge`]).
+//! It is shown if it is newer than the displayed one of its kind. So if two messages arrive in the wrong order, the
+//! older one has no effect, unless the newer one has lost an object that the older one has: that one is then shown,
+//! with its age.
 //!
-//! **A HORUS that has restarted** counts from 0 again, so all that it sends is older than what is shown. It is believed
-//! after three cycles in a row that each advance, once the one that was shown is quiet, if none of them is older than
-//! the time for which nothing newer came: a HORUS that was heard two seconds ago cannot have been running for an hour
-//! since. What was shown is then forgotten. No single message that was repeated, delayed, reordered or inserted is ever
-//! taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row
-//! can be; the next newer one ends that. What fits neither is another sender ([`order`], [`fleet`](crate::fleet)).
-//! If HORUS is heard again only when it has run for longer than before, its timestamps go on as if it had not
-//! restarted, and the time for which it did not run looks like delay. The reason of its last reset tells it where that
-//! is another one; it stays the same as long as HORUS runs.
-//! The DPR's Link-Status has a clock of its own, and is judged in the same way; so is its Port-Status. The uplink that
-//! the DPR shows carries the time of the base station that sent it, which nothing here can be compared with: it is held
-//! as it came last, is no sign of life, and says something to whoever knows what was sent ([`uplink`](Drone::uplink)).
+//! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
+//! after three cycles in a row that each advance, once the displayed sender is quiet, if none of them is older than the
+//! time for which nothing newer came: a HORUS that was received two seconds ago cannot have been running for an hour
+//! since. The displayed data are then dropped. A single message that was repeated, delayed, reordered or inserted is
+//! never taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in
+//! a row can be; the next newer one ends that. Other messages belong to another sender ([`order`],
+//! [`fleet`](crate::fleet)). If a restarted HORUS is received again only after it has run for longer than before, its
+//! timestamps continue as if it had not restarted, and the time for which it did not run looks like delay. A changed
+//! reason of its last reset shows the restart; the reason stays the same as long as HORUS runs. The DPR's Link-Status
+//! and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR shows has the time of
+//! the base station that sent it, which cannot be compared with anything here: the last one is kept, is no sign of
+//! life, and is meaningful only to the sender of the uplink ([`uplink`](Drone::uplink)).
 //!
-//! **What is held can be shown.** Values that cannot be what their status calls them are taken out before they are held
-//! ([`profile::range`]), so no one who shows them has to look again.
+//! **Everything that is kept can be shown.** Values that contradict their own status are removed before they are kept
+//! ([`profile::range`]), so no display has to check again.
 //!
-//! **Alarms** follow from what is held and from the time; [`Drone::tick`] says which came and went. Where the DPR's
-//! Link-Status arrives too, its bits are alarms as well.
+//! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns the changes. If the DPR's Link-Status
+//! arrives too, its bits are alarms as well.
 
 pub mod order;
 pub mod words;
@@ -39,39 +40,40 @@ use crate::alarm::{Alarms, Board};
 use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use order::{Order, Step};
 
-/// A position that is older than this is stale, µs. What the page is to say within half a second, less what pushing and
-/// drawing take.
+/// The age from which on a position is stale, µs: the page's limit of half a second, less the time for pushing and
+/// drawing.
 pub const STALE_US: u64 = 400_000;
 
-/// What is shown of a receiver or of the link is old after so long, µs: receivers take turns on a slow radio.
+/// The age from which on a receiver's or the link's data are old, µs: receivers take turns on a slow radio.
 pub const OLD_US: u64 = 1_000_000;
 
-/// If nothing intact arrives for so long, µs, the drone is silent.
+/// The time without intact data after which the drone counts as silent, µs.
 pub const SILENT_US: u64 = 1_000_000;
 
-/// What happened once is an alarm for so long, µs.
+/// The time for which a single event is an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// A sample that still arrives so long after it came first, µs, and more often than [`FROZEN_REPEATS`], is frozen.
+/// The time after its first arrival from which on more than [`FROZEN_REPEATS`] copies of a sample mean that it is
+/// frozen, µs.
 pub const FROZEN_US: u64 = 300_000;
 
-/// As often duplicates of one sample may come, [`FROZEN_US`] after it and later.
+/// The number of duplicates of one sample that may come, [`FROZEN_US`] after it and later.
 pub const FROZEN_REPEATS: u32 = 2;
 
-/// What was found of an object that arrived.
+/// The verdict on an object that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Intact, and newer than what was shown: it is shown now.
+    /// It is intact and newer than the displayed one, and is shown now.
     New,
-    /// Intact, and what is shown already.
+    /// It is intact, and displayed already.
     Duplicate,
-    /// Intact, and older than what is shown.
+    /// It is intact, and older than the displayed one.
     Older,
-    /// Intact, but it continues nothing that was shown; not believed yet.
+    /// It is intact, but continues nothing that was shown, and is not accepted yet.
     OutOfSequence,
-    /// Nothing was in its place: HORUS sent it, the DPR did not accept it.
+    /// Its place is vacant: HORUS sent it, and the DPR did not accept it.
     Vacant,
-    /// Not intact, or another object's.
+    /// It is not intact, or belongs to another place.
     Rejected(Rejection),
 }
 
@@ -82,7 +84,7 @@ impl Verdict {
         matches!(self, Self::New | Self::Duplicate | Self::Older | Self::OutOfSequence)
     }
 
-    /// A name for programs.
+    /// The verdict's name for programs.
     #[must_use]
     pub const fn code(self) -> &'static str {
         match self {
@@ -103,24 +105,24 @@ impl Verdict {
 /// The newest object of its kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held<T> {
-    /// What it carries.
+    /// Its values.
     pub values: T,
-    /// ms, of the clock that it was sealed by.
+    /// The timestamp of its sender's clock, ms.
     pub timestamp: u32,
-    /// When it arrived first, µs.
+    /// The instant of its first arrival, µs.
     pub arrived_us: u64,
-    /// How much longer it took than the fastest way, µs ([`age`](crate::age)).
+    /// Its delay against the fastest way, µs ([`age`](crate::age)).
     pub late_us: u64,
-    /// How often it arrived again, [`FROZEN_US`] and later.
+    /// The number of further arrivals, [`FROZEN_US`] after the first and later.
     repeats: u32,
-    /// Its frame CRC, which tells two objects of one timestamp apart.
+    /// Its frame CRC, which distinguishes two objects with one timestamp.
     crc: u32,
-    /// It called a position valid that cannot be one.
+    /// Whether it marked an impossible position as valid.
     implausible: bool,
 }
 
 impl<T> Held<T> {
-    /// How old it is at least at `now_us`, µs: to this comes the fastest way's own delay.
+    /// Its least age at `now_us`, µs; the fastest way's own delay is not included.
     #[must_use]
     pub fn age_us(&self, now_us: u64) -> u64 {
         now_us.saturating_sub(self.arrived_us).saturating_add(self.late_us)
@@ -133,34 +135,34 @@ impl<T> Held<T> {
     }
 }
 
-/// Totals since the drone was heard first.
+/// Totals since the drone was first received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Messages with objects of this drone.
     pub messages: u64,
-    /// Objects that are shown, or were.
+    /// The number of objects that were shown.
     pub new: u64,
-    /// Intact objects that were shown already.
+    /// Intact objects that were displayed already.
     pub duplicate: u64,
-    /// Intact objects that were older than what was shown.
+    /// Intact objects that were older than the displayed one.
     pub older: u64,
-    /// Intact objects that continued nothing and were not believed.
+    /// Intact objects that continued nothing and were not accepted.
     pub out_of_sequence: u64,
-    /// Places of objects with nothing in them.
+    /// Vacant places of objects.
     pub vacant: u64,
-    /// Objects whose frame or position CRC did not fit.
+    /// Objects with a wrong frame or position CRC.
     pub bad_crc: u64,
     /// Intact objects in another object's place, or of another length.
     pub misplaced: u64,
     /// Messages whose intact objects of the profile are of different cycles.
     pub mixed: u64,
-    /// Cycles of HORUS that did not arrive, or did only after a newer one.
+    /// Cycles of HORUS that did not arrive, or only after a newer one.
     pub missed: u64,
     /// Times that HORUS, or its time, began anew.
     pub restarts: u64,
 }
 
-/// What is known of one drone. See the [module](self).
+/// The state of one drone. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Drone {
     horus: Order,
@@ -173,23 +175,23 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
-    /// The highest receiver of which an intact object arrived.
+    /// The highest number of a receiver with an intact object.
     receivers: usize,
     counts: Counts,
     board: Board,
-    /// When anything intact arrived last, or else since when it is waited for, µs.
+    /// The instant of the last intact arrival, or else of the beginning of the wait, µs.
     heard_us: u64,
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
     strange_us: Option<u64>,
-    /// When somebody else was heard who speaks as this drone.
+    /// The instant at which another sender used this drone's id.
     rival_us: Option<u64>,
-    /// What was taken last is a stranger's.
+    /// Whether the last object was a stranger's.
     stranger: bool,
 }
 
 impl Drone {
-    /// Nothing is known; it is waited for since `now_us`.
+    /// A drone without data, awaited since `now_us`.
     #[must_use]
     pub fn new(now_us: u64) -> Self {
         Self {
@@ -215,7 +217,7 @@ impl Drone {
         }
     }
 
-    /// Takes a message's objects, which arrived at `at_us`. Answers what was found of each, in their order.
+    /// Takes a message's objects, which arrived at `at_us`. Returns the verdict on each, in their order.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
         self.stranger = false;
@@ -248,7 +250,7 @@ impl Drone {
                         false => Verdict::New,
                     },
                 };
-                // What is not believed is no sign of life of this drone.
+                // An object that is not accepted is no sign of life of this drone.
                 if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
@@ -279,7 +281,7 @@ impl Drone {
             Step::Newest { .. } => {}
             Step::Restarted => {
                 self.dpr_ages = Ages::default();
-                // Port-Status has the same clock.
+                // Port-Status has the clock of Link-Status.
                 self.port = Order::default();
                 self.port_status = None;
                 self.uplink = None;
@@ -311,7 +313,7 @@ impl Drone {
         Verdict::New
     }
 
-    /// What an object is whose timestamp is that of the one that is shown, whose frame CRC is `own`.
+    /// The verdict on an object with the timestamp of the displayed one, whose frame CRC is `own`.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
@@ -323,7 +325,7 @@ impl Drone {
 
     fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
-        // Which receiver, from 0; Reported-Position is none.
+        // The receiver's index, from 0; Reported-Position has none.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
             Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
@@ -386,7 +388,7 @@ impl Drone {
         Verdict::New
     }
 
-    /// HORUS has started anew: what was before is forgotten.
+    /// Handles a restart of HORUS: earlier data are dropped.
     fn restart(&mut self, at_us: u64) {
         self.counts.restarts += 1;
         self.restarted_us = Some(at_us);
@@ -399,8 +401,8 @@ impl Drone {
         self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal())
     }
 
-    /// Whether a message's objects, which arrived at `at_us`, may be this drone's: they continue what was before, or
-    /// are late ones of it. The first object of the profile decides; in a message without one the DPR's own do.
+    /// Whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data or are
+    /// late ones. The first object of the profile decides; in a message without one, the DPR's own do.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -424,18 +426,18 @@ impl Drone {
         fits
     }
 
-    /// Whether what was taken last is a stranger's ([`Step::Stranger`]): somebody else speaks as this drone.
+    /// Whether the last object was a stranger's ([`Step::Stranger`]), from another sender with this drone's id.
     #[must_use]
     pub const fn met_stranger(&self) -> bool {
         self.stranger
     }
 
-    /// Somebody else was heard at `at_us` who speaks as this drone.
+    /// Records at `at_us` another sender with this drone's id.
     pub const fn note_rival(&mut self, at_us: u64) {
         self.rival_us = Some(at_us);
     }
 
-    /// When its HORUS started, µs of the caller's clock, as far as its newest sample tells.
+    /// The instant at which its HORUS started, µs of the caller's clock, by its newest sample.
     #[must_use]
     pub fn started_us(&self) -> Option<i64> {
         let held = self.reported.as_ref()?;
@@ -443,7 +445,7 @@ impl Drone {
         Some(taken_us.cast_signed().saturating_sub(i64::from(held.timestamp) * 1_000))
     }
 
-    /// Brings the alarms up to `now_us`. Answers which came and which went.
+    /// Updates the alarms to `now_us`. Returns the changes.
     pub fn tick(&mut self, now_us: u64) -> Vec<Change> {
         let alarms = self.alarms_at(now_us);
         self.board.set(now_us, alarms)
@@ -464,7 +466,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // Everything that a silent drone has said is old.
+        // All data of a silent drone are old.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);
@@ -509,7 +511,7 @@ impl Drone {
         self.reported.as_ref()
     }
 
-    /// The newest that receiver `receiver`, counted from 1, said.
+    /// The newest data of receiver `receiver`, counted from 1.
     #[must_use]
     pub fn gps(&self, receiver: usize) -> Option<&Held<GpsValues>> {
         self.gps.get(receiver.checked_sub(1)?)?.as_ref()
@@ -527,14 +529,14 @@ impl Drone {
         self.port_status.as_ref()
     }
 
-    /// The base station's uplink that the DPR showed last, as it arrived: that it is the one that was sent proves that
-    /// the DPR has stored it, and nothing about when.
+    /// The last uplink of the base station that the DPR showed, as it arrived. If it equals the uplink that was sent,
+    /// the DPR has stored it; it does not show when.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()
     }
 
-    /// The highest receiver of which anything intact arrived: 0 to 5.
+    /// The highest number of a receiver with an intact object: 0 to 5.
     #[must_use]
     pub const fn receivers(&self) -> usize {
         self.receivers
@@ -546,7 +548,7 @@ impl Drone {
         self.horus.newest()
     }
 
-    /// When anything intact arrived last, µs.
+    /// The instant of the last intact arrival, µs.
     #[must_use]
     pub const fn heard_us(&self) -> u64 {
         self.heard_us

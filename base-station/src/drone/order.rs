@@ -1,66 +1,66 @@
-//! Which timestamps continue the ones before them, where the time of arrival says little.
+//! Determines which timestamps continue the earlier ones on a link where the time of arrival is imprecise.
 //!
-//! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). Behind a radio that
-//! loses, reorders and holds back, nothing of that is left: here a timestamp may skip any number of cycles, and come
-//! [late](crate::age). It may not run ahead of time, and it may not go back.
+//! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). That is impossible
+//! behind a radio that loses, reorders and delays: here a timestamp may skip any number of cycles, and come
+//! [late](crate::age). It must not run ahead of time, and it must not go back.
 //!
-//! # What does not fit
+//! # Discontinuities
 //!
-//! A timestamp that neither continues what was before nor can be a late message of it is searched with: it is believed
-//! once [`SEARCH_CYCLES`] in a row continue one another. What they are depends on the sender that was heard before:
+//! A timestamp that neither continues the earlier ones nor can be a late message starts a search: it is accepted once
+//! [`SEARCH_CYCLES`] in a row continue one another. Their meaning depends on the earlier sender:
 //!
-//! | the sender before | theirs | what they are |
+//! | the earlier sender | the new timestamps | result |
 //! |---|---|---|
-//! | went on meanwhile | any | a [stranger](Step::Stranger): two speak |
-//! | is quiet for [`QUIET_US`] | as young as a restart makes them, or ahead | a [restart](Step::Restarted) |
-//! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a recording of before |
+//! | continued meanwhile | any | a [stranger](Step::Stranger): there are two senders |
+//! | is quiet for [`QUIET_US`] | recent enough for a restart, or ahead | a [restart](Step::Restarted) |
+//! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
 //! | neither | any | not known yet |
 //!
-//! So no number of messages in the gap between two messages of the true sender takes its place.
+//! So no number of messages in the gap between two messages of the true sender can replace it.
 
 use profile::{Freshness, freshness};
 
-/// So much earlier than the fastest of the first samples a timestamp may come, µs: what a carrier may hold one message
-/// back longer than another.
+/// The lead over the fastest of the first samples that a timestamp may have, µs: the difference of delays in one
+/// carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// So much earlier a timestamp may come once [`SEARCH_CYCLES`] have, µs.
+/// The lead that a timestamp may have after the first [`SEARCH_CYCLES`], µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
-/// No carrier holds a message back for so long and delivers others before it, µs.
+/// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// A restarted sender's timestamp is at most the time for which nothing newer came from it, and this much, µs: what its
-/// last message may have been under way.
+/// The excess of a restarted sender's timestamp over the time since its newest message, µs: the time for which that
+/// message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// A restart, or another sender, is believed after this number of timestamps in a row that each advance.
+/// The number of timestamps in a row, each advancing, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// Nothing takes a sender's place that was heard within this time, µs: whoever sends less often than at 4 Hz is
+/// The time since its last message within which a sender is never replaced, µs: a sender slower than 4 Hz is
 /// [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
-/// Searches that go on side by side, so that messages that continue nothing keep no sender from being found.
+/// The number of parallel searches, so that unrelated messages cannot keep a sender from being found.
 const SEARCHES: usize = 4;
 
-/// What a timestamp is after those before it.
+/// The relation of a timestamp to the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// Newer than all before it.
+    /// It is newer than all before it.
     Newest {
-        /// Whole cycles in between that did not arrive.
+        /// The number of whole cycles in between that did not arrive.
         missed: u32,
     },
-    /// The newest again.
+    /// It equals the newest.
     Same,
-    /// Older than the newest.
+    /// It is older than the newest.
     Older,
-    /// It neither continues what was before nor is it believed yet. Nothing is to be shown of it.
+    /// It continues nothing and is not accepted yet, so that its object is not shown.
     Search,
-    /// The sender has started again: what was before it is forgotten.
+    /// The sender has restarted: its earlier data are dropped.
     Restarted,
-    /// It is another sender's, who speaks beside or instead of the one that was heard before.
+    /// It belongs to another sender, beside or instead of the earlier one.
     Stranger,
 }
 
@@ -70,7 +70,7 @@ struct Seen {
     at_us: u64,
 }
 
-/// Timestamps that continue one another and nothing else.
+/// A run of timestamps that continue one another.
 #[derive(Clone, Copy, Debug)]
 struct Search {
     began_us: u64,
@@ -78,30 +78,30 @@ struct Search {
     found: u8,
 }
 
-/// What a timestamp is to the newest.
+/// The relation of a timestamp to the newest.
 enum Kind {
     Newest {
         missed: u32,
     },
     Same,
     Older,
-    /// It does not fit. `back` says that it is neither of a restart nor ahead.
+    /// It does not fit. `back` means that it is neither of a restart nor ahead.
     Strange {
         back: bool,
     },
 }
 
-/// The memory of one sender's timestamps. See the [module](self).
+/// The state of one sender's timestamps. See the [module](self).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order {
     newest: Option<Seen>,
-    /// Newest ones since the sender started, at most [`SEARCH_CYCLES`].
+    /// The number of newest ones since the sender started, at most [`SEARCH_CYCLES`].
     taken: u8,
     searches: [Option<Search>; SEARCHES],
 }
 
 impl Order {
-    /// What the timestamp, ms, of something that arrived at `at_us` is, which was `early_us` earlier than the fastest
+    /// Judges the timestamp, ms, of an object that arrived at `at_us` and was `early_us` earlier than the fastest
     /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` is whether the sender's timestamps advance by whole
     /// cycles.
     pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> Step {
@@ -132,7 +132,7 @@ impl Order {
         Step::Restarted
     }
 
-    /// Whether a timestamp continues what was before, or may be a late one of it; arguments as for
+    /// Whether a timestamp continues the earlier ones, or may be a late one; the arguments are those of
     /// [`judge`](Self::judge).
     #[must_use]
     pub fn fits(&self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> bool {
@@ -159,7 +159,7 @@ impl Order {
         }
     }
 
-    /// The search that a timestamp continues, or begins, and its place.
+    /// The search that a timestamp continues or begins, and its index.
     fn search(&mut self, seen: Seen, grid: bool) -> Option<(usize, Search)> {
         let passed_us = |search: &Search| seen.at_us.saturating_sub(search.last.at_us);
         let continues = |search: &Search| match freshness(Some(search.last.timestamp), seen.timestamp) {
@@ -169,7 +169,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // Another object of the same cycle.
+            // It belongs to another object of the same cycle.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -189,14 +189,14 @@ impl Order {
     }
 }
 
-/// Whether no more time passes in the timestamps than has passed here.
+/// Whether the timestamps advance by no more time than has passed here.
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
     step_us <= passed_us.saturating_add(drift_us(passed_us)).saturating_add(SLACK_US)
 }
 
-/// What two clocks may drift apart while so much passes, µs.
+/// The possible drift of two clocks in this time, µs.
 const fn drift_us(passed_us: u64) -> u64 {
     passed_us / profile::sequence::TOLERANCE_SHARE as u64
 }
@@ -208,7 +208,7 @@ mod tests {
 
     const SECOND: u64 = 1_000_000;
 
-    /// An order and the ages beside it, as a drone has them.
+    /// A drone's order with its ages.
     #[derive(Default)]
     struct Sender(Order, Ages);
 
@@ -225,7 +225,7 @@ mod tests {
             step
         }
 
-        /// One that has sent at 10 Hz for a minute, the last at 60 s.
+        /// A sender that has sent at 10 Hz for a minute, the last message at 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -284,7 +284,7 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // Once the true one is quiet, it does.
+        // The burst succeeds once the true sender is quiet.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {
@@ -302,7 +302,7 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // It may have started as the last one came, half a second before.
+        // The new run may have started as the last message came, half a second before.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
@@ -318,7 +318,7 @@ mod tests {
 
     #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
-        // With the third sample less may be early than before.
+        // The lead that is allowed falls with the third sample.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
             let mut order = Order::default();
             order.judge(60_000, 0, true, 0);
@@ -334,7 +334,7 @@ mod tests {
 
     #[test]
     fn who_speaks_beside_another_is_a_stranger_from_the_third_message_on() {
-        // An hour behind, and just as young as a restart would be.
+        // The stranger is an hour behind, or as recent as a restart.
         for first in [10, 3_000_000] {
             let mut order = Sender::default();
             let mut found = vec![];
@@ -399,7 +399,7 @@ mod tests {
     #[test]
     fn what_continues_a_search_may_run_ahead_by_the_drift_and_the_slack_alone() {
         let seen = |timestamp, at_us| Seen { timestamp, at_us };
-        // 10 s, 2 % of it, and 2 s.
+        // The lead is 10 s, 2 % of it, and 2 s.
         assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
         assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
     }

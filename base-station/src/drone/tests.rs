@@ -128,7 +128,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // Nothing at all is a message, but none to show, and no sign of life.
+    // An empty image is a message, but has no object to show and is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }
@@ -177,7 +177,7 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on_and_what_was_before_is_for
 #[test]
 fn another_reason_of_the_last_reset_is_a_restart_also_where_the_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
-    // Heard until 0.27 s after its start; after a second it is heard again, 0.28 s after the next.
+    // HORUS is received until 0.27 s after its start, and a second later again, 0.28 s after its next start.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
         let mut drone = Drone::new(0);
         (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
@@ -313,14 +313,14 @@ fn every_value_has_an_age_and_an_alarm_of_its_own() {
     let mut drone = Drone::new(0);
     let bytes = [link(7, LinkStatusBits::new().with_link_up(true)).as_bytes(), profile(10).as_bytes()].concat();
     take(&mut drone, 0, &bytes);
-    // From here on Reported-Position alone arrives.
+    // Only Reported-Position arrives from here on.
     for cycle in 1..=250_u32 {
         let at = CYCLE * u64::from(cycle);
         drone.take(Place::Reported, at, &profile(10 + 10 * cycle).as_bytes()[..64]);
         let expected: &[&str] = if at <= OLD_US { &[] } else { &["receivers-old", "link-status-old"] };
         assert_eq!(codes(&mut drone, at), expected, "{at}");
     }
-    // One receiver that is old is enough.
+    // One old receiver suffices.
     let at = 251 * CYCLE;
     take(&mut drone, at, &profile(2_520).as_bytes()[..184]);
     assert_eq!(codes(&mut drone, at), ["receivers-old", "link-status-old"]);
@@ -430,7 +430,7 @@ fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life()
         assert_eq!(drone.uplink().map(Uplink::timestamp), Some(timestamp));
     }
     assert_eq!(drone.heard_us(), heard_us);
-    // Port-Status has the clock of Link-Status: with that it begins anew.
+    // Port-Status has the clock of Link-Status, and restarts with it.
     for timestamp in [10, 110, 210] {
         take(&mut drone, Place::LinkStatus, link(timestamp, LinkStatusBits::new()).as_bytes());
     }
@@ -446,7 +446,7 @@ fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
         let link = link(timestamp, LinkStatusBits::new());
         drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
     };
-    // The DPR's timestamps advance by anything.
+    // The DPR's timestamps advance by any amount.
     assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
     assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
 }
@@ -500,7 +500,7 @@ fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
 
 #[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
-    // 1 % slow: more than crystals differ by, and less than HORUS may be off by without its own.
+    // The clock is 1 % slow: more than crystals differ by, and less than HORUS may be off by without one.
     let (first, second) = (0, 10_100_000);
     let mut drone = Drone::new(0);
     for (at, timestamp) in [(first, 10), (second, 10_010)] {
@@ -537,12 +537,12 @@ monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s a
     assert_eq!(drone.words(1_240_000), expected);
 }
 
-/// What happens to one message on the way.
+/// The fate of one message on the way.
 #[derive(Clone, Debug)]
 struct Fate {
-    /// How often it arrives.
+    /// The number of copies that arrive.
     copies: u8,
-    /// How much later each copy arrives, in cycles.
+    /// The delay of each copy, in cycles.
     delays: [u8; 3],
     /// A bit of it that flips.
     flips: Option<u16>,
@@ -556,10 +556,10 @@ fn fate() -> impl Strategy<Value = Fate> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// The drone at every instant shows of each object the newest that has arrived intact, whatever the way did.
+    /// The drone always shows the newest intact object of each kind that has arrived, whatever happened on the way.
     #[test]
     fn loss_duplicates_reordering_and_damage_change_nothing(fates in prop::collection::vec(fate(), 1..150)) {
-        // HORUS has been running for a while, so nothing delayed can be mistaken for a restart.
+        // HORUS has been running for a while, so a delayed message cannot be mistaken for a restart.
         let start = 600_000;
         let mut arrivals = vec![];
         for (cycle, fate) in fates.iter().enumerate() {
@@ -592,7 +592,7 @@ proptest! {
         }
     }
 
-    /// Bytes that nobody sealed are never shown.
+    /// Bytes that were not sealed are never shown.
     #[test]
     fn anything_may_arrive(messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..20)) {
         let mut drone = Drone::new(0);

@@ -1,4 +1,4 @@
-//! What is known of a drone, for a person.
+//! The state of a drone as text.
 
 use core::fmt::{self, Write as _};
 
@@ -6,7 +6,7 @@ use profile::{FixType, GpsStatus, HorusState, ResetReason};
 
 use super::{Counts, Drone, Held};
 
-/// What HORUS is doing, in words; a state that has no name is one of a later version.
+/// HORUS's state as text; a state without a name here belongs to a later version.
 #[must_use]
 pub const fn state(state: Option<HorusState>) -> &'static str {
     match state {
@@ -22,7 +22,7 @@ pub const fn state(state: Option<HorusState>) -> &'static str {
     }
 }
 
-/// A receiver's fix, in words.
+/// A receiver's fix as text.
 #[must_use]
 pub const fn fix(fix: Option<FixType>) -> &'static str {
     match fix {
@@ -36,7 +36,7 @@ pub const fn fix(fix: Option<FixType>) -> &'static str {
     }
 }
 
-/// Why HORUS or the DPR last started, in words.
+/// The reason of the last start of HORUS or the DPR, as text.
 #[must_use]
 pub const fn reset(reason: Option<ResetReason>) -> &'static str {
     match reason {
@@ -50,7 +50,7 @@ pub const fn reset(reason: Option<ResetReason>) -> &'static str {
     }
 }
 
-/// How old a receiver's solution was when HORUS sent it, in words.
+/// The age of a receiver's solution when HORUS sent it, as text.
 #[must_use]
 pub fn solution_age(status: GpsStatus) -> String {
     match status.solution_age_ms() {
@@ -61,11 +61,11 @@ pub fn solution_age(status: GpsStatus) -> String {
 }
 
 impl Drone {
-    /// The state at `now_us`: a line per object, each with its age, the alarms, and what came of the link.
+    /// The state at `now_us`: a line per object, each with its age, the alarms, and the link's totals.
     #[must_use]
     pub fn words(&self, now_us: u64) -> String {
         let mut words = String::new();
-        // Writing to a String does not fail.
+        // A write to a String cannot fail.
         let _ = self.write(&mut words, now_us);
         words
     }

@@ -2,18 +2,18 @@
 //!
 //! # Design
 //!
-//! **A carrier like the others.** What is published is objects and verdicts ([`published`]); what is subscribed to is
-//! judged, recorded and shown as if it had come over a line. The broker is trusted in nothing.
+//! **A carrier like the others.** Objects and verdicts are published ([`published`]); a subscriber judges, records and
+//! shows them as if they had come over a line. The broker is not trusted.
 //!
-//! **Live, not kept.** Quality of service 0, nothing retained, no session that outlives its connection: a successor
-//! comes a tenth of a second later, and a message that was kept would only arrive when it is old. What is not published
-//! because there is no connection, or because the broker is too slow, is counted and told; it is in the publishing
-//! station's recording.
+//! **Live, not stored.** The quality of service is 0, nothing is retained, and no session outlives its connection: a
+//! successor comes a tenth of a second later, and a stored message would only arrive when it is old. Messages that are
+//! not published because there is no connection, or because the broker is too slow, are counted and reported; the
+//! publishing station's recording has them.
 //!
-//! **Again and again.** A connection that ends is made anew after [`RETRY`], and one that says nothing for [`SILENCE`]
-//! is ended: a broker answers a ping every [`KEEP_ALIVE_S`].
+//! **Reconnection.** A connection that ends is made anew after [`RETRY`], and one that is silent for [`SILENCE`] is
+//! ended: a broker answers a ping every [`KEEP_ALIVE_S`].
 //!
-//! **TLS**, where it is asked for, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
+//! **TLS**, where requested, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
 use std::io;
 use std::sync::Arc;
@@ -32,29 +32,29 @@ use crate::carrier::published::{self, MAX_MESSAGE, Name, TOPICS};
 use crate::intake::{Carried, Kind};
 use crate::{Bundle, DroneId, Verdict, Who};
 
-/// After a failure it is tried again after so long.
+/// The time from a failure to the next attempt.
 pub const RETRY: Duration = Duration::from_millis(500);
 
-/// The broker is asked whether it is there so often, s.
+/// The interval of pings to the broker, s.
 pub const KEEP_ALIVE_S: u16 = 5;
 
-/// A connection on which nothing happens for so long is ended.
+/// The time without traffic after which a connection is ended.
 pub const SILENCE: Duration = Duration::from_secs(12);
 
-/// How many messages may wait for the broker: three tenths of a second of a thousand drones at 10 Hz.
+/// The most messages that may wait for the broker: three tenths of a second of a thousand drones at 10 Hz.
 const WAITING: usize = 3_000;
 
-/// The longest packet that is taken: a message, its topic, and room for what a broker may add.
+/// The longest packet that is accepted: a message, its topic, and room for a broker's additions.
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
-/// Where a broker is, and as whom to speak to it.
+/// A broker's address and login.
 #[derive(Clone)]
 pub struct Broker {
     /// Its name or address.
     pub host: String,
     /// Its port; by custom 1883, with TLS 8883.
     pub port: u16,
-    /// User and password, if it asks for them. They are encrypted on the way as everything is: by TLS, or not at all.
+    /// User and password, if it needs them. They are encrypted on the way like everything else: by TLS, or not at all.
     pub login: Option<(String, String)>,
     /// TLS, if it is to be used.
     pub tls: Option<Tls>,
@@ -76,7 +76,7 @@ impl std::fmt::Display for Broker {
 
 impl Broker {
     fn options(&self) -> MqttOptions {
-        // Without a client id the broker gives one, so that no two stations put each other out.
+        // Without a client id the broker assigns one, so that no two stations displace each other.
         let mut options = MqttOptions::new("", (self.host.as_str(), self.port));
         options.set_keep_alive(KEEP_ALIVE_S).set_clean_start(true).set_max_packet_size(Some(MAX_PACKET));
         if let Some((user, password)) = &self.login {
@@ -88,14 +88,14 @@ impl Broker {
         options
     }
 
-    /// What went wrong with the connection, in words.
+    /// The connection's error as text.
     fn words(&self, error: &ConnectionError) -> String {
         let tls = self.tls.as_ref().and_then(|tls| tls.words(error, &self.host));
         tls.unwrap_or_else(|| error.to_string())
     }
 }
 
-/// Where a station hands on what it has judged.
+/// Passes a station's judged objects on to a broker.
 #[derive(Clone, Debug)]
 pub struct Outlet {
     station: Arc<str>,
@@ -105,10 +105,10 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Hands on what arrived of a drone at `at_us`, µs since 1970, and what was found of each object; counts it if
-    /// there is no connection, or too much waits. It never waits.
+    /// Passes on what arrived of a drone at `at_us`, µs since 1970, with the verdict on each object. Counts it as lost
+    /// if there is no connection, or too much waits. It never blocks.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
-        // Who subscribed to a drone does not publish it: two brokers that feed each other would not end.
+        // Subscribed data are not published again: two brokers that feed each other would loop.
         if matches!(drone.who, Who::Named(_)) {
             return;
         }
@@ -121,7 +121,7 @@ impl Outlet {
         }
     }
 
-    /// Messages that were not handed on.
+    /// The number of messages that were not passed on.
     #[must_use]
     pub fn unpublished(&self) -> u64 {
         self.unpublished.load(Ordering::Relaxed)
@@ -150,11 +150,11 @@ pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
 }
 
 impl Unconnected {
-    /// Connects, on a thread of its own, for as long as there is a station. Trouble is told through `inlet`.
+    /// Connects, on a thread of its own, for as long as the station exists. Errors are reported through `inlet`.
     ///
     /// # Errors
     ///
-    /// If the system gives no event loop.
+    /// The system provides no event loop.
     pub fn connect(self, inlet: Inlet) -> io::Result<()> {
         let Self { broker, events, outlet } = self;
         spawn(broker, events, inlet, move |event| {
@@ -168,23 +168,23 @@ impl Unconnected {
     }
 }
 
-/// Takes what all stations publish, or the one of this name, on a thread of its own for as long as there is a station
-/// here. `line` is the number that this line has in recordings.
+/// Receives what all stations publish, or the one of this name, on a thread of its own for as long as the station here
+/// exists. `line` is the number of this line in recordings.
 ///
 /// # Errors
 ///
-/// If the system gives no event loop.
+/// The system provides no event loop.
 pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock, inlet: Inlet) -> io::Result<()> {
     let (client, events) = AsyncClient::builder(broker.options()).capacity(16).build();
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The request waits for the connection; there is room, since there was none in the last one.
+        // The request waits for the connection; the queue has room, because the last connection left it empty.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
             let topic = std::str::from_utf8(&published.topic).ok();
-            // What a broker has kept may be of any age, and nothing in it tells.
+            // A retained message may be of any age, and does not contain it.
             match topic.and_then(Name::of_topic).filter(|_| !published.retain) {
                 Some(name) => {
                     let (from, bytes) = (name.as_str().to_owned(), published.payload.to_vec());
@@ -197,7 +197,7 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     })
 }
 
-/// What happens on a connection.
+/// An event of a connection.
 enum Happened<'a> {
     Connected,
     Lost,
@@ -208,7 +208,7 @@ fn is_granted(answer: &SubAck) -> bool {
     answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
 }
 
-/// Keeps a connection going until there is no station any more, or `each` says no.
+/// Keeps a connection going until there is no station any more, or `each` returns false.
 fn spawn(
     broker: Broker,
     mut events: EventLoop,
@@ -238,7 +238,7 @@ fn spawn(
                     Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
-                // What waited is old by the time there is a connection again.
+                // The waiting messages will be old by the next connection.
                 events.clean();
                 events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });

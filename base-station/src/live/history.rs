@@ -1,11 +1,12 @@
 //! The last minutes of every drone, for a page that is opened late.
 //!
-//! A sample each [`PERIOD_US`] for [`KEPT_US`]: where the drone was then, and of the time since the sample before the
-//! oldest that its data were and the fewest receivers that agreed, so that what went wrong for a moment shows.
+//! A sample is stored each [`PERIOD_US`] for [`KEPT_US`]: the drone's position, and for the time since the sample
+//! before the greatest age of its data and the least number of agreeing receivers, so that a brief fault shows.
 //!
-//! **Bound.** Room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB a drone, 58 MB a
+//! **Bound.** There is room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB a drone, 58 MB a
 //! thousand, and 237 MB for the most drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
-//! kept as 1e-7 degrees (1 cm), as GNSS receivers give them: they are drawn. The page's numbers come from elsewhere.
+//! stored as 1e-7 degrees (1 cm), as GNSS receivers give them: they are only drawn. The page's numbers come from
+//! elsewhere.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -14,13 +15,13 @@ use profile::MAX_RECEIVERS;
 use crate::drone::{OLD_US, STALE_US};
 use crate::{Drone, DroneId, Fleet};
 
-/// From one sample to the next, µs.
+/// The time from one sample to the next, µs.
 pub const PERIOD_US: u64 = 1_000_000;
 
-/// Samples are kept for so long, µs.
+/// The time for which samples are kept, µs.
 pub const KEPT_US: u64 = 600_000_000;
 
-/// So many samples a drone has at most, while one is added.
+/// The most samples of a drone, while one is added.
 const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
 
 /// A sample is no larger than this, bytes.
@@ -28,26 +29,26 @@ pub const SAMPLE_BYTES: usize = 96;
 
 const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
 
-/// All drones are looked at so often at most, µs.
+/// The shortest interval at which all drones are examined, µs.
 const LOOK_US: u64 = 20_000;
 
 /// Latitude and longitude, 1e-7 degrees.
 type Place = [i32; 2];
 
-/// What was known of a drone at an instant.
+/// The state of a drone at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// When, µs of the station's clock.
+    /// The instant, µs of the station's clock.
     pub at_us: u64,
     /// Reported-Position, if it was valid and not stale.
     voted: Option<Place>,
     /// The receivers' positions that were valid and not old.
     gps: [Option<Place>; MAX_RECEIVERS],
-    /// The reported height, m, if it was valid and not stale; else not a number.
+    /// The reported height, m, if it was valid and not stale; otherwise NaN.
     height: f32,
-    /// How old Reported-Position was at the worst since the sample before, s; not a number before there was one.
+    /// The greatest age of Reported-Position since the sample before, s; NaN before there was one.
     age: f32,
-    /// How many receivers agreed at the least since the sample before, while there was a position that was not stale.
+    /// The least number of agreeing receivers since the sample before, while there was a position that was not stale.
     agree: Option<u8>,
 }
 
@@ -87,20 +88,20 @@ impl Sample {
         Some(self.height).filter(|height| !height.is_nan())
     }
 
-    /// How old the reported position was at the worst since the sample before, s.
+    /// The greatest age of the reported position since the sample before, s.
     #[must_use]
     pub fn age(&self) -> Option<f32> {
         Some(self.age).filter(|age| !age.is_nan())
     }
 
-    /// How many receivers agreed at the least since the sample before.
+    /// The least number of agreeing receivers since the sample before.
     #[must_use]
     pub const fn agree(&self) -> Option<u8> {
         self.agree
     }
 }
 
-/// Degrees are at most 180, so 1e-7 of them fit; what is more, or not a number, is no place of a valid object.
+/// Degrees are at most 180, so 1e-7 of them fit; larger values or NaN do not occur in valid objects.
 fn place(latitude: f64, longitude: f64) -> Place {
     [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
 }
@@ -113,7 +114,7 @@ fn degrees(place: Place) -> [f64; 2] {
 #[derive(Clone, Debug)]
 struct Track {
     samples: VecDeque<Sample>,
-    /// The worst since the last sample.
+    /// The greatest age since the last sample.
     age: f32,
     agree: Option<u8>,
 }
@@ -122,12 +123,12 @@ struct Track {
 #[derive(Clone, Debug, Default)]
 pub struct History {
     tracks: BTreeMap<DroneId, Track>,
-    /// When all drones were looked at last, µs.
+    /// The instant at which all drones were last examined, µs.
     looked_us: Option<u64>,
 }
 
 impl History {
-    /// Looks at every drone, if it is time for that.
+    /// Examines every drone, if that is due.
     pub fn look(&mut self, now_us: u64, fleet: &Fleet) {
         if self.looked_us.is_some_and(|looked_us| now_us < looked_us + LOOK_US) {
             return;
@@ -180,7 +181,7 @@ mod tests {
         fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
-    /// A drone that is heard every 100 ms, but not from 5 s to 6.5 s, and two receivers of which agree at 3.1 s alone.
+    /// A drone that is received every 100 ms, except from 5 s to 6.5 s, and two of whose receivers agree only at 3.1 s.
     fn flown(seconds: u32) -> History {
         let (mut history, mut fleet) = (History::default(), Fleet::default());
         for ms in (0..=seconds * 1_000).step_by(20) {

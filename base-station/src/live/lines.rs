@@ -1,5 +1,5 @@
-//! Lines of a real base station: sockets and serial ports. They are listened to; what the station says on those of
-//! MAVLink, if it is told to say anything, goes through [`Mouths`](super::mouths::Mouths).
+//! The lines of a real base station: sockets and serial ports. This module receives; the station's own messages on
+//! MAVLink lines, if enabled, go through [`Mouths`](super::mouths::Mouths).
 
 use std::io::{self, Read};
 use std::net::{SocketAddr, UdpSocket};
@@ -11,26 +11,26 @@ use socket2::SockRef;
 use super::{Clock, Event, Inlet};
 use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 
-/// What a serial port is read with at the longest.
+/// The longest time that a read of a serial port blocks.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
 
-/// What may wait in the system until this process runs again, bytes: a second of a thousand drones.
+/// The system's buffer for arriving bytes while this process does not run: a second of a thousand drones.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
-/// A serial port that failed is tried again after so long.
+/// The time after which a failed serial port is tried again.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Whether there is still somebody to hand on to is looked at least so often.
+/// The longest interval between checks whether the station still exists.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Listens to a UDP port. Answers where.
+/// Listens to a UDP port and returns its address.
 ///
 /// # Errors
 ///
-/// If the address cannot be bound.
+/// The address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // As much as the system allows; what it does not is no fault.
+    // The system may grant less, which is not an error.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
@@ -38,7 +38,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
         inlet.mouths.add_socket(line, socket.try_clone()?);
     }
     thread::spawn(move || {
-        // One byte more tells a datagram that is too long.
+        // One more byte reveals a datagram that is too long.
         let mut buffer = vec![0; MAX_DATAGRAM + 1];
         loop {
             let event = match socket.recv_from(&mut buffer) {
@@ -46,7 +46,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
                     let bytes = buffer[..length].to_vec();
                     Event::Carried(Carried { at_us: clock.now_us(), kind, line, from: from.to_string(), bytes })
                 }
-                // Nothing came, so the line works; and whether there is still a station shows.
+                // A timeout means that the line works; it also gives a chance to check whether the station still
+                // exists.
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                     Event::Line { name: bound.to_string(), why: None }
                 }
@@ -63,7 +64,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
     Ok(bound)
 }
 
-/// Listens to a serial port, and opens it again whenever it fails: who unplugs a radio plugs it in again.
+/// Listens to a serial port, and opens it again whenever it fails, because a radio may be unplugged and plugged in
+/// again.
 pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inlet: Inlet) {
     thread::spawn(move || {
         let mut buffer = vec![0; 4_096];

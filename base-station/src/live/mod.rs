@@ -1,18 +1,19 @@
-//! A base station that runs: lines, the clock, the recorder's thread, and what a page is told of.
+//! A running base station: lines, the clock, the recorder's thread, and the page's notifications.
 //!
 //! # Threads
 //!
 //! | thread | what |
 //! |---|---|
-//! | one for each line | waits for bytes, notes when they came, hands them on |
-//! | station | judges what came, keeps it, looks for alarms every [`TICK`] |
-//! | recorder | writes, so that a slow disk holds nothing up |
-//! | one for each broker | hands on to it, or takes from it ([`broker`]) |
+//! | one for each line | waits for bytes, timestamps them, passes them on |
+//! | station | judges and keeps what arrives, updates alarms every [`TICK`] |
+//! | recorder | writes, so that a slow disk delays nothing |
+//! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
 //! | page | serves it, where the program has other things to do ([`server`]) |
 //!
-//! A playback has a thread that reads in place of the lines.
+//! In a playback, one thread that reads the recording replaces the threads of the lines.
 //!
-//! Between them are queues with a bound. Where one is full, the newest is dropped and counted, which a person is told.
+//! Bounded queues connect them. Where one is full, the newest item is dropped and counted, and the page shows the
+//! count.
 
 pub mod broker;
 pub mod history;
@@ -42,31 +43,31 @@ use history::History;
 use mouths::Mouths;
 pub use recording::Recording;
 
-/// Alarms are looked for at least so often.
+/// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
+/// The most arrivals that may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
 
-/// How many alarms that came or went are kept, for the page.
+/// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// What was not handed on to a broker is told for so long, µs.
+/// The time for which unpublished data are reported, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
-/// µs since 1970, of a clock that does not go back: what the system said at the start, and what passed since.
+/// µs since 1970, of a clock that does not go back: the system's time at the start, plus the elapsed time.
 #[derive(Clone, Debug)]
 pub struct Clock {
     unix_us: u64,
     passed: Passed,
 }
 
-/// What passed since a clock began.
+/// The time since a clock began.
 #[derive(Clone, Debug)]
 enum Passed {
-    /// On the wall, since then.
+    /// The elapsed real time.
     Since(Instant),
-    /// As somebody says, µs.
+    /// The elapsed time that the caller sets, µs.
     Told(Arc<AtomicU64>),
 }
 
@@ -77,8 +78,8 @@ impl Clock {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// A clock of which somebody says how much has passed, in µs: for what arrives by another time than that of the
-    /// clock on the wall. It stands still until told otherwise, and must not be told less than before.
+    /// A clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. It stands
+    /// still in between, and must not be set back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -95,13 +96,13 @@ impl Clock {
     }
 }
 
-/// What the system says.
+/// The system's time.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
 }
 
-/// What happens at a line.
+/// An event of a line.
 #[derive(Debug)]
 pub enum Event {
     /// Bytes arrived.
@@ -110,18 +111,18 @@ pub enum Event {
     Line {
         /// Its name.
         name: String,
-        /// What went wrong, in words; nothing if it works.
+        /// The error as text; `None` if it works.
         why: Option<String>,
     },
-    /// A recording says that bytes arrived.
+    /// A record of a recording that is played back.
     Played(Record),
-    /// A playback begins anew at this time, µs: all that is known is forgotten.
+    /// A playback begins anew at this time, µs: all state is dropped.
     Restart(u64),
-    /// Nothing is to be taken any more.
+    /// No further events are accepted.
     End,
 }
 
-/// Where lines hand on what arrives.
+/// Passes a line's events on to the station.
 #[derive(Clone, Debug)]
 pub struct Inlet {
     to: SyncSender<Event>,
@@ -130,7 +131,7 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Hands it on, or counts it if too much waits. Answers whether there is still a station.
+    /// Passes an event on, or counts it if too many wait. Returns whether the station still exists.
     #[must_use]
     pub fn offer(&self, event: Event) -> bool {
         match self.to.try_send(event) {
@@ -143,42 +144,42 @@ impl Inlet {
         }
     }
 
-    /// Ends the station, once it has taken what waits.
+    /// Ends the station, once it has taken the waiting events.
     pub fn close(&self) {
-        // If there is no station any more, there is nothing to end.
+        // Without a station there is nothing to end.
         let _ = self.to.send(Event::End);
     }
 
-    /// Hands it on, and waits for room: for a playback. Answers whether there is still a station.
+    /// Passes an event on and waits for room, for a playback. Returns whether the station still exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
     }
 }
 
-/// What a station knows.
+/// The state of a station.
 #[derive(Debug, Default)]
 pub struct Known {
     /// All drones.
     pub intake: Intake,
     /// Their last minutes.
     pub history: History,
-    /// Alarms that came and went, of all drones, the newest last: at most [`KEPT_CHANGES`].
+    /// The changes of alarms of all drones, the newest last: at most [`KEPT_CHANGES`].
     pub alarms: VecDeque<(DroneId, Change)>,
-    /// Lines that do not work, and why.
+    /// The lines that do not work, with the errors.
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// Why nothing is recorded, if it should be.
+    /// The reason why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
-    /// What the station itself says, if it says anything.
+    /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The time up to which all is known, µs.
+    /// The time up to which the state is complete, µs.
     pub now_us: u64,
 }
 
 impl Known {
-    /// Keeps that an alarm came or went.
+    /// Keeps a change of an alarm.
     fn note(&mut self, drone: DroneId, change: Change) {
         if self.alarms.len() == KEPT_CHANGES {
             self.alarms.pop_front();
@@ -186,13 +187,13 @@ impl Known {
         self.alarms.push_back((drone, change));
     }
 
-    /// Notes in the history what is known now.
+    /// Adds the present state to the history.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
     }
 }
 
-/// A station, for those who look at it.
+/// A running station, for its readers.
 #[derive(Clone, Debug)]
 pub struct Station {
     known: Arc<Mutex<Known>>,
@@ -202,18 +203,18 @@ pub struct Station {
 }
 
 impl Station {
-    /// From now on the station says this.
+    /// Sets the station's own messages from now on.
     pub fn speak(&self, voice: Voice) {
         self.known().voice = Some(voice);
     }
 
-    /// What it knows now. What holds it up holds the station up.
+    /// The present state. Holding the guard stops the station.
     pub fn known(&self) -> MutexGuard<'_, Known> {
-        // Whoever panicked while looking has changed nothing.
+        // A reader that panicked has changed nothing.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts up with everything that arrives, and with every [`TICK`].
+    /// A counter that increases with every arrival, and with every [`TICK`].
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.clone()
@@ -226,7 +227,7 @@ impl Station {
     }
 }
 
-/// How a station tells the time.
+/// A station's source of time.
 #[derive(Clone, Debug)]
 pub enum Time {
     /// By a clock.
@@ -244,8 +245,8 @@ impl Time {
     }
 }
 
-/// Starts a station. It ends when an inlet is closed, or all of them are gone; the handle then says when all is
-/// written. `told` hears of every alarm that comes or goes.
+/// Starts a station. It ends when an inlet is closed, or all of them are gone; the handle then returns when everything
+/// is written. `told` gets every change of an alarm.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -256,7 +257,7 @@ pub fn start(
     start_publishing(verifier, files, time, None, told)
 }
 
-/// As [`start`]; what is judged is handed on to a broker too, if there is an `outlet`.
+/// Does the same as [`start`], and passes judged data on to a broker if there is an `outlet`.
 #[must_use]
 pub fn start_publishing(
     verifier: Option<Verifier>,
@@ -282,7 +283,7 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// What is not handed on to a broker is told as long as it goes on.
+/// Reports unpublished data as long as that goes on.
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -319,7 +320,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // What waits is taken together, so that whoever looks is not asked to for each of a thousand drones.
+        // Waiting events are taken together, so that readers are not notified for each of a thousand drones.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -344,7 +345,7 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // By the recording's time: the playback's own is ahead of it while it goes to a place.
+                    // The time is the recording's, because the playback's own is ahead of it during a jump.
                     let Known { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

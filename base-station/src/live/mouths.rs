@@ -1,4 +1,4 @@
-//! The sending side of the lines: whoever listens on a socket or a port can also say something there.
+//! The sending side of the lines: messages go out on the socket or port that also receives.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -9,13 +9,13 @@ use serialport::SerialPort;
 
 use crate::carrier::mavlink::voice::To;
 
-/// One line's.
+/// The sending side of one line.
 enum Mouth {
     Socket(UdpSocket),
     Port(Box<dyn SerialPort>),
 }
 
-/// Those of all lines of MAVLink that work at present, by the lines' numbers.
+/// The sending sides of all working MAVLink lines, by the lines' numbers.
 #[derive(Clone, Default)]
 pub struct Mouths(Arc<Mutex<BTreeMap<u16, Mouth>>>);
 
@@ -36,12 +36,12 @@ impl Mouths {
         self.with(|mouths| mouths.insert(line, Mouth::Port(port)));
     }
 
-    /// The line does not work any more.
+    /// Removes a line that no longer works.
     pub(super) fn remove(&self, line: u16) {
         self.with(|mouths| mouths.remove(&line));
     }
 
-    /// Sends a message. What does not get through is lost, as on any carrier: it is sent again, or the next one is.
+    /// Sends a message. A lost one is not an error, as on any carrier: it, or the next one, is sent again.
     pub fn send(&self, to: To, bytes: &[u8]) {
         self.with(|mouths| match (to.line, to.address) {
             (Some(line), _) => {
@@ -49,7 +49,7 @@ impl Mouths {
                     mouth.send(to, bytes);
                 }
             }
-            // By the first line that has addresses.
+            // The first line with addresses is used.
             (None, Some(_)) => {
                 if let Some(mouth) = mouths.values_mut().find(|mouth| matches!(mouth, Mouth::Socket(_))) {
                     mouth.send(to, bytes);
@@ -73,7 +73,7 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // One call, whose timeout is the port's: a radio that takes nothing holds the station up no longer.
+            // One call is limited by the port's timeout: a radio that accepts nothing delays the station no longer.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

@@ -1,4 +1,4 @@
-//! Playing a recording back, at any pace, from any place.
+//! Plays a recording back, at any pace, from any place.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -15,7 +15,7 @@ pub struct Recording {
     parts: Vec<PathBuf>,
 }
 
-/// What is in a recording.
+/// The contents of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Contents {
     /// Arrivals.
@@ -24,32 +24,32 @@ pub struct Contents {
     pub first_us: u64,
     /// The last one's time, µs since 1970.
     pub last_us: u64,
-    /// Parts that are damaged or cut off, and where, in words.
+    /// Parts that are damaged or cut off, and where, as text.
     pub torn: Vec<String>,
 }
 
 impl Recording {
-    /// Of these files.
+    /// A recording of these files.
     #[must_use]
     pub const fn new(parts: Vec<PathBuf>) -> Self {
         Self { parts }
     }
 
-    /// Bytes of all files.
+    /// The size of all files, bytes.
     ///
     /// # Errors
     ///
-    /// If one of them cannot be looked at.
+    /// A file's metadata cannot be read.
     pub fn bytes(&self) -> io::Result<u64> {
         self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
     }
 
-    /// Gives each record to `each` until that says no; `progress` is told how many bytes were read. Answers the parts
-    /// that are cut off.
+    /// Passes each record to `each` until that returns false; `progress` gets the number of bytes that were read.
+    /// Returns the parts that are cut off.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read.
+    /// A file cannot be read.
     pub fn read(&self, mut each: impl FnMut(Record) -> bool, mut progress: impl FnMut(u64)) -> io::Result<Vec<String>> {
         let (mut torn, mut before) = (vec![], 0);
         for part in &self.parts {
@@ -67,11 +67,11 @@ impl Recording {
         Ok(torn)
     }
 
-    /// Looks through all of it.
+    /// Reads all of it and returns its contents.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read.
+    /// A file cannot be read.
     pub fn contents(&self, progress: impl FnMut(u64)) -> io::Result<Contents> {
         let mut contents = Contents::default();
         let count = |record: Record| {
@@ -88,17 +88,17 @@ impl Recording {
     }
 }
 
-/// Where a playback is, and how fast it goes.
+/// The place and the pace of a playback.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     /// The recording's time at `since`, µs.
     at_us: u64,
     since: Instant,
-    /// Times real time; 0 while it stands still.
+    /// The multiple of real time; 0 while it stands still.
     speed: f64,
-    /// To go there, µs.
+    /// The target of a jump, µs.
     jump_us: Option<u64>,
-    /// How often somebody has changed it.
+    /// The number of changes by users.
     changes: u64,
 }
 
@@ -131,19 +131,19 @@ impl Player {
         self.at(&self.pace())
     }
 
-    /// From when to when the recording goes, µs since 1970.
+    /// The recording's beginning and end, µs since 1970.
     #[must_use]
     pub const fn span_us(&self) -> (u64, u64) {
         (self.first_us, self.last_us)
     }
 
-    /// How many times faster than real time; 0 while it stands still.
+    /// The multiple of real time; 0 while it stands still.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.pace().speed
     }
 
-    /// How often the pace or the place was changed: who has changed it knows by that from when on it is so.
+    /// The number of changes of the pace or the place, which shows whether a change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
@@ -157,7 +157,7 @@ impl Player {
         self.changed.notify_all();
     }
 
-    /// Goes to this time, µs since 1970.
+    /// Jumps to this time, µs since 1970.
     pub fn jump(&self, to_us: u64) {
         let mut pace = self.pace();
         let (to_us, changes) = (to_us.clamp(self.first_us, self.last_us), pace.changes + 1);
@@ -175,7 +175,7 @@ impl Player {
         pace.at_us.saturating_add(passed as u64).min(self.last_us)
     }
 
-    /// Waits until the recording's time is `at_us`. Answers whether it came; not if somebody jumped.
+    /// Waits until the recording's time is `at_us`. Returns false if a jump ended the wait.
     fn wait(&self, at_us: u64) -> bool {
         let mut pace = self.pace();
         loop {
@@ -193,14 +193,14 @@ impl Player {
         }
     }
 
-    /// Feeds a station with the recording until there is none any more.
+    /// Feeds a station with the recording until the station ends.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read.
+    /// A file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // Everything before the place is judged as well, without waiting: what is shown there depends on it.
+            // Everything before the place is judged as well, without waiting, because the state there depends on it.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -213,7 +213,7 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the end, and after a jump, it waits for where to go next.
+            // At the end, and after a jump, it waits for the next place.
             if !self.wait(u64::MAX) {
                 continue;
             }
@@ -248,7 +248,7 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file; a recorder that is forgotten is one that was killed.
+    /// Records these cycles into a file; a forgotten recorder stands for one that was killed.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();
@@ -272,7 +272,7 @@ mod tests {
         assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
         assert!((195..=200).contains(&contents.records), "{} records", contents.records);
 
-        // It stands still at 15 s: everything until then is fed, and nothing after.
+        // The playback stands still at 15 s: everything until then is fed, and nothing after.
         let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
         let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
         let feeding = Arc::clone(&player);

@@ -10,7 +10,7 @@ use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
 
-/// How many messages may wait for the disk.
+/// The most messages that may wait for the disk.
 const WAITING: usize = 65_536;
 
 enum What {
@@ -38,33 +38,33 @@ impl Recording {
         Self { to, trouble, thread }
     }
 
-    /// Records what arrived.
+    /// Records an arrival.
     pub fn carried(&self, carried: Carried, judged: Vec<Judged>, samples: Vec<Sample>) {
         let at_us = carried.at_us;
         self.offer(at_us, What::Carried(carried, judged, samples));
     }
 
-    /// Records what is known of an uplink since `at_us`.
+    /// Records the state of an uplink since `at_us`.
     pub fn uplink(&self, at_us: u64, told: Told) {
         self.offer(at_us, What::Uplink(at_us, told));
     }
 
-    /// Records that an alarm came or went.
+    /// Records a change of an alarm.
     pub fn alarm(&self, drone: DroneId, change: Change) {
         self.offer(change.at_us, What::Alarm(drone, change));
     }
 
-    /// Why nothing is recorded at present, if that is so.
+    /// The reason why nothing is recorded at present, if so.
     #[must_use]
     pub fn trouble(&self) -> Option<Trouble> {
         self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Writes what waits, and finishes the file.
+    /// Writes the waiting data, and finishes the file.
     ///
     /// # Errors
     ///
-    /// What went wrong, in words.
+    /// The error as text.
     pub fn finish(self) -> Result<(), String> {
         drop(self.to);
         self.thread.join().unwrap_or_else(|_| Err("the recorder's thread died".into()))
@@ -83,7 +83,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time is that of what it records, and goes on while nothing comes.
+    // The recorder's time is that of the recorded data, and continues while none come.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

@@ -1,4 +1,4 @@
-//! The page on a thread of its own, for a program that has other things to do.
+//! Serves the page on a thread of its own, for a program with other work.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -23,20 +23,20 @@ pub struct Server {
 
 impl Server {
     /// Serves the page of `station` at `address`; with port 0 the system chooses one. From now on an interrupt from the
-    /// keyboard does not end the process: [`interrupted`](Self::interrupted) tells of it.
+    /// keyboard does not end the process: [`interrupted`](Self::interrupted) reports it.
     ///
     /// # Errors
     ///
-    /// If the address cannot be bound, or the system gives no event loop.
+    /// The address cannot be bound, or the system provides no event loop.
     pub fn start(station: Station, address: SocketAddr) -> io::Result<Self> {
         Self::of(address, |address| page::router(station, None, address))
     }
 
-    /// As [`start`](Self::start), for any pages: `router` makes them, once the address is known.
+    /// Does the same as [`start`](Self::start) for any pages: `router` makes them, once the address is known.
     ///
     /// # Errors
     ///
-    /// As [`start`](Self::start).
+    /// The errors are those of [`start`](Self::start).
     pub fn of(address: SocketAddr, router: impl FnOnce(SocketAddr) -> Router) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
@@ -57,7 +57,7 @@ impl Server {
                         told.store(true, Ordering::Relaxed);
                     }
                 };
-                // Open event streams would hold a graceful end up.
+                // Open event streams would delay a graceful end.
                 tokio::select! {
                     _ = ended => {}
                     served = async { tokio::join!(served, interrupts).0 } => {
@@ -71,13 +71,13 @@ impl Server {
         Ok(Self { address, interrupted, end: Some(end), thread: Some(thread) })
     }
 
-    /// Where the page is.
+    /// The page's address.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Whether somebody has asked from the keyboard that the process ends.
+    /// Whether the user has requested from the keyboard that the process ends.
     #[must_use]
     pub fn interrupted(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed)

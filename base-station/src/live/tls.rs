@@ -1,29 +1,29 @@
 //! TLS to a broker, by `rustls` with `ring` (decision 19).
 //!
-//! Who signs the broker's certificate is always said, and no other authority counts: a fleet's broker has one that the
-//! fleet signed itself, and whoever takes a public one names the system's bundle of authorities. The broker's
-//! certificate must be for the name by which it was called, and TLS be of version 1.2 or 1.3. What is wrong is told in
-//! words by which one knows what to mend.
+//! The authority that signs the broker's certificate is always explicit, and no other counts: a fleet's broker has one
+//! that the fleet signed itself, and for a public one the user gives the system's bundle of authorities. The broker's
+//! certificate must be for the name in the broker's address, and TLS be of version 1.2 or 1.3. Errors are reported in
+//! words that show what to mend.
 //!
-//! Without this crate's feature `tls` there is no [`Tls`], and [`Tls::new`] says so.
+//! Without this crate's feature `tls` there is no [`Tls`], and [`Tls::new`] returns that error.
 
 use std::error::Error;
 use std::fmt;
 
 use rumqttc::Transport;
 
-/// Why there can be no TLS with these certificates.
+/// The reason why there can be no TLS with these certificates.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unusable {
     /// This program was built without TLS.
     NotBuilt,
-    /// There is no certificate of an authority, or none that can be read.
+    /// There is no readable certificate of an authority.
     NoAuthority,
-    /// There is no certificate of this station, or it cannot be read.
+    /// There is no readable certificate of this station.
     NoCertificate,
-    /// There is no private key, or it cannot be read: it must not be encrypted.
+    /// There is no readable private key; it must not be encrypted.
     NoKey,
-    /// Certificate and key do not fit, or are of a kind that is not known; in words.
+    /// Certificate and key do not match, or are of an unknown kind; the reason as text.
     Refused(String),
 }
 
@@ -59,20 +59,20 @@ mod with {
 
     use super::{Error, Transport, Unusable};
 
-    /// What stands before an alert's name in the words of `rustls`.
+    /// The text before an alert's name in the messages of `rustls`.
     const ALERT: &str = "received fatal alert: ";
 
-    /// Which authorities are trusted, and this station's own certificate if it has one.
+    /// The trusted authorities, and this station's own certificate if it has one.
     #[derive(Clone)]
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
         /// Trusts a broker whose certificate one of the `authorities` signed. `client` is this station's certificate,
-        /// followed by the intermediate ones, and its private key, for a broker that asks for them. All are PEM.
+        /// followed by the intermediate ones, and its private key, for a broker that requires them. All are PEM.
         ///
         /// # Errors
         ///
-        /// If there are none in it, or they cannot be used.
+        /// The files contain none, or they cannot be used.
         pub fn new(authorities: &[u8], client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             let mut roots = RootCertStore::empty();
             // A system's bundle may have one that is too old to be read.
@@ -99,23 +99,23 @@ mod with {
             Transport::tls_with_config(TlsConfiguration::Rustls(Arc::clone(&self.0)))
         }
 
-        /// What went wrong, in words, if it was TLS: with a broker that was called `host`.
+        /// The text of a TLS error with the broker `host`, if it was one.
         pub(in crate::live) fn words(&self, error: &rumqttc::ConnectionError, host: &str) -> Option<String> {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
             }
-            // What a broker says once the handshake is over, as of a certificate that is missing in TLS 1.3, is left of
-            // it in words alone (rumqttc-v5-next 0.34).
+            // An alert after the handshake, as for a missing certificate in TLS 1.3, is available only as text
+            // (rumqttc-v5-next 0.34).
             let text = error.to_string();
             text.split_once(ALERT).map(|(_, name)| alert(name))
         }
     }
 
-    /// TLS's own error among the causes of one.
+    /// TLS's own error among the causes of an error.
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // What an I/O error holds is not its source, but itself.
+            // An I/O error holds the inner error itself, not as its source.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -145,7 +145,7 @@ mod with {
         }
     }
 
-    /// What the broker complains of by an alert of this name (RFC 8446, section 6).
+    /// The broker's complaint in an alert of this name (RFC 8446, section 6).
     fn alert(name: &str) -> String {
         match name {
             "CertificateRequired" => {
@@ -155,7 +155,7 @@ mod with {
             "UnknownCA" | "BadCertificate" | "CertificateUnknown" | "DecryptError" => {
                 format!("it does not believe this station's certificate: {name}")
             }
-            // In TLS 1.2 this is all that is said of a certificate that is missing.
+            // TLS 1.2 has no better alert for a missing certificate.
             name => format!("it ends TLS with {name}"),
         }
     }
@@ -165,16 +165,16 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// There is none.
+    /// A placeholder that has no value.
     #[derive(Clone)]
     pub enum Tls {}
 
     impl Tls {
-        /// There is none.
+        /// Always fails, because TLS was not built.
         ///
         /// # Errors
         ///
-        /// Always [`Unusable::NotBuilt`].
+        /// The error is always [`Unusable::NotBuilt`].
         pub const fn new(_authorities: &[u8], _client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             Err(Unusable::NotBuilt)
         }

@@ -1,24 +1,23 @@
-//! The recorder: every byte that a carrier brought, when, and what was found of each object, in an MCAP file.
+//! The recorder: it stores every byte that a carrier brought, its time, and the verdict on each object, in an MCAP
+//! file.
 //!
 //! # Design
 //!
-//! **What is in it.** `/carried` has the bytes and the verdicts, and is all that a playback needs; `/alarms` what came
-//! and went; `/drone/ID/…` positions for maps, the state with agreement and attitude, and the link; `/uplinks` what
-//! this
-//! station sent to drones, and what became of it. Schemas are in the file, in ROS 1's language, so that Foxglove and
-//! other tools open it without anything of ours.
+//! **Contents.** `/carried` has the bytes and the verdicts, and suffices for a playback; `/alarms` has the changes of
+//! alarms; `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link; `/uplinks` has
+//! the uplinks that this station sent to drones, and their states. Schemas are in the file, in ROS 1's language, so
+//! that Foxglove and other tools can open it.
 //!
-//! **What a crash costs.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the
-//! disk. So a process that is killed, or a power loss, costs the last half second. What is before stays readable:
-//! [`Reader`] checks each chunk's CRC before it gives anything of it, and ends where the file was cut. A chunk that was
-//! damaged costs itself alone.
+//! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the disk. So a
+//! killed process, or a power loss, costs the last half second. Earlier data stay readable: [`Reader`] checks each
+//! chunk's CRC before it returns any of it, and ends where the file was cut. A damaged chunk costs only itself.
 //!
-//! **A full disk** is no end: what cannot be written is counted and told ([`Recorder::trouble`]), and after
+//! **A full disk** does not end the recorder: lost data are counted and reported ([`Recorder::trouble`]), and after
 //! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a torn one. The trouble is
-//! over once something is on the disk again, not when a file could be made.
+//! over once data are on the disk again, not when a file could be made.
 //!
-//! **Parts.** After [`PART_BYTES`] a part is finished and another begun: what MCAP's index of a part takes in memory is
-//! bounded, however long a recording is.
+//! **Parts.** After [`PART_BYTES`] a part is finished and another begun, so that MCAP's index of a part takes bounded
+//! memory in a recording of any length.
 
 mod reading;
 mod ros;
@@ -44,16 +43,16 @@ use crate::{Change, DroneId, Fleet, Place, Verdict};
 pub use reading::{Reader, Record};
 pub use ros::Found;
 
-/// A chunk is written after so long at the latest, µs.
+/// The longest time until a chunk is written, µs.
 pub const FLUSH_US: u64 = 500_000;
 
-/// After a failure it is tried again after so long, µs.
+/// The time after a failure until the next attempt, µs.
 pub const RETRY_US: u64 = 1_000_000;
 
-/// A part is finished when it has so many bytes.
+/// The size at which a part is finished, bytes.
 pub const PART_BYTES: u64 = 512 << 20;
 
-/// Where a recording's parts go.
+/// The destination of a recording's parts.
 pub trait Parts {
     /// A part.
     type Part: Write;
@@ -62,14 +61,14 @@ pub trait Parts {
     ///
     /// # Errors
     ///
-    /// If it cannot be made. One that exists is never overwritten.
+    /// It cannot be made. An existing one is never overwritten.
     fn make(&mut self, number: u32) -> io::Result<Self::Part>;
 
-    /// Forces what was written to the last part onto the disk.
+    /// Forces the data of the last part onto the disk.
     ///
     /// # Errors
     ///
-    /// If that fails.
+    /// That fails.
     fn sync(&mut self) -> io::Result<()>;
 }
 
@@ -81,7 +80,7 @@ pub struct Files {
     made: Made,
 }
 
-/// The files that were made so far, for whoever tells of them.
+/// The files that were made so far, for display.
 #[derive(Clone, Debug, Default)]
 pub struct Made(Arc<Mutex<Vec<PathBuf>>>);
 
@@ -100,7 +99,7 @@ impl Files {
         Self { path, last: None, made: Made::default() }
     }
 
-    /// The files that are made, as they come to be: not this name's where it exists already.
+    /// The files that are made over time; an existing file's name is skipped.
     #[must_use]
     pub fn made(&self) -> Made {
         self.made.clone()
@@ -133,28 +132,28 @@ impl Parts for Files {
     }
 }
 
-/// Why nothing is recorded at present.
+/// The reason why nothing is recorded at present.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trouble {
-    /// What went wrong, in words.
+    /// The error as text.
     pub why: String,
-    /// Since when, µs.
+    /// The instant of its beginning, µs.
     pub since_us: u64,
 }
 
-/// What is shown since now, in plain values for other tools.
+/// Newly displayed data, in plain values for other tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sample {
     /// A valid position, of Reported-Position or a receiver: degrees north, degrees east, m above the ellipsoid.
     Position(DroneId, Place, [f64; 3]),
-    /// What HORUS says of itself, and how the drone is turned.
+    /// HORUS's state, and the drone's attitude.
     State(DroneId, ReportedValues),
     /// Link-Status.
     Link(DroneId, LinkValues),
 }
 
 impl Sample {
-    /// The samples of what was just `judged` and is now shown of `fleet`.
+    /// The samples of newly `judged` objects that `fleet` now shows.
     #[must_use]
     pub fn of(judged: &[Judged], fleet: &Fleet) -> Vec<Self> {
         let mut samples = vec![];
@@ -176,7 +175,7 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // What became of an uplink is told by whoever sent it.
+                // The sender of an uplink reports its state.
                 Place::PortStatus | Place::Uplink => {}
             }
         }
@@ -189,7 +188,7 @@ struct Open<W: Write> {
     writer: Writer<NoSeek<W>>,
     channels: HashMap<String, u16>,
     sequence: u32,
-    /// Message bytes since it was begun.
+    /// The number of message bytes since it was begun.
     bytes: u64,
     flushed_us: u64,
 }
@@ -206,13 +205,13 @@ pub struct Recorder<P: Parts> {
 }
 
 impl<P: Parts> Recorder<P> {
-    /// A recorder; nothing is made before there is something to record.
+    /// A recorder; no file is made before the first record.
     #[must_use]
     pub const fn new(parts: P) -> Self {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }
     }
 
-    /// Records what arrived, what was found in it, and what of it is shown.
+    /// Records an arrival, its verdicts, and the newly displayed data.
     pub fn carried(&mut self, carried: &Carried, judged: &[Judged], samples: &[Sample]) {
         let at_us = carried.at_us;
         self.put(at_us, "/carried", ros::CARRIED, &ros::carried(carried, judged));
@@ -228,18 +227,18 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records what is known of an uplink that this station sends.
+    /// Records the state of an uplink that this station sends.
     pub fn uplink(&mut self, at_us: u64, told: &Told) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }
 
-    /// Records that an alarm came or went.
+    /// Records a change of an alarm.
     pub fn alarm(&mut self, drone: DroneId, change: Change) {
         let data = ros::alarm(drone, change.alarm, change.raised);
         self.put(change.at_us, "/alarms", ros::ALARM, &data);
     }
 
-    /// To be called at least every [`FLUSH_US`]: writes what is not written yet.
+    /// Writes the data that are not written yet; to be called at least every [`FLUSH_US`].
     pub fn tick(&mut self, now_us: u64) {
         let Some(open) = &mut self.open else { return };
         if now_us.saturating_sub(open.flushed_us) < FLUSH_US {
@@ -268,14 +267,14 @@ impl<P: Parts> Recorder<P> {
     ///
     /// # Errors
     ///
-    /// What went wrong, in words; what was flushed before is readable all the same.
+    /// The error as text; data that were flushed before are readable anyway.
     pub fn finish(mut self) -> Result<(), String> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.writer.finish().map_err(|error| error.to_string())?;
         self.parts.sync().map_err(|error| error.to_string())
     }
 
-    /// Why nothing is recorded at present, if that is so.
+    /// The reason why nothing is recorded at present, if so.
     #[must_use]
     pub const fn trouble(&self) -> Option<&Trouble> {
         self.trouble.as_ref()
@@ -298,7 +297,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Answers whether it was recorded; not while it is too early to try again.
+    /// Returns whether it was recorded; it is not while it is too early to try again.
     fn try_put(&mut self, at_us: u64, topic: &str, schema: ros::Schema, data: &[u8]) -> Result<bool, String> {
         if self.open.is_none() {
             if self.tried_us.is_some_and(|tried| self.trouble.is_some() && at_us.saturating_sub(tried) < RETRY_US) {

@@ -1,15 +1,15 @@
-//! Reading a recording, whole or cut off.
+//! Reads a recording, whole or cut off.
 //!
 //! # Design
 //!
-//! What is read may be damaged anywhere, and no length in it is to be believed. The reader of the `mcap` crate (0.26)
-//! believes several: a record's buffer is made as long as the record claims before any of it is read, a string's too
-//! (up to 4 GiB), and a record that is longer than the rest of its chunk, or an attachment that is shorter than its
-//! CRC, is subtracted from without a check. So the frames of a file are taken apart here, by
-//! <https://mcap.dev/spec>: an opcode, a length and so many bytes, in a chunk as outside of one. Of all records three
-//! are looked into: chunks, channels and messages.
+//! The input may be damaged anywhere, and no length in it can be trusted. The reader of the `mcap` crate (0.26) trusts
+//! several: it allocates a record's buffer by the claimed length before it reads any of it, a string's too (up to 4
+//! GiB), and subtracts without a check from a record that is longer than the rest of its chunk, or an attachment that
+//! is shorter than its CRC. So this module parses the frames of a file itself, by <https://mcap.dev/spec>: an opcode, a
+//! length and that number of bytes, in a chunk as outside of one. It reads only three kinds of records: chunks,
+//! channels and messages.
 //!
-//! **Memory.** One record outside of chunks is held, by a buffer that grows with the bytes that are really there: at
+//! **Memory.** One record outside of chunks is held, in a buffer that grows with the bytes that are really there: at
 //! most twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read once and checked once, and reading
 //! ends at the first damage.
 
@@ -23,29 +23,29 @@ use mcap::records::op;
 use super::ros::{self, Found, array, string, take};
 use crate::intake::Carried;
 
-/// No chunk that a [`Recorder`](super::Recorder) writes is longer, bytes: half a second of a thousand drones is 2 MB.
+/// The longest chunk that a [`Recorder`](super::Recorder) writes, bytes: half a second of a thousand drones is 2 MB.
 pub(super) const LONGEST: u64 = 256 << 20;
 
-/// Opcode and length of a record, bytes.
+/// The size of a record's opcode and length, bytes.
 const HEAD: usize = 1 + 8;
 
-/// A message's channel, sequence number and two times, bytes.
+/// The size of a message's channel, sequence number and two times, bytes.
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
-/// What arrived, and what was found of it then.
+/// An arrival, and the verdicts at that time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// What arrived.
+    /// The arrival.
     pub carried: Carried,
-    /// What was found of each object.
+    /// The verdict on each object.
     pub found: Vec<Found>,
 }
 
-/// Why nothing more is read.
+/// The reason why reading ends.
 enum Stop {
     /// The file cannot be read.
     Io(io::Error),
-    /// It was cut or damaged here, in words.
+    /// The file was cut or damaged here; the text has the details.
     Torn(String),
 }
 
@@ -61,25 +61,25 @@ impl From<McapError> for Stop {
     }
 }
 
-/// Reads what arrived out of a recording, in its order, without ever holding more than a chunk.
+/// Reads the arrivals of a recording, in order, without ever holding more than a chunk.
 pub struct Reader<R> {
     from: R,
     begun: bool,
-    /// The record outside of chunks that was read last, without its head.
+    /// The last record outside of chunks, without its head.
     body: Vec<u8>,
-    /// What of it are a chunk's records that were not looked at yet.
+    /// The part of it that holds a chunk's remaining records.
     chunk: Range<usize>,
-    /// The channels that hold what arrived.
+    /// The channels with arrivals.
     channels: HashSet<u16>,
     read: u64,
     torn: Option<String>,
-    /// Chunks that were damaged, in words.
+    /// Damaged chunks, as text.
     lost: Vec<String>,
     ended: bool,
 }
 
 impl<R: Read> Reader<R> {
-    /// Reads from the recording's first byte on.
+    /// A reader from the recording's first byte on.
     pub fn new(from: R) -> Self {
         Self {
             from,
@@ -94,32 +94,32 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// Bytes of the file that were read.
+    /// The number of bytes of the file that were read.
     pub const fn bytes_read(&self) -> u64 {
         self.read
     }
 
-    /// Where the file was cut or damaged, in words, once that place was reached. All before it was given.
+    /// The place where the file was cut or damaged, as text, once it was reached. All records before it were returned.
     pub fn torn(&self) -> Option<&str> {
         self.torn.as_deref()
     }
 
-    /// The chunks so far that were damaged and are left out, in words: where, and why.
+    /// The damaged chunks so far, which are left out, as text: the places and the reasons.
     pub fn lost(&self) -> &[String] {
         &self.lost
     }
 
-    /// What the reader holds at most so far, bytes.
+    /// The most bytes that the reader has held so far.
     #[cfg(test)]
     pub(super) const fn held(&self) -> usize {
         self.body.capacity()
     }
 
-    /// The next that arrived.
+    /// The next arrival.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read. That it is cut off is none.
+    /// The file cannot be read. A file that is cut off is no error.
     pub fn next_record(&mut self) -> io::Result<Option<Record>> {
         while !self.ended {
             match self.step() {
@@ -135,7 +135,7 @@ impl<R: Read> Reader<R> {
         Ok(None)
     }
 
-    /// Looks at one more record, in the chunk or outside.
+    /// Parses one more record, in the chunk or outside.
     fn step(&mut self) -> Result<Option<Record>, Stop> {
         if !self.begun {
             self.begin()?;
@@ -167,7 +167,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // The next record begins where this one's length says, so nothing else is lost.
+                // This record's length gives the place of the next, so only this one is lost.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",
@@ -182,7 +182,7 @@ impl<R: Read> Reader<R> {
         look(&mut self.channels, !self.lost.is_empty(), opcode, &self.body)
     }
 
-    /// The bytes that every file begins with.
+    /// Checks the bytes with which every file begins.
     fn begin(&mut self) -> Result<(), Stop> {
         if !self.fill(mcap::MAGIC.len() as u64)? {
             return Err(McapError::UnexpectedEof.into());
@@ -194,7 +194,7 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Reads so many bytes in place of what was held. Answers whether there were so many.
+    /// Reads `length` bytes in place of the held ones. Returns whether there were as many.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -204,13 +204,13 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// The opcode and the length that a record begins with.
+/// The opcode and the length at the beginning of a record.
 fn head(mut bytes: &[u8]) -> Option<(u8, u64)> {
     let [opcode] = *take::<1>(&mut bytes)?;
     Some((opcode, u64::from_le_bytes(*take::<8>(&mut bytes)?)))
 }
 
-/// Where in a chunk's body its records are, once they have been found intact.
+/// The range of a chunk's records in its body, once they have been verified.
 fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     let (crc, compression, length, rest) = chunk_head(body).ok_or(McapError::UnexpectedEoc)?;
     if !compression.is_empty() {
@@ -218,7 +218,7 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     }
     let short = McapError::BadChunkLength { header: length, available: rest.len() as u64 };
     let records = usize::try_from(length).ok().and_then(|length| rest.get(..length)).ok_or(short)?;
-    // 0 says that there is none.
+    // The value 0 means that there is none.
     if crc != 0 {
         let calculated = crc32fast::hash(records);
         if calculated != crc {
@@ -229,19 +229,18 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     Ok(start..start + records.len())
 }
 
-/// A chunk's CRC, its compression, the length of its records, and what follows.
+/// A chunk's CRC, its compression, the length of its records, and the rest.
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
-    // First and last time, and how long it is when it is not compressed.
+    // First and last time, and the uncompressed length, are skipped.
     take::<{ 8 + 8 + 8 }>(&mut rest)?;
     let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
     let compression = string(&mut rest)?;
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Looks at a record that is no chunk; `is_lossy` says that a chunk before was lost, and with it perhaps the word which
-/// channel is which, so that each message is looked at whether it is one of what arrived. Notes a channel of what
-/// arrived, and answers what arrived.
+/// Parses a record that is no chunk. `is_lossy` means that an earlier chunk was lost, perhaps with the definitions of
+/// channels, so that each message is tested for being an arrival. Stores a channel of arrivals, and returns an arrival.
 fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
@@ -266,7 +265,7 @@ fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) ->
 /// A channel's number and its topic.
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The schema.
+    // The schema is skipped.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

@@ -1,5 +1,5 @@
 //! The messages of a recording, in the serialisation of ROS 1, which every MCAP tool reads with the schema beside it:
-//! numbers little-endian without padding, strings and arrays after their length as a u32.
+//! numbers are little-endian without padding, strings and arrays follow their length as a u32.
 
 use profile::{LinkValues, ReportedValues};
 
@@ -15,7 +15,7 @@ pub(super) struct Schema {
     pub(super) text: &'static str,
 }
 
-/// Bytes that arrived, and what was found of each object in them.
+/// Bytes that arrived, and the verdict on each object in them.
 pub(super) const CARRIED: Schema = Schema {
     name: "horus_msgs/Carried",
     text: "# Bytes as they arrived at the base station, and what was found of each object in them.
@@ -35,7 +35,7 @@ string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it 
 ",
 };
 
-/// An alarm came or went.
+/// A change of an alarm.
 pub(super) const ALARM: Schema = Schema {
     name: "horus_msgs/Alarm",
     text: "# An alarm came or went.
@@ -68,7 +68,7 @@ uint16 service
 ",
 };
 
-/// What HORUS says of itself.
+/// HORUS's state.
 pub(super) const STATE: Schema = Schema {
     name: "horus_msgs/State",
     text: "# What HORUS says of itself in Reported-Position. What is not known is NaN.
@@ -87,7 +87,7 @@ float32[3] acceleration     # m/s2, front, right, down, gravity removed
 ",
 };
 
-/// How the link from HORUS to the DPR does.
+/// The state of the link from HORUS to the DPR.
 pub(super) const LINK: Schema = Schema {
     name: "horus_msgs/Link",
     text: "# Link-Status, as the DPR sealed it.
@@ -103,7 +103,7 @@ float32 sample_age_ms       # of Reported-Position when the image was made
 ",
 };
 
-/// What became of an uplink.
+/// The state of an uplink.
 pub(super) const UPLINK: Schema = Schema {
     name: "horus_msgs/Uplink",
     text: "# An uplink object that this station sends to a drone's DPR, and what is known of it now.
@@ -117,7 +117,7 @@ string why                  # it was refused
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // Nothing here comes near 4 GiB; a length that does not fit would be a shorter array, not a wrong one.
+    // No array comes near 4 GiB; a length that does not fit would give a shorter array, not a wrong one.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));
@@ -198,24 +198,24 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // A fix of unknown service.
+    // The service of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // Covariance unknown.
+    // The covariance is unknown.
     out.push(0);
     out
 }
 
-/// An object of a recording: of which drone, where, and what was found then.
+/// An object of a recording: its drone, its place, and the verdict at that time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// The drone's id in words.
+    /// The drone's id as text.
     pub drone: String,
-    /// Which object.
+    /// The object.
     pub place: Place,
     /// The verdict's [code](Verdict::code).
     pub verdict: String,
@@ -248,7 +248,7 @@ pub(super) fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N
     Some(taken)
 }
 
-/// The next bytes, as many as the number before them says.
+/// The next bytes, with their number in front.
 pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(*take::<4>(rest)?);
     let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
@@ -256,18 +256,18 @@ pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(taken)
 }
 
-/// The next text, behind its length.
+/// The next text, with its length in front.
 pub(super) fn string(rest: &mut &[u8]) -> Option<String> {
     String::from_utf8(array(rest)?.to_vec()).ok()
 }
 
 fn strings(rest: &mut &[u8]) -> Option<Vec<String>> {
     let count = u32::from_le_bytes(*take::<4>(rest)?);
-    // Each takes four bytes at least, so no count makes more work than there are bytes.
+    // Each takes at least four bytes, so a wrong count causes no more work than there are bytes.
     (0..count).map(|_| string(rest)).collect()
 }
 
-/// Whether a verdict in words is of an object that is shown then.
+/// Evaluates a verdict's text.
 impl Found {
     /// Whether it was shown.
     #[must_use]
@@ -314,7 +314,7 @@ mod tests {
         }
     }
 
-    /// The bytes that a message of a schema has whose strings and arrays of any length have `text` bytes together.
+    /// The number of bytes of a schema's message whose strings and arrays of variable length total `text` bytes.
     fn length(schema: Schema, text: usize) -> usize {
         let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
         let size = |kind| match kind {

@@ -1,20 +1,21 @@
-//! What several of these tests need.
+//! Helpers of several tests.
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
 use profile::{GpsStatus, GpsValues, HorusState, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// Says that this test is not run because something is `missing`, and `how` to get it; fails it where the environment
-/// has `CI`, since a test that ran on nothing must not look as if it had passed where nobody reads its output.
+/// Reports that this test is not run because something is `missing`, and `how` to get it. Fails it where the
+/// environment has `CI`, because a test that ran on nothing must not look as if it had passed where no one reads its
+/// output.
 ///
 /// # Panics
 ///
-/// Where `CI` is set.
+/// Panics where `CI` is set.
 pub(crate) fn not_run(missing: &str, how: &str) {
     assert!(std::env::var_os("CI").is_none(), "not run: {missing} ({how})");
     eprintln!("not run: {missing} ({how})");
 }
 
-/// What the DPR shows of three receivers at this time of HORUS's, ms: Link-Status, then the profile.
+/// The DPR's image of three receivers at this time of HORUS's, ms: Link-Status, then the profile.
 pub(crate) fn image(timestamp: u32) -> Vec<u8> {
     let status = ReportedStatus::new()
         .with_position_valid(true)

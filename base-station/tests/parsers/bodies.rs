@@ -1,5 +1,5 @@
-//! What holds of each parser that sees what a carrier brings, whatever that is; and inputs to begin with. The fuzz
-//! targets and the ordinary tests share this.
+//! The invariants of each parser of a carrier's bytes for any input, and initial inputs. The fuzz targets and the
+//! ordinary tests share them.
 #![allow(dead_code, reason = "a fuzz target uses one of them")]
 
 use base_station::carrier::mavlink::{Forwarder, Key, Rates, Received, Receiver, Signer, Verifier};
@@ -19,7 +19,7 @@ const LONGEST: usize = 396;
 /// Each parser by the name of its fuzz target.
 pub(crate) type Body = (&'static str, fn(&[u8]));
 
-/// All of them.
+/// All parsers.
 pub(crate) const ALL: [Body; 5] = [
     ("mavlink", mavlink),
     ("datagram", datagram),
@@ -32,7 +32,7 @@ fn key() -> Key {
     Key::new([7; 32])
 }
 
-/// Cuts `bytes` into pieces whose lengths the bytes themselves say.
+/// Cuts `bytes` into pieces whose lengths come from the bytes themselves.
 fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
@@ -45,7 +45,7 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 /// MAVLink, in datagrams and in a stream, with a key and without.
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // What may be the beginning of a message is told from one when enough has followed.
+    // A false start of a message is recognised once enough bytes have followed.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();
@@ -62,7 +62,7 @@ pub(crate) fn mavlink(bytes: &[u8]) {
     let _ = Receiver::default().datagram(NOW, bytes);
 }
 
-/// What is shown is intact, and a drone is one of which something intact came.
+/// Checks that displayed objects are intact, and that a drone exists only after an intact object.
 fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let carried = Carried { at_us: NOW, kind, line: 1, from: from.into(), bytes: bytes.to_vec() };
     let mut intake = Intake::default();
@@ -77,12 +77,12 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let judged = intake.take_each(&carried, |_, _| true, all);
     assert_eq!(intake.fleet().iter().len() > 0, judged.iter().any(|judged| judged.verdict.is_intact()));
     assert!(brought.is_empty() || brought.iter().copied().eq(judged.iter().map(|judged| judged.verdict)));
-    // The same once more shows nothing.
+    // The same input again shows nothing new.
     assert!(intake.take(&carried).iter().all(|judged| judged.verdict != Verdict::New));
     judged
 }
 
-/// Profiles and images as they are.
+/// Profiles and images without framing.
 pub(crate) fn datagram(bytes: &[u8]) {
     let found = judged(Kind::Datagrams, "127.0.0.1:4000", bytes);
     assert_eq!(found.len(), Bundle::datagram(bytes).map_or(0, |bundle| bundle.objects().count()));
@@ -121,7 +121,7 @@ pub(crate) fn message(bytes: &[u8]) {
     }
 }
 
-/// A recording, whole, cut off or made up.
+/// A recording, whole, cut off or invented.
 pub(crate) fn recording(bytes: &[u8]) {
     let mut reader = Reader::new(bytes);
     let mut intake = Intake::default();
@@ -171,7 +171,7 @@ impl Parts for Memory {
     }
 }
 
-/// What a recorder writes of a second.
+/// The recorder's output of a second.
 fn recorded() -> Vec<u8> {
     let memory = Memory::default();
     let mut recorder = Recorder::new(memory.clone());
@@ -188,7 +188,7 @@ fn recorded() -> Vec<u8> {
     memory.0.lock().expect("one thread").clone()
 }
 
-/// Inputs to begin with: the parser's name, the input's, and its bytes.
+/// The initial inputs: the parser's name, the input's, and its bytes.
 pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let image = image(70_000);
     let bundle = Bundle::datagram(&image).expect("an image of three receivers");
@@ -202,7 +202,7 @@ pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         std::iter::from_fn(|| forwarder.poll(1_000_000, NOW)).flatten().collect::<Vec<u8>>()
     };
     let (plain, signed) = (sent(None, 1_000_000), sent(Some(Signer::new(key(), 3)), 0));
-    // Cut off in its signature, with the others behind it.
+    // The first is cut off in its signature, with the others after it.
     let cut = [&signed[..118], &signed[..]].concat();
     let verdicts = Fleet::default().take(base_station::Who::System(7), base_station::Source::default(), NOW, &bundle).1;
     let whole = published::message(NOW, &bundle, &verdicts);

@@ -1,5 +1,5 @@
-//! Every parser that sees what a carrier brings, on its fuzz corpus and on what can be made of that by a few changes.
-//! `cargo xtask fuzz` goes on from there.
+//! Tests every parser of a carrier's bytes on its fuzz corpus and on inputs that differ from it in a few places. `cargo
+//! xtask fuzz` continues from there.
 
 mod bodies;
 #[path = "../common/mod.rs"]
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use common::Drawn;
 
-/// Changed inputs for each parser.
+/// The number of changed inputs for each parser.
 const CHANGED: usize = 3_000;
 
 fn folder(name: &str) -> PathBuf {
@@ -28,7 +28,7 @@ fn corpus(parser: &str) -> Vec<Vec<u8>> {
     names(&folder).iter().map(|name| std::fs::read(folder.join(name)).unwrap()).collect()
 }
 
-/// A few changes of an input: bits, bytes, cuts, repetitions, and pieces of another one.
+/// Applies a few changes to an input: bits, bytes, cuts, repetitions, and pieces of another one.
 fn changed(drawn: &mut Drawn, input: &[u8], other: &[u8]) -> Vec<u8> {
     let mut bytes = input.to_vec();
     for _ in 0..=drawn.below(4) {

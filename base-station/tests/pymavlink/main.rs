@@ -1,6 +1,6 @@
-//! pymavlink, the library of MAVProxy and of most scripts: it reads what is sent here, and sends what is read here,
-//! plain and signed, in datagrams, in a stream and over sockets, among other messages and what is cut off. Its end is
-//! `peer.py`. What it sent once is replayed without it in `carrier::mavlink`.
+//! Tests against pymavlink, the library of MAVProxy and of most scripts. It reads what is sent here, and sends what is
+//! read here, plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones.
+//! Its end is `peer.py`. A recording of its messages is replayed without it in `carrier::mavlink`.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -27,10 +27,10 @@ const SECOND: u64 = 1_000_000;
 /// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000 * SECOND;
 
-/// 0, 1, … 31.
+/// The bytes 0, 1, … 31.
 const KEY: &str = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
 
-/// pymavlink in a process of its own.
+/// pymavlink in a separate process.
 struct Peer {
     child: Child,
     to: ChildStdin,
@@ -38,7 +38,7 @@ struct Peer {
 }
 
 impl Peer {
-    /// Starts it, with the Python that has pymavlink; `None`, said, where there is none.
+    /// Starts it with the Python that has pymavlink; `None`, with a message, where there is none.
     fn start() -> Option<Self> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
         let own = here.join("../target/pymavlink/bin/python").into_os_string();
@@ -91,7 +91,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It ends by itself when its input does; a test that failed need not wait for that.
+        // It ends by itself when its input does; a failed test does not wait for that.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -114,7 +114,7 @@ fn forwarder(signed: bool, standard_us: u64) -> Forwarder {
     if signed { forwarder.signed(Signer::new(key(), 5)) } else { forwarder }
 }
 
-/// What is sent of so many cycles, message by message.
+/// The messages of `cycles` cycles, one by one.
 fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     let mut sent = vec![];
     for cycle in 0..cycles {
@@ -138,7 +138,7 @@ fn payload(message: &Value) -> (u16, Vec<u8>) {
     (u16::try_from(fields["payload_type"].as_u64().unwrap()).unwrap(), all[..length].to_vec())
 }
 
-/// The objects of an image as they travel: payload type and bytes.
+/// The objects of an image in their messages: payload type and bytes.
 fn expected(image: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let gps =
         |first: u8, from: usize, to: usize| (tunnel::payload_type(Place::Gps(first)).unwrap(), image[from..to].into());
@@ -173,7 +173,7 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         }
         assert_eq!(standard.len(), 60);
     }
-    // Who asks for signatures takes neither what has none, nor what is signed with another key, nor one twice.
+    // A receiver that requires signatures refuses unsigned messages, those with another key, and repetitions.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
     assert_eq!(refused(&mut peer, &sent(&mut forwarder(false, 0), 3)), 0);
     let other = Signer::new(Key::new([7; 32]), 5);
@@ -208,7 +208,7 @@ fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sen
         };
         let all: Vec<Vec<u8>> = objects.iter().map(|(_, bytes)| bytes.clone()).collect();
 
-        // A datagram each, in order, and after each the same cut off.
+        // Each message is a datagram, in order, followed by the same one cut off.
         let mut receiver = Receiver::new(verifier());
         let mut received = vec![];
         for (nth, (ours, frame)) in frames.iter().enumerate() {
@@ -222,7 +222,7 @@ fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sen
         let other = receiver.counts().foreign + receiver.counts().malformed;
         assert_eq!(other, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
 
-        // A stream, in pieces of any length, with damage between the messages.
+        // The messages form a stream, in pieces of any length, with damage between them.
         let mut drawn = Drawn(1);
         let mut line = vec![];
         for (nth, (_, frame)) in frames.iter().enumerate() {
@@ -244,7 +244,7 @@ fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sen
         }
         assert!(unpack(&received) == all, "{} of {}", received.len(), all.len());
 
-        // Nothing of it is taken by who has another key.
+        // A receiver with another key accepts none of it.
         if signed {
             let mut receiver = Receiver::new(Some(Verifier::new(Key::new([7; 32]))));
             assert!(frames.iter().all(|(_, frame)| receiver.datagram(NOW, frame).is_empty()));
@@ -261,7 +261,7 @@ fn of_a_damaged_stream_pymavlink_reads_no_object_that_is_not_read_here() {
     let mut line = vec![];
     for frame in &frames {
         match drawn.below(6) {
-            // A bit flipped, an end lost, bytes of somebody else, a message lost.
+            // The damage is a flipped bit, a lost end, foreign bytes, or a lost message.
             0 => {
                 let mut frame = frame.clone();
                 let bit = drawn.below(frame.len() as u64 * 8) as usize;
@@ -286,7 +286,7 @@ fn of_a_damaged_stream_pymavlink_reads_no_object_that_is_not_read_here() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage pymavlink goes on behind what it took for a message, and loses what begins in it.
+    // After damage pymavlink continues behind a false message, and loses those that begin in it.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());
@@ -295,7 +295,7 @@ fn of_a_damaged_stream_pymavlink_reads_no_object_that_is_not_read_here() {
 #[test]
 fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let Some(mut peer) = Peer::start() else { return };
-    // To pymavlink, as to any ground station.
+    // The first direction is to pymavlink, as to any ground station.
     let port = peer.ask(&json!({ "do": "listen" })).as_u64().unwrap();
     let frames = sent(&mut forwarder(false, SECOND), 5);
     peer.request(&json!({ "do": "hear", "count": frames.len() }));
@@ -308,7 +308,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let expected_of = |cycles: u32| (0..cycles).flat_map(|cycle| expected(&image(70_000 + 10 * cycle)));
     assert_eq!(tunnels.map(payload).collect::<Vec<_>>(), expected_of(5).collect::<Vec<_>>());
 
-    // From pymavlink, to a station that runs.
+    // The second direction is from pymavlink to a running station.
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(None, None, Time::Clock(clock.clone()), |_, _| {});
     let bound = lines::udp("127.0.0.1:0".parse().unwrap(), Kind::MavlinkDatagrams, 0, clock, inlet.clone()).unwrap();
@@ -319,7 +319,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position of the last cycle comes before its GPS objects do: all have to have come, and each once.
+    // Reported-Position of the last cycle comes before its GPS objects do: all must have come, and each once.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());
@@ -342,7 +342,7 @@ fn an_autopilot_sends_to_a_station_once_it_hears_it_and_takes_its_uplink() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // A station that only listens is never heard, so nothing is sent to it.
+    // A station that only listens is unknown to it, so it sends nothing.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

@@ -1,4 +1,4 @@
-"""The other end of the tests in main.rs: MAVLink as pymavlink has it.
+"""The other end of the tests in main.rs: MAVLink by pymavlink.
 
 Reads one request a line (JSON) from standard input and answers each with one line. Bytes are hexadecimal digits.
 """
@@ -28,7 +28,7 @@ def codec(request, system=42):
 
 
 def told(message):
-    """A message in words; what is no message, or none of this dialect, is nothing."""
+    """A message as JSON; None for bytes that are no message of this dialect."""
     if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN_"):
         return None
     fields = {name: getattr(message, name) for name in message.get_fieldnames()}
@@ -44,11 +44,11 @@ def told(message):
 
 
 def parse(request):
-    """The messages in each of the pieces: of one stream, or each piece by itself."""
+    """The messages in each of the pieces, which are one stream or separate datagrams."""
     mav = codec(request)
     answer = []
     for piece in request["pieces"]:
-        # A datagram that ends in the middle of a message leaves nothing to the next one.
+        # An incomplete message at the end of a datagram does not continue in the next one.
         mav.buf, mav.buf_index = bytearray(), 0
         found = mav.parse_buffer(bytes.fromhex(piece)) or []
         answer.append([message for message in map(told, found) if message])
@@ -60,13 +60,13 @@ def tunnel(mav, payload_type, payload):
 
 
 def others(mav):
-    """What else is on the link of a flight controller."""
+    """Other messages on the link of a flight controller."""
     return [
         mav.heartbeat_encode(2, 12, 81, 0, 4),
         mav.sys_status_encode(7, 7, 7, 500, 11000, -1, 50, 0, 0, 0, 0, 0, 0),
         mav.global_position_int_encode(70_000, 474979000, 87289000, 0, 0, 0, 0, 0, 65535),
         mav.statustext_encode(6, b"somebody else's words"),
-        # TUNNELs that are not ours: unknown, registered, and private to somebody.
+        # TUNNELs of others: with an unknown, a registered, and another private type.
         tunnel(mav, 0, b"0"),
         tunnel(mav, 201, bytes(range(96))),
         tunnel(mav, 0x9000, bytes(128)),
@@ -74,7 +74,7 @@ def others(mav):
 
 
 def send(request):
-    """The given objects among other messages, each as it is on the wire."""
+    """The given objects among other messages, each in its wire format."""
     mav = codec(request)
     answer = []
     for given in request["objects"]:
@@ -84,7 +84,7 @@ def send(request):
         message = tunnel(mav, given["type"], bytes.fromhex(given["bytes"]))
         answer.append({"name": "ours", "bytes": message.pack(mav).hex()})
         mav.seq = (mav.seq + 1) % 256
-        # A flight controller of the last decade.
+        # Flight controllers of the last decade send MAVLink 1.
         old = mav.heartbeat_encode(2, 12, 81, 0, 4).pack(mav, force_mavlink1=True)
         answer.append({"name": "MAVLink 1", "bytes": old.hex()})
     return answer
@@ -94,14 +94,14 @@ sockets = {}
 
 
 def listen(request):
-    """Opens a UDP port as a ground station does; where it is."""
+    """Opens a UDP port as a ground station does, and returns it."""
     link = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="common")
     sockets["in"] = link
     return link.port.getsockname()[1]
 
 
 def hear(request):
-    """So many messages that arrive there, in their order."""
+    """The first `count` messages that arrive there, in order."""
     heard = []
     while len(heard) < request["count"]:
         message = sockets["in"].recv_match(blocking=True, timeout=20)
@@ -124,7 +124,7 @@ def forward(request):
 
 
 def autopilot(request):
-    """An autopilot's UDP port. As ArduPilot does, it sends only where it has heard something. Where it is."""
+    """Opens an autopilot's UDP port and returns it. Like ArduPilot it only sends to known peers."""
     link = mavutil.mavlink_connection(
         "udpin:127.0.0.1:0", dialect="common", source_system=42, source_component=1
     )
@@ -134,7 +134,7 @@ def autopilot(request):
 
 
 def is_active(request):
-    """The HEARTBEAT that the autopilot hears within these seconds, or nothing; once it has heard one it forwards."""
+    """The HEARTBEAT that the autopilot receives within these seconds, or None; after the first it forwards."""
     link = sockets["autopilot"]
     heard = link.recv_match(type="HEARTBEAT", blocking=True, timeout=request["seconds"])
     if heard is None:
@@ -146,7 +146,7 @@ def is_active(request):
 
 
 def uplink(request):
-    """The TUNNEL that comes to the autopilot; it answers with what the DPR would show then."""
+    """The TUNNEL that the autopilot receives; it answers with the DPR's resulting state."""
     link = sockets["autopilot"]
     heard = link.recv_match(type="TUNNEL", blocking=True, timeout=20)
     if heard is None:

@@ -36,7 +36,7 @@ use rand_distr::{Distribution, Uniform};
 
 use crate::geodesy::{Geodetic, TangentPlane};
 
-/// Where flights start: a field near Winterthur, 470 m above the ellipsoid.
+/// The start of all flights: a field near Winterthur, 470 m above the ellipsoid.
 pub const START: Geodetic = Geodetic { latitude: 47.4979, longitude: 8.7289, height: 470.0 };
 
 /// Highest ground speed, m/s.
@@ -172,7 +172,7 @@ impl Flight {
 
         // Legs take about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
         // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one the
-        // acceleration limit bounds both turns, which form an S. are what the acceleration limit leaves, an S.
+        // acceleration limit bounds both turns, which form an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);

@@ -83,11 +83,11 @@ impl<'a> Frame<'a> {
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
             // The messages are POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK,
-            // TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI
+            // TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
             // The messages are SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
-            // ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED
+            // The messages are ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
             _ => return None,
         };

@@ -1,5 +1,5 @@
 //! Faults of the base station: it reports wrongly which objects of a profile it shows, how old they are, or which
-//! alarms are raised. alarming.
+//! alarms are raised.
 
 use profile::Layout;
 
@@ -28,8 +28,8 @@ impl BaseFault {
         }
     }
 
-    /// The objects that are shown of a profile with this layout, where a sound base station shows the objects `shown`
-    /// (bit 0 Reported-Position, bit n GPSn).
+    /// Returns the objects that the faulty base station shows as valid, where a sound one shows `shown` (bit 0
+    /// Reported-Position, bit n GPSn).
     #[must_use]
     pub fn shows(self, shown: u8, layout: Layout) -> u8 {
         match self {

@@ -20,7 +20,7 @@ pub enum Buffers {
 }
 
 impl Buffers {
-    /// The firmware's variable that holds all of them.
+    /// The firmware's variable that holds all buffers of this kind.
     const fn variable(self) -> &'static str {
         match self {
             Self::Receive => "__rtic_internal_local_init_receive",

@@ -7,8 +7,8 @@
 //! | class | what the flight controller read |
 //! |---|---|
 //! | masked | the same as without the upset |
-//! | detected | something else, and nothing invalid as valid |
-//! | dangerous | something invalid as valid |
+//! | detected | different data, but no invalid data as valid |
+//! | dangerous | invalid data as valid |
 
 use std::fmt;
 

@@ -48,7 +48,7 @@ pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
 
 /// The like of [`HANG_LENGTH`] for a board that hangs while it starts, ns: HORUS first feeds its watchdog after up to
-/// 964 ms. 964 ms.
+/// 964 ms.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
 /// The time after a start of known instant in which no hang of that board is drawn, ns. Its firmware may not have

@@ -41,7 +41,7 @@ pub enum WireFault {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// The bytes from this one on are those of the transaction before, where it had them.
+    /// From this byte on, MISO repeats the transaction before, where that had the bytes.
     MisoSplice {
         /// The index of the first such byte, from 0.
         at_byte: usize,

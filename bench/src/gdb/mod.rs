@@ -24,7 +24,7 @@
 //! ordinary end, and gdb gets the exit status of `cargo xtask run`.
 //!
 //! `load`'s erase (writes change flash directly, without a flash controller), reverse execution, and more than one
-//! board at a time are left out. than one board at a time.
+//! board at a time are left out.
 
 mod arch;
 mod monitor;
@@ -121,7 +121,7 @@ pub struct Alone<'a> {
 /// then continues without a debugger.
 ///
 /// The outcome is that of [`Target::run_connected`], however often the board was halted, unless the debugger changed a
-/// register, memory or a pin. register, memory or a pin meanwhile.
+/// register, memory or a pin meanwhile.
 ///
 /// # Errors
 ///

@@ -30,7 +30,7 @@ impl<W: World> Debuggee<W> {
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
             // Editors send OpenOCD's commands to any server (cortex-debug's src/external.ts). A command can only arrive
-            // while the board is halted. debugger can only ask while the board is halted.
+            // while the board is halted.
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),

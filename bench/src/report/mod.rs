@@ -142,11 +142,11 @@ pub struct Base {
 /// The outcomes of upsets of one kind on one board.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct UpsetClasses {
-    /// The number without a difference for the flight controller.
+    /// The number of upsets that made no difference for the flight controller.
     pub masked: usize,
-    /// The number with a difference, but nothing invalid shown as valid.
+    /// The number of upsets that made a difference, but after which no invalid data were shown as valid.
     pub detected: usize,
-    /// The number that showed something invalid as valid.
+    /// The number of upsets after which invalid data were shown as valid.
     pub dangerous: usize,
 }
 

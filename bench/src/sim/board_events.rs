@@ -35,7 +35,7 @@ fn no_task(board: Side, task: u8) -> What {
     What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
 
-/// Events of one board since they were last taken.
+/// The events of one board that are not in the log yet.
 #[derive(Clone, Debug)]
 pub(super) struct BoardEvents {
     side: Side,

@@ -1,4 +1,4 @@
-//! Implements the subject of upsets for the bench.
+//! Implements [`Subject`] for the bench, so that a campaign can inject upsets into it.
 
 use bench_judge::What;
 use cortex_m4::Cost;

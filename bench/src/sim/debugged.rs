@@ -78,7 +78,7 @@ impl<C: Cost> Debugged<C> {
         self.bench.now()
     }
 
-    /// Adds faults from now on beside those of the setup; see [`Bench::add_faults`].
+    /// Adds faults to those of the setup while the bench runs; see [`Bench::add_faults`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.bench.add_faults(faults);
     }

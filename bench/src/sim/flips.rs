@@ -54,7 +54,7 @@ impl Flip {
         self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
     }
 
-    /// Whether valid and new data ceased to be read, and no reading gave a cause.
+    /// Whether valid and new data were no longer read, and no reading reported a cause.
     #[must_use]
     pub fn unsaid(&self) -> bool {
         self.back_after != Some(0) && self.said[..2] == [0, 0]

@@ -22,9 +22,8 @@ pub enum BrokenFrame {
 /// A chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect crystal.
 ///
 /// There are three kinds of values: the part and its board; switches where the documents contradict themselves or each
-/// other; and the *individual* values, which are latencies and converter results that no document gives and that were
-/// measured on one ST25R3916 at 5.2 V. The individual defaults are those measurements, except where the field says
-/// "assumed".
+/// other; and latencies and converter results that no document gives. The defaults of the last kind were measured on
+/// one ST25R3916 at 5.2 V, except where the field is marked "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The part.
@@ -67,52 +66,52 @@ pub struct Config {
 
     /// Seed of the scatter of the start of transmission: the same seed gives the same instants.
     pub seed: u64,
-    /// Individual: mean time from the end of the command byte to the start of the frame on the air, ns. Seven NFC-A
-    /// frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of
-    /// the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred.
+    /// Measured on one chip: mean time from the end of the command byte to the start of the frame on the air, ns. Seven
+    /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length
+    /// of the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred.
     pub transmit_latency_ns: u64,
-    /// Individual: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for none. In the
-    /// recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs, two equal ones
-    /// of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. It is limited to twice the
-    /// mean.
+    /// Measured on one chip: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for
+    /// none. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
+    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. It is limited to
+    /// twice the mean.
     pub transmit_scatter_ns: u64,
-    /// Individual: time from the first rising clock edge of the byte that carries an interrupt register to the fall of
-    /// the IRQ pin, ns (recorded: 30 to 32 ns).
+    /// Measured on one chip: time from the first rising clock edge of the byte that carries an interrupt register to
+    /// the fall of the IRQ pin, ns (recorded: 30 to 32 ns).
     pub irq_fall_ns: u64,
-    /// Individual: time from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
+    /// Measured on one chip: time from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
     pub field_on_latency_ns: u64,
-    /// Individual: excess of the field-on guard time until I_cat over its setting, ns (three recordings).
+    /// Measured on one chip: excess of the field-on guard time until I_cat over its setting, ns (three recordings).
     pub guard_extra_ns: u64,
-    /// Individual: excess of the no-response timer over its setting, ns.
+    /// Measured on one chip: excess of the no-response timer over its setting, ns.
     pub no_response_extra_ns: u64,
-    /// Individual: NFC-A answer, time from the end of its start of communication to I_rxs, ns.
+    /// Measured on one chip: NFC-A answer, time from the end of its start of communication to I_rxs, ns.
     pub nfc_a_start_latency_ns: u64,
-    /// Individual: NFC-A answer, time from the end of a byte to the byte in the FIFO, and from the end of the frame to
-    /// I_rxe, ns.
+    /// Measured on one chip: NFC-A answer, time from the end of a byte to the byte in the FIFO, and from the end of the
+    /// frame to I_rxe, ns.
     pub nfc_a_latency_ns: u64,
-    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, time from the end of the sync to I_rxs, from the end of a
-    /// byte to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
+    /// Assumed (two bits at 424 kbit/s): NFC-F, time from the end of the sync to I_rxs, from the end of a byte to the
+    /// byte in the FIFO, and from the end of the frame to I_rxe, ns.
     pub nfc_f_latency_ns: u64,
-    /// Individual, assumed: time from a change of the external field to the detector's output, ns.
+    /// Assumed: time from a change of the external field to the detector's output, ns.
     pub field_detect_ns: u64,
 
-    /// Individual: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms assumed).
+    /// Assumed: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms is assumed).
     pub adjust_regulators_ns: u64,
-    /// Individual: duration of the RC calibration (EA), ns (1 ms assumed).
+    /// Assumed: duration of the RC calibration (EA), ns (1 ms).
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Individual: regulator display (B2C) after D6.
+    /// Measured on one chip: regulator display (B2C) after D6.
     pub regulator_display: u8,
-    /// Individual: TX driver timing display (B2B).
+    /// Measured on one chip: TX driver timing display (B2B).
     pub driver_timing_display: u8,
-    /// Individual: RC calibration display (B39) after EA.
+    /// Measured on one chip: RC calibration display (B39) after EA.
     pub rc_calibration_display: u8,
-    /// Individual: result of Measure amplitude (D3), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure amplitude (D3), A/D steps; a constant, which is reported.
     pub amplitude: u8,
-    /// Individual: result of Measure phase (D9), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure phase (D9), A/D steps; a constant, which is reported.
     pub phase: u8,
-    /// Individual: results of DF for the regulated supplies: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
+    /// Measured on one chip: results of DF for the regulated supplies: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
     pub regulated_mv: [u16; 4],
 }
 

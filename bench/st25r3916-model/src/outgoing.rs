@@ -131,7 +131,7 @@ impl Outgoing {
             detected => detected,
         };
         // The NFC-F part of the memory has two bytes of system code, then the 19 bytes of the answer with its request
-        // data. included.
+        // data.
         let body = &core.registers().target_memory()[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);

@@ -28,7 +28,7 @@
 //!
 //! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (\[1\] sets nothing for a passive
 //! one and so keeps the settings of an earlier poller), each setting of one of them is accepted and the reset values
-//! are not. Another value that works on a bench with silicon belongs into these tables with the measurement. measured.
+//! are not. Another value that works on a bench with silicon belongs into these tables with the measurement.
 
 use crate::core::Core;
 use crate::event::Technology;

@@ -35,7 +35,7 @@ use crate::timers::{self, Trigger};
 
 /// FIFO level at which a reception raises I_wl.
 const LEVEL: usize = 300;
-/// From the end of a SENSF_REQ to the answer's first slot: 512 × 64 carrier cycles (ISO 18092, 2.417 ms).
+/// The time from the end of a SENSF_REQ to the answer's first slot: 512 × 64 carrier cycles (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
 
 /// The receiver, and the frame that it is receiving.

@@ -244,7 +244,7 @@ fn the_listener_is_told_only_what_changes_for_it_while_the_field_is_away() {
     antenna.set(9 * MS, clean());
     assert_eq!(antenna.told[2..], [(6 * MS, AirEvent::FieldOn), (7 * MS, AirEvent::FieldOff)]);
     assert_eq!(antenna.injected("field off"), [2 * MS, 4 * MS, 7 * MS]);
-    // From the start.
+    // The fault is present from the start.
     let mut antenna = Antenna::new(1, off);
     antenna.set(MS, clean());
     assert_eq!(antenna.told, [(MS, AirEvent::FieldOn)]);

@@ -12,8 +12,8 @@ const FIRST: u64 = 60 * MS;
 /// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each that reads the image, ns; all of them are within one pause.
-/// The budget of an image suffices for them.
+/// The interval in which two short transactions follow each one that reads the image, ns. All are within one pause, and
+/// the budget of an image suffices for them.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 /// The interval between the flight controller's reads, ns.
 const READ_EVERY: u64 = 2 * MS;
@@ -231,8 +231,9 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // ---- the pause after a transaction The timer's mode is missing here, because the image leaves it at its reset
-    // value, and so is its bit mode: the pause is as long with eight bits, which suffice for it.
+    // ---- the pause after a transaction
+    // The timer's mode is missing here, because the image leaves it at its reset value, and so is its bit mode: the
+    // pause is as long with eight bits, which suffice for it.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),

@@ -285,8 +285,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Told::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
-    // ---- the front end's interrupt and timer Without the edge the firmware detects the oscillator and the first
-    // frames only when its waits are over.
+    // ---- the front end's interrupt and timer
+    // Without the edge the firmware detects the oscillator and the first frames only when its waits are over.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Told::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Told::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Told::Nothing, late_on_air),

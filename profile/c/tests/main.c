@@ -1,4 +1,4 @@
-/* Plays the tape on standard input; writes what the client says to standard output. */
+/* Plays the tape on standard input; writes the client's output to standard output. */
 #include <stdio.h>
 #include <stdlib.h>
 

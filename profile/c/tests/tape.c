@@ -1,4 +1,4 @@
-/* Plays a tape against the C client and writes down what it says, for profile/tests/support/tape.rs, which does the
+/* Plays a tape to the C client and writes its output, for profile/tests/support/tape.rs, which does the
  * same with the Rust client and describes the tape. The two texts must be the same.
  */
 #include "tape.h"
@@ -18,7 +18,7 @@ typedef struct {
     void *context;
 } tape_t;
 
-/* The next `count` bytes of the tape, NULL if it has no more so many. */
+/* The next `count` bytes of the tape, NULL if it has fewer. */
 static const uint8_t *take(tape_t *tape, size_t count)
 {
     const uint8_t *taken = NULL;

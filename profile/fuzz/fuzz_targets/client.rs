@@ -1,5 +1,5 @@
-//! The flight controller's client in Rust and in C: both are played the same tape and must say the same. See
-//! `tests/support/tape.rs` for the tape, and `tests/support/invariants.rs` for what is asserted besides.
+//! Plays the same tape to the flight controller's client in Rust and in C, whose outputs must be equal. See
+//! `tests/support/tape.rs` for the tape, and `tests/support/invariants.rs` for further assertions.
 #![no_main]
 
 use std::ffi::c_void;
@@ -19,13 +19,13 @@ unsafe extern "C" {
 }
 
 extern "C" fn gather(context: *mut c_void, text: *const u8, count: usize) {
-    // SAFETY: `context` is the vector that `c` passes, which nothing else uses meanwhile; `text` are `count`
+    // SAFETY: `context` is the vector that `c` passes, which is not used elsewhere meanwhile; `text` are `count`
     // characters.
     let (said, text) = unsafe { (&mut *context.cast::<Vec<u8>>(), std::slice::from_raw_parts(text, count)) };
     said.extend_from_slice(text);
 }
 
-/// What the C client says.
+/// The output of the C client.
 fn c(tape: &[u8]) -> String {
     let mut said = Vec::<u8>::new();
     // SAFETY: the tape outlives the call, which reads `count` bytes of it and calls `gather` with the vector.

@@ -1,8 +1,8 @@
-//! The request by which a flight controller says what it wants to read next.
+//! The request by which a flight controller selects what it reads next.
 //!
-//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller; one transaction per
-//! control cycle, full duplex. While the DPR shows the window that the transaction before asked for, it takes a
-//! request for the next:
+//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller; one transaction per control
+//! cycle, full duplex. While the DPR sends the window of the last request, it accepts a request for the next
+//! transaction:
 //!
 //! | bytes | request (8) |
 //! |---|---|
@@ -10,22 +10,22 @@
 //! | 2..4 | u16 length, bytes |
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
-//! Eight bytes 0x00 ask for nothing, and so do eight bytes 0xFF, which is what the DPR reads from a MOSI line that
-//! nobody drives. After a transaction that asked for nothing the window is the whole map, from its start: a request
-//! holds for one transaction.
+//! Eight bytes 0x00 are an empty request, and so are eight bytes 0xFF, which is what the DPR reads from an undriven
+//! MOSI line. After a transaction without a request the window is the whole map, from its start: a request holds for
+//! one transaction.
 //!
-//! Behind the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
-//! command. [`port_status`](crate::port_status) says how what it writes is judged.
+//! After the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
+//! command. [`port_status`](crate::port_status) defines how its writes are judged.
 //!
-//! Neither can be mistaken for a request. The CRC of four bytes 0x00 is not 0. Eight bytes 0xFF do carry a valid CRC
-//! (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF), but
-//! would ask for 65535 bytes from offset 65535, and no map is that long. No other object has the length at which
-//! this happens.
+//! Neither empty request can be mistaken for a request of a window. The CRC of four bytes 0x00 is not 0. Eight bytes
+//! 0xFF do carry a valid CRC (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR
+//! makes four bytes 0xFF), but would request 65535 bytes from offset 65535, and no map is that long. No other object
+//! has the length at which this happens.
 //!
 //! # Timing
 //!
-//! What a flight controller must keep on the wire, measured at the DPR's pins, behind the isolator. The numbers are
-//! constants in [`timing`].
+//! The bounds that a flight controller must keep on the wire, measured at the DPR's pins, behind the isolator. The
+//! numbers are constants in [`timing`].
 //!
 //! | what | bound | source |
 //! |---|---|---|
@@ -34,31 +34,32 @@
 //! | last SCK edge to CSN rises | ≥ 2 µs | same |
 //! | SCK edge to MISO valid | ≤ 19 ns | same |
 //! | MOSI valid before and after the SCK edge | ≥ 59 ns, ≥ 20 ns | same |
-//! | CSN rises to CSN falls | ≥ 10 µs | our own: see below |
+//! | CSN rises to CSN falls | ≥ 10 µs | this project: see below |
 //!
-//! `docs/hardware.md` says which of these were checked against the document again, and what they mean for isolators.
+//! `docs/hardware.md` lists which of these were checked against the document again, and their consequences for
+//! isolators.
 //!
-//! The DPR needs up to 10 µs after a transaction to take the request and to lend the next buffer to its SPI peripheral.
+//! The DPR needs up to 10 µs after a transaction to take the request and to pass the next buffer to its SPI peripheral.
 //! A transaction that begins earlier is not an error: it reads 0xFF throughout, which no CRC accepts, and its request
-//! is not seen. (The peripheral by itself needs CSN high for 0.3 µs.) One transaction per control cycle keeps this
-//! with room to spare.
+//! is lost. (The peripheral by itself needs CSN high for 0.3 µs.) One transaction per control cycle keeps this bound
+//! with a wide margin.
 //!
 //! An isolator delays SCK on its way in and MISO on its way out, and MISO must arrive before the flight controller
 //! samples it, half a period after the edge that shifted it out. So half a period is at least two passes of the
 //! isolator, the 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical
 //! isolators that is well below 8 MHz.
 //!
-//! [`client`] is the flight controller's end: what to send, and what to make of what comes back.
+//! [`client`] is the flight controller's end: it determines what is sent, and evaluates the answer.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
 
 pub mod client;
 
-/// Bytes of a request.
+/// The size of a request, bytes.
 pub const REQUEST_SIZE: usize = 8;
 
-/// Bounds of the wire: see the [module's](self) section "Timing" for what they mean and where they come from.
+/// Bounds of the wire: see the [module's](self) section "Timing" for their meaning and their sources.
 pub mod timing {
     /// Highest SCK frequency, Hz.
     pub const MAX_CLOCK_HZ: u32 = 8_000_000;
@@ -82,7 +83,7 @@ pub mod timing {
     /// The highest SCK frequency, Hz, through an isolator that delays each signal by at most `isolator_ns`, for a
     /// flight controller whose MISO input needs `setup_ns` before the sampling edge. At most [`MAX_CLOCK_HZ`].
     ///
-    /// SCK is taken to be high and low for the same time.
+    /// SCK is assumed to be high and low for the same time.
     ///
     /// ```
     /// use profile::ssi::timing::{MAX_CLOCK_HZ, max_clock_hz};
@@ -99,24 +100,24 @@ pub mod timing {
     }
 }
 
-/// The window of the map that the next transaction shall show.
+/// The window of the map that the next transaction reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// Its first byte in the map.
+    /// The offset of its first byte in the map.
     pub offset: u16,
-    /// Its bytes, at least one.
+    /// Its length in bytes, at least one.
     pub length: u16,
 }
 
 impl Request {
-    /// Which bytes of the map it is.
+    /// The range in the map.
     #[must_use]
     pub fn window(self) -> Range<usize> {
         let offset = usize::from(self.offset);
         offset..offset + usize::from(self.length)
     }
 
-    /// Whether it holds a byte and lies in a map of `map_len` bytes.
+    /// Whether it holds at least one byte and lies in a map of `map_len` bytes.
     #[must_use]
     #[expect(clippy::as_conversions, reason = "both widen, and usize::from is not const")]
     pub const fn is_inside(self, map_len: usize) -> bool {
@@ -124,16 +125,16 @@ impl Request {
     }
 }
 
-/// What a request that was accepted asks for.
+/// The meaning of an accepted request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parsed {
-    /// Nothing: the next transaction shows the whole map, from its start.
+    /// It requests nothing: the next transaction reads the whole map, from its start.
     Nothing,
-    /// That window, which lies in the map.
+    /// It requests that window, which lies in the map.
     Window(Request),
 }
 
-/// The request in `bytes`, to a DPR whose map is `map_len` bytes.
+/// Parses the request in `bytes` for a DPR whose map has `map_len` bytes.
 ///
 /// # Errors
 ///
@@ -162,7 +163,7 @@ pub fn parse(bytes: &[u8; REQUEST_SIZE], map_len: usize) -> Result<Parsed, Rejec
         .judge(if nothing { Parsed::Nothing } else { Parsed::Window(request) })
 }
 
-/// `request` as on the wire, its CRC computed.
+/// Encodes `request` with its CRC.
 #[must_use]
 pub fn encode(request: Request) -> [u8; REQUEST_SIZE] {
     let [o0, o1] = request.offset.to_le_bytes();

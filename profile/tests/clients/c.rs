@@ -1,10 +1,10 @@
-//! The C client, compiled at test time by the machine's C compiler.
+//! The C client, which the machine's C compiler compiles at test time.
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// Every warning that says something about this code, as an error.
+/// Every warning that is relevant for this code, as an error.
 pub(crate) const WARNINGS: &[&str] = &[
     "-std=c11",
     "-Wall",
@@ -28,14 +28,14 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("c")
 }
 
-/// Where this test puts what it makes.
+/// The folder for this test's output.
 pub(crate) fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("clients");
     std::fs::create_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     folder.join(name)
 }
 
-/// Runs the C compiler (`cc`, or what the variable CC names) in `profile/c`.
+/// Runs the C compiler (`cc`, or the program in the variable CC) in `profile/c`.
 pub(crate) fn compile(arguments: &[&str]) {
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
     let output = Command::new(&compiler).current_dir(folder()).args(arguments).output().unwrap_or_else(|error| {
@@ -48,9 +48,9 @@ pub(crate) fn compile(arguments: &[&str]) {
 /// A program that plays a tape to the C client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
-    /// As a flight controller has it.
+    /// The build of a flight controller.
     Optimised,
-    /// Under AddressSanitizer and UndefinedBehaviorSanitizer: the first finding ends it.
+    /// The build with AddressSanitizer and UndefinedBehaviorSanitizer: the first finding ends it.
     Sanitised,
 }
 
@@ -72,7 +72,7 @@ impl Build {
         })
     }
 
-    /// What the C client says to `tape`.
+    /// The C client's output for `tape`.
     pub(crate) fn play(self, tape: &[u8]) -> String {
         let mut child = Command::new(self.program())
             .stdin(Stdio::piped())

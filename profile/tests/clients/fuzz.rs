@@ -1,5 +1,5 @@
-//! Both clients over transactions that are mutated at random, from a seed: the C client under the sanitizers, with the
-//! Rust client as its oracle.
+//! Runs both clients over transactions that are mutated at random, from a seed: the C client under the sanitizers, with
+//! the Rust client as its oracle.
 use profile::criticality::{BaseStation, Dpr, Writer};
 use profile::map::PortArea;
 use profile::ssi::client::{Config, Verdict};
@@ -13,7 +13,7 @@ use super::support::tape::{NO_FRESH, Tape, play};
 use super::support::{invariants, reference, seeds};
 use super::{assert_same, recordings};
 
-/// xorshift64*: enough for choosing, the same on every machine.
+/// xorshift64*, which suffices for choices and is the same on every machine.
 struct Random(u64);
 
 impl Random {
@@ -37,7 +37,7 @@ struct Drawn {
     now_us: u64,
     timestamp: u32,
     image: u32,
-    /// What was asked for last, if anything was: half of the transactions show it.
+    /// The last requested window, if any: half of the transactions read it.
     asked: Option<(usize, usize)>,
 }
 
@@ -188,7 +188,7 @@ impl Drawn {
         self.tape.transaction(self.now_us, fresh_us, &miso);
     }
 
-    /// A map whose objects are sealed, their values drawn.
+    /// A map of sealed objects with random values.
     fn map<const N: usize>(&mut self) -> Vec<u8> {
         let plausible = seeds::reported_values(self.timestamp);
         let status = ReportedStatus::from_bits(if self.once_in(8) { self.bits() } else { plausible.status.bits() });
@@ -244,7 +244,8 @@ impl Drawn {
             }
             5 => miso.resize(miso.len() + self.random.below(40), 0xFF),
             6 if miso.len() >= 96 => {
-                // Another object, or a position with a CRC of its own that is wrong, under a frame CRC that is right.
+                // The change makes it another object, or a position with a wrong CRC of its own under a right frame
+                // CRC.
                 let at = self.pick(&[36, 40, 50, 57, 4, 5]);
                 miso[at] ^= 1 << self.random.below(8);
                 let object = if at < 32 { 0..32 } else { 32..96 };
@@ -261,7 +262,7 @@ fn drawn(seed: u64, transactions: usize) -> Vec<u8> {
     drawn.tape.0
 }
 
-/// Tapes, and transactions in each of them.
+/// The number of tapes, and of transactions in each of them.
 const TAPES: u64 = 50;
 const TRANSACTIONS: usize = 4_000;
 

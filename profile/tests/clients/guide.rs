@@ -1,4 +1,4 @@
-//! `docs/flight-controller.md`: its code compiles, and its numbers are those of the code.
+//! Tests `docs/flight-controller.md`: its code compiles, and its numbers are those of the code.
 use std::fs;
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn each_block_of_c_in_the_guide_compiles_with_all_warnings_as_errors() {
     }
 }
 
-/// Compiles C++ of an autopilot against declarations of what it uses, with these options too.
+/// Compiles C++ of an autopilot against declarations of what it uses, with these additional options.
 fn compile_for_autopilot(source: &Path, options: &[&str]) {
     let stubs = folder().join("tests/autopilots.hpp");
     let include = format!("-I{}", folder().display());
@@ -56,7 +56,7 @@ fn the_module_for_px4_compiles_against_what_it_uses_of_each_release() {
     let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/px4/src/drivers/horus_dpr/HorusDpr.cpp");
     let text = fs::read_to_string(&module).expect("the module");
     for (release, own_message) in [("115", false), ("116", false), ("118", true)] {
-        // The headers that it includes are empty: all that it uses is declared in one file.
+        // The headers that it includes are empty: one file declares everything that it uses.
         let headers = scratch(&format!("px4-{release}"));
         let _ = fs::remove_dir_all(&headers);
         for line in text.lines().filter_map(|line| line.strip_prefix("#include <")) {

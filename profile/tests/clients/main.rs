@@ -1,8 +1,9 @@
-//! The flight controller's client in Rust and in C: the same transactions, the same reports, byte for byte.
+//! Compares the flight controller's client in Rust and in C: the same transactions must give the same reports, byte for
+//! byte.
 //!
-//! `profile/c/tests/recorded` holds the recordings: `NAME.tape` the transactions, `NAME.txt` what a client says to
+//! `profile/c/tests/recorded` holds the recordings: `NAME.tape` has the transactions, `NAME.txt` a client's output for
 //! them. After a change of the wire format, of the client or of `recordings.rs`, `RECORD=1 cargo test -p profile --test
-//! clients` writes them anew, to be read before they are committed.
+//! clients` writes them anew; read them before they are committed.
 use std::fs;
 
 mod c;

@@ -1,5 +1,5 @@
-//! The recorded transactions: a DPR, as the design describes it, read by a flight controller, with one thing after the
-//! other going wrong.
+//! The recorded transactions: a DPR that follows the design, and a flight controller that reads it, with one fault
+//! after another.
 use profile::criticality::{BaseStation, Dpr as DprRole, FlightController, Writer};
 use profile::image::Image;
 use profile::map::{Map, PortArea};
@@ -15,31 +15,31 @@ use profile::{
 use super::support::seeds;
 use super::support::tape::{NO_FRESH, Tape};
 
-/// From a sample to the publication of its image, µs.
+/// The time from a sample to the publication of its image, µs.
 const LATENCY_US: u64 = 5_300;
 const CYCLE_US: u64 = 10_000;
-/// When the first sample was taken, µs.
+/// The instant of the first sample, µs.
 const START_US: u64 = 1_000_000;
 
-/// What a transaction meets.
+/// The event in a transaction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Event {
     Good,
-    /// The DPR is busy: it shows 0xFF and hears nothing.
+    /// The DPR is busy: it sends 0xFF and receives nothing.
     Busy,
     /// One bit of MISO is wrong.
     Flip(usize),
-    /// MISO shows this throughout; the DPR hears.
+    /// MISO has this value throughout; the DPR receives.
     Line(u8),
-    /// Only so many bytes are clocked.
+    /// Only this number of bytes is clocked.
     Cut(usize),
-    /// So many bytes are of the image before.
+    /// This number of bytes is of the image before.
     Torn(usize),
-    /// Bytes of MISO shift by one bit, as after a clock edge too many.
+    /// The bytes of MISO are shifted by one bit, as after an extra clock edge.
     Slipped,
 }
 
-/// What HORUS sends in cycle number `n`; `None` if its frame is missed.
+/// HORUS's values in cycle number `n`; `None` if its frame is missed.
 type Horus = fn(u32) -> Option<ReportedValues>;
 
 pub(crate) struct World<const N: usize> {
@@ -47,7 +47,7 @@ pub(crate) struct World<const N: usize> {
     client: Client,
     horus: Horus,
     fresh_is_wired: bool,
-    /// What the DPR shows next.
+    /// The window that the DPR shows next.
     window: Option<Request>,
     port: PortArea,
     age_100us: u16,
@@ -78,7 +78,7 @@ impl<const N: usize> World<N> {
         let sent = (self.horus)(n);
         let mut image = Image::<N>::EMPTY;
         if let Some(reported) = sent {
-            // Nothing of a receiver is as in Reported-Position.
+            // Every receiver value differs from Reported-Position's.
             let same = seeds::gps_values(reported.timestamp);
             let gps = GpsValues {
                 latitude: same.latitude + 1.0,
@@ -153,7 +153,7 @@ impl<const N: usize> World<N> {
     fn ask(&mut self, offset: usize, length: usize) {
         let window = Request { offset: offset.try_into().expect("small"), length: length.try_into().expect("small") };
         self.tape.ask(window.offset, window.length);
-        // One that the client refuses is part of the recording too.
+        // A request that the client refuses is part of the recording, too.
         let _ = self.client.ask(window);
     }
 
@@ -210,7 +210,7 @@ fn restarting(n: u32) -> Option<ReportedValues> {
     Some(good(if n < 20 { 50_000 + 10 * n } else { 10 * (n - 20) }))
 }
 
-/// What HORUS sends from cycle 8 on, one after the other: every way in which a position can be invalid.
+/// HORUS's values from cycle 8 on: every way in which a position can be invalid, one after the other.
 fn invalid(n: u32) -> Option<ReportedValues> {
     let all = good(10 * n);
     let status = all.status;
@@ -236,7 +236,7 @@ fn invalid(n: u32) -> Option<ReportedValues> {
         27 => ReportedValues { altitude: -1_000.000_000_000_000_2, ..all },
         28 => ReportedValues { altitude: f64::NAN, ..all },
         29 => ReportedValues { status: status.with_state(HorusState::EmergencyFired), latitude: 1e300, ..all },
-        // The emergency has cost the position; what HORUS says of itself stays.
+        // The emergency has cost the position; HORUS's own status stays.
         30..33 => {
             ReportedValues { status: status.with_position_valid(false).with_state(HorusState::EmergencyFired), ..all }
         }
@@ -289,7 +289,7 @@ fn busy_while_asking() -> Tape {
     let mut world = started::<3>(|world| world.port = port(false));
     world.ask(96, 60);
     world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
-    // The request is not heard, and is sent again; then its window is what a busy DPR goes on to show.
+    // The busy DPR loses the request, which is sent again; later a busy DPR keeps the requested window.
     for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
         world.read(event);
         world.tape.view();
@@ -317,7 +317,7 @@ fn writing() -> Tape {
     world.read(Event::Busy);
     world.write(sealed.as_bytes());
     world.good(2);
-    // What the DPR would refuse is not written.
+    // An object that the DPR would refuse is not written.
     let mut damaged = *command.as_bytes();
     damaged[20] ^= 1;
     world.write(&damaged);
@@ -349,15 +349,15 @@ fn writing() -> Tape {
 
 fn stale() -> Tape {
     let mut world = started::<3>(|_| {});
-    // The DPR says that its sample is old, older than the limit, and of unknown age.
+    // The DPR reports an old sample, one older than the limit, and one of unknown age.
     for age_100us in [900, 940, 1_000, u16::MAX, 53] {
         world.age_100us = age_100us;
         world.good(3);
     }
-    // Busy until the position is too old.
+    // The DPR is busy until the position is too old.
     (0..32).for_each(|_| world.read(Event::Busy));
     world.good(12);
-    // HORUS stops, and the DPR goes on to show its last sample.
+    // HORUS stops, and the DPR still shows its last sample.
     world.horus = |_| Some(good(700));
     world.good(30);
     world.tape
@@ -376,12 +376,12 @@ fn silent() -> Tape {
 fn clocks() -> Tape {
     let mut world = started::<3>(|world| world.fresh_is_wired = true);
     world.good(4);
-    // The flight controller does not read for a while, less than HORUS may be missed, then for longer.
+    // The flight controller does not read for a while, first within the allowed missed cycles, then for longer.
     world.now_us += 200_000;
     world.good(3);
     world.now_us += 300_000;
     world.good(12);
-    // Its clock goes back, and on.
+    // Its clock is set back, and continues.
     world.now_us -= 400_000;
     world.good(2);
     world.now_us += 400_000;
@@ -389,13 +389,13 @@ fn clocks() -> Tape {
     world.tape
 }
 
-/// Whatever is intact in another window keeps the DPR from being called silent, and nothing else does.
+/// Any intact object in another window keeps the DPR from counting as silent, and nothing else does.
 fn windows_and_silence() -> Tape {
     let mut world = started::<3>(|world| world.port = port(true));
     let layout = Layout::for_receivers(3).expect("a profile");
     let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
     places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
-    // Link-Status without the whole of Reported-Position; bytes that are no object.
+    // One window has Link-Status without the whole of Reported-Position, another bytes that are no object.
     places.extend([0..32, 33..95]);
     for place in places {
         for _ in 0..10 {
@@ -408,12 +408,12 @@ fn windows_and_silence() -> Tape {
     world.tape
 }
 
-/// Ages and silences that are just at their limit, and one microsecond more.
+/// Ages and silences that are exactly at their limit, and one microsecond more.
 fn limits() -> Tape {
     let mut world = World::<3>::new(|config| (config.age_limit_us, config.silence_us) = (17_400, 12_000));
     world.good(10);
     for more_us in [0, 1] {
-        // The sample is 9.4 ms old when it is read first.
+        // The sample is 9.4 ms old when it is first read.
         world.read(Event::Good);
         world.now_us += more_us;
         world.read(Event::Busy);
@@ -422,12 +422,12 @@ fn limits() -> Tape {
         world.now_us += 4_000 - more_us;
         world.good(4);
     }
-    // Nothing new at the same instant, then another image at the same instant.
+    // The same image is read again at the same instant, then another image at the same instant.
     let (map, next) = (world.map(30), world.map(31));
     for shown in [&map, &map, &next] {
         world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
     }
-    // FRESH has broken: its last edge is long ago.
+    // FRESH is broken: its last edge was long ago.
     for n in 32..40 {
         world.now_us += CYCLE_US;
         let map = world.map(n);
@@ -436,8 +436,7 @@ fn limits() -> Tape {
     world.tape
 }
 
-/// Objects that are intact but in another's place, and positions with a CRC that is wrong under a frame CRC that is
-/// right.
+/// Objects that are intact but in another's place, and positions with a wrong CRC of their own under a right frame CRC.
 fn misplaced() -> Tape {
     let mut world = World::<3>::new(|config| config.read_bytes = 468);
     world.port = port(true);

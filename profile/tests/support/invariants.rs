@@ -1,7 +1,6 @@
-//! What must hold of every parser for every input. A fuzz target is one of these; so is the replay of its corpus.
-//!
-//! A CRC-32 stops nearly every mutation at the door. So each invariant is asked twice: of the input as it is, and of
-//! the input with identifiers and CRCs put right, which must be accepted.
+//! The invariants of every parser for every input. A fuzz target is one of these; so is the replay of its corpus. A
+//! CRC-32 stops nearly every mutation at once. So each invariant is checked twice: for the input as it is, and for the
+//! input with correct identifiers and CRCs, which must be accepted.
 use profile::{
     Command, CommandObject, GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, PortStatus,
     PortStatusBits, Profile, Rejection, ReportedPosition, ReportedStatus, Uplink, air,
@@ -18,10 +17,10 @@ use profile::{
 use super::reference;
 use super::tape::{self, Told};
 
-/// What must hold of a parser for an input; panics if it does not.
+/// The invariant of a parser for an input; panics if it does not hold.
 pub(crate) type Invariant = fn(&[u8]);
 
-/// The name of each parser and what must hold of it: the fuzz targets.
+/// The name of each parser and its invariant: the fuzz targets.
 pub(crate) const ALL: [(&str, Invariant); 11] = [
     ("client", client),
     ("reported_position", reported_position),
@@ -36,7 +35,7 @@ pub(crate) const ALL: [(&str, Invariant); 11] = [
     ("map", map),
 ];
 
-/// What must hold of whatever the flight controller's client says.
+/// The invariants of every report of the flight controller's client.
 pub(crate) fn report(told: &Told<'_>) {
     let Told { began_us: _, config, report } = told;
     if let Some(position) = &report.position {
@@ -155,7 +154,7 @@ pub(crate) fn written(input: &[u8]) {
             repaired[4..6].copy_from_slice(&identifier.to_le_bytes());
             reference::repair_frame_crc(&mut repaired);
             assert!(judge_written(&repaired) || identifier == 0x4301, "put right, an uplink is accepted");
-            // Two commands, each with all that is reserved zero.
+            // Two commands exist, each with all reserved bytes zero.
             for word in [*b"CLRC", *b"TEST"] {
                 repaired[8..12].copy_from_slice(&word);
                 repaired[12..60].fill(0);
@@ -209,7 +208,7 @@ fn judge_link_status(bytes: &[u8]) -> bool {
     true
 }
 
-/// An accepted object's values, sealed again, are its bytes; only status bits without a meaning are not kept.
+/// An accepted object's values, sealed again, give its bytes; only status bits without a meaning are lost.
 fn seals_the_same(again: &[u8], bytes: &[u8], used: u16) {
     let mut expected = bytes.to_vec();
     expected[6] &= used.to_le_bytes()[0];
@@ -218,7 +217,7 @@ fn seals_the_same(again: &[u8], bytes: &[u8], used: u16) {
     assert_eq!(again, expected);
 }
 
-/// `bytes` with one bit inverted, which one being for the input to say.
+/// `bytes` with one bit inverted, which the input selects.
 fn with_a_flipped_bit(bytes: &[u8]) -> Vec<u8> {
     let chosen = bytes.iter().fold(0_usize, |sum, byte| sum * 31 % 65_521 + usize::from(*byte));
     reference::flipped(bytes, [chosen % (8 * bytes.len())])
@@ -260,12 +259,12 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
     let place = air::place::<N>(input).expect("a frame of this length exists");
     assert_eq!((place.first(), place.count(), place.length()), (first, count, length));
 
-    // Whole objects, in order, and nothing left.
+    // The payload consists of whole objects, in order, without a rest.
     let objects: Vec<_> = air::objects::<N>(input).expect("as above").collect();
     assert!(objects.iter().map(|(index, _)| *index).eq(first..first + count));
     assert_eq!(objects.iter().flat_map(|(_, bytes)| *bytes).copied().collect::<Vec<_>>(), input);
 
-    // What is accepted lies in the image as it came; what is rejected has left no trace.
+    // An accepted object is in the image unchanged; a rejected one has left no trace.
     let mut image = Image::<N>::EMPTY;
     for (index, bytes) in &objects {
         let judged = Object::verify(*index, bytes);
@@ -280,7 +279,7 @@ fn air_frame_of<const N: usize>(input: &[u8]) {
         }
     }
 
-    // Put right, every object is accepted, and the deposited profile splits into the same frame again.
+    // With correct CRCs every object is accepted, and the deposited profile splits into the same frame again.
     let mut payload = input.to_vec();
     for index in first..first + count {
         let object = reference::places(N)[index].clone();
@@ -359,7 +358,7 @@ fn judge_written(bytes: &[u8]) -> bool {
             assert_eq!(CommandObject::verify(bytes), Ok(object));
             assert_eq!((object.as_bytes().as_slice(), object.command()), (bytes, Some(command)));
             let sealed = CommandObject::seal(Writer::<FlightController>::claim(), object.timestamp(), command);
-            // Its status is not kept.
+            // The object's status is not kept.
             seals_the_same(sealed.as_bytes(), bytes, 0);
             assert_eq!(Command::from_word(object.values().word), Some(command));
             return true;

@@ -1,5 +1,5 @@
-//! What the tests and the fuzz targets share: an independent reference, the invariants of every parser, and the seeds
-//! from which fuzzing starts.
+//! Code shared by the tests and the fuzz targets: an independent reference, the invariants of every parser, and the
+//! initial seeds of fuzzing.
 #![allow(dead_code, reason = "each test and each fuzz target uses its part of this")]
 
 pub(crate) mod invariants;

@@ -1,5 +1,5 @@
-//! The wire format a second time, as plainly as it can be written: offsets as numbers, CRCs bit by bit. It shares
-//! nothing with the crate but the type of its answers.
+//! The wire format a second time, as plainly as possible: offsets as numbers, CRCs bit by bit. It only shares the
+//! result type with the crate.
 use profile::Rejection;
 
 pub(crate) const FRAME: u32 = 0xF192_2815;
@@ -25,7 +25,7 @@ fn seals(polynomial: u32, bytes: &[u8], at: usize) -> bool {
     bytes[at..at + 4] == crc(polynomial, &bytes[..at]).to_be_bytes()
 }
 
-/// Why `bytes` are not an object of `size` bytes with that `identifier`, or `None` if they are.
+/// The reason why `bytes` are not an object of `size` bytes with that `identifier`, or `None` if they are.
 pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejection> {
     if bytes.len() != size {
         Some(Rejection::Length)
@@ -40,13 +40,13 @@ pub(crate) fn object(bytes: &[u8], size: usize, identifier: u16) -> Option<Rejec
     }
 }
 
-/// Why object number `index` of a profile is not `bytes`, or `None` if it is.
+/// The reason why `bytes` are not object number `index` of a profile, or `None` if they are.
 pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection> {
     let size = if index == 0 { 64 } else { 60 };
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
 }
 
-/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which have its size.
+/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have its size.
 pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     let identifier = 0x4800 + u16::try_from(index).unwrap();
     bytes[4..6].copy_from_slice(&identifier.to_le_bytes());
@@ -64,7 +64,7 @@ pub(crate) fn repair_frame_crc(bytes: &mut [u8]) {
     bytes[at..].copy_from_slice(&frame.to_be_bytes());
 }
 
-/// `bytes` with bits `bits` inverted; bit 0 is the first on the air: the most significant of byte 0.
+/// `bytes` with the bits `bits` inverted; bit 0 is the first on the air: the most significant of byte 0.
 pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Vec<u8> {
     let mut damaged = bytes.to_vec();
     for bit in bits {

@@ -1,5 +1,5 @@
-//! The committed corpus: for each parser, what is valid, and what is nearly so. `cargo run -p profile --example corpus`
-//! writes it.
+//! The committed corpus: for each parser, valid inputs and inputs that are nearly valid. `cargo run -p profile
+//! --example corpus` writes it.
 use profile::{
     Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Layout, LinkStatus,
     LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus,
@@ -141,7 +141,7 @@ pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
     ]
 }
 
-/// Tapes for the flight controller's client: it starts, it asks for windows, it writes.
+/// Tapes for the flight controller's client: it starts, requests windows, and writes.
 fn tapes() -> Seeds {
     let layout = Layout::for_receivers(3).unwrap();
     let image = |n: u32| {
@@ -167,7 +167,7 @@ fn tapes() -> Seeds {
     [("starting", started()), ("asking", asking), ("writing", writing)].map(|(name, tape)| (name.into(), tape.0)).into()
 }
 
-/// `valid` as it is, and all the ways in which any object can be nearly that.
+/// `valid` itself, and all the ways in which any object can nearly be valid.
 fn around(name: &str, valid: &[u8]) -> Seeds {
     let size = valid.len();
     let mut long = valid.to_vec();
@@ -189,7 +189,7 @@ fn around(name: &str, valid: &[u8]) -> Seeds {
     ]
 }
 
-/// What a scrub leaves behind, and nothing at all.
+/// The contents after a scrub, and the empty input.
 fn scrubbed(size: usize) -> Seeds {
     vec![("empty".into(), vec![]), ("scrubbed-00".into(), vec![0x00; size]), ("scrubbed-ff".into(), vec![0xFF; size])]
 }
@@ -234,7 +234,7 @@ fn profiles() -> Seeds {
     for (n, bytes) in every_profile() {
         seeds.push((format!("gps{n}"), bytes.clone()));
         seeds.push((format!("gps{n}-one-byte-short"), bytes[..bytes.len() - 1].to_vec()));
-        // The last 16 bits of Reported-Position and the first 16 of GPS1.
+        // The burst has the last 16 bits of Reported-Position and the first 16 of GPS1.
         seeds.push((format!("gps{n}-burst-across-objects"), flipped(&bytes, 8 * 64 - 16..8 * 64 + 16)));
     }
     seeds.push(("gps3-gps1-and-gps2-exchanged".into(), exchanged(profile::<3>(70).as_bytes())));
@@ -344,7 +344,7 @@ fn maps() -> Seeds {
     seeds.push(("gps3".into(), map.as_bytes().to_vec()));
     seeds.push(("gps3-image-only".into(), Map::new(image, PortArea::EMPTY).as_bytes().to_vec()));
     seeds.push(("gps1".into(), Map::new(Image::<1>::EMPTY, port).as_bytes().to_vec()));
-    // The uplinks in each other's place.
+    // The uplinks are in each other's place.
     let (before, uplinks) = map.as_bytes().split_at(276 + 64);
     seeds.push(("gps3-uplinks-exchanged".into(), [before, &uplinks[64..], &uplinks[..64]].concat()));
     seeds.push(("gps3-one-byte-short".into(), map.as_bytes()[..467].to_vec()));

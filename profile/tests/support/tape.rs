@@ -1,15 +1,15 @@
-//! Tapes: what a flight controller does and what comes back, to be played to the client in Rust and in C.
+//! Tapes: a flight controller's actions and the DPR's answers, to be played to the client in Rust and in C.
 //!
-//! A tape is a row of steps, all numbers little-endian. What the client says is written down, one line for each step
-//! but the view's; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape: it ends where
-//! a step is not whole.
+//! A tape is a row of steps, all numbers little-endian. The client's output has one line for each step but the view's;
+//! `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape: it ends where a step is
+//! incomplete.
 //!
 //! | first byte, modulo 7 | step | what follows it |
 //! |---|---|---|
 //! | 0 | a new client | u8 receivers, u16 bytes to read, u32 age limit, u32 silence, µs |
-//! | 1 | asks for a window | u16 offset, u16 length |
+//! | 1 | requests a window | u16 offset, u16 length |
 //! | 2 | writes an object | 64 bytes |
-//! | 3 | a transaction | u64 began, u64 FRESH, µs; u16 count; so many bytes of MISO, at most 1024 |
+//! | 3 | a transaction | u64 began, u64 FRESH, µs; u16 count; that many bytes of MISO, at most 1024 |
 //! | 4 | views every object of the last transaction | |
 //! | 5 | seals a command and writes it | u32 timestamp, u8: odd for a self-test |
 //! | 6 | seals an uplink and writes it | u32 timestamp, u16 status, 52 bytes |
@@ -27,7 +27,7 @@ use profile::{
 /// The longest MISO of a step.
 const MAX_MISO: usize = 1024;
 
-/// The instant of FRESH where the line is not wired: in the future, where the client ignores it.
+/// The instant of FRESH where the line is not wired: it is in the future, where the client ignores it.
 pub(crate) const NO_FRESH: u64 = u64::MAX;
 
 /// A tape that is being written.
@@ -72,7 +72,7 @@ impl Tape {
     }
 }
 
-/// What is left of a tape.
+/// The rest of a tape.
 struct Rest<'a>(&'a [u8]);
 
 impl<'a> Rest<'a> {
@@ -101,7 +101,7 @@ fn code<T>(result: Result<T, Rejection>) -> u8 {
     }
 }
 
-/// The number of what is shown, and the object if it is intact.
+/// The number of the place's content, and the object if it is intact.
 fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
     match shown {
         None => (code::<()>(Err(Rejection::Length)), None),
@@ -206,14 +206,14 @@ fn view(view: &View<'_>) -> String {
     text
 }
 
-/// What is told of each transaction.
+/// The data of each transaction for checks.
 pub(crate) struct Told<'a> {
     pub(crate) began_us: u64,
     pub(crate) config: Config,
     pub(crate) report: &'a Report,
 }
 
-/// Plays a tape to the Rust client. Gives what it says, line by line; `told` hears of each transaction.
+/// Plays a tape to the Rust client and returns its output, line by line; `told` gets each transaction.
 pub(crate) fn play(tape: &[u8], mut told: impl FnMut(Told<'_>)) -> String {
     let mut rest = Rest(tape);
     let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");

@@ -1,4 +1,4 @@
-//! What a real ST25R3916 answered, where its recording is at hand, against the register table.
+//! Compares a real ST25R3916's answers, where the recording is available, with the register table.
 
 use std::path::Path;
 use std::{env, fs};
@@ -15,8 +15,8 @@ fn answered(recording: &str, head: &str) -> u8 {
     u8::from_str_radix(last, 16).expect("a hexadecimal byte")
 }
 
-/// The public recording of every register of a real ST25R3916, or nothing where it is not at hand. On a build
-/// server (`CI` set) it has to be.
+/// The public recording of every register of a real ST25R3916, or `None` where it is not available. On a build server
+/// (`CI` set) it must be.
 fn recording() -> Option<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/st25r3916-silicon/Read_All_Registers_SpaceA_B.txt");
@@ -37,7 +37,7 @@ fn the_register_table_agrees_with_what_real_silicon_answered() {
     assert_eq!(read(reg::IO_CONFIGURATION_1), reg::IO_1_NO_CLOCK);
     assert_eq!(read(reg::IO_CONFIGURATION_2), reg::IO_2_MISO | reg::IO_2_ANTENNA_TUNING);
     assert_eq!(read(reg::REGULATOR_CONTROL), reg::REGULATOR_ADJUSTED_MEASURE_VDD);
-    // Recorded with `en` set and `tx_en` clear.
+    // The recording was made with `en` set and `tx_en` clear.
     assert_eq!(read(reg::OPERATION_CONTROL) & (reg::OP_EN | reg::OP_TX_EN), reg::OP_EN);
     let display = read(reg::AUXILIARY_DISPLAY) & (reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON);
     assert_eq!(display, reg::DISPLAY_OSC_OK);

@@ -1,4 +1,4 @@
-//! The listener against the stand-in.
+//! Tests the listener against the stand-in.
 
 use st25r3916::listener::{BUFFER, TAIL};
 use st25r3916::{
@@ -25,7 +25,7 @@ fn payload(len: usize, seed: usize) -> Vec<u8> {
     (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
 }
 
-/// Sends a frame 1 ms from now and expects it whole. Before it the field of earlier frames may be told again.
+/// Sends a frame 1 ms from now and expects it whole. The field of earlier frames may be reported before it.
 fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     let bytes = payload(len, len);
     rig.chip.frame(rig.chip.now + 1_000, &bytes);
@@ -159,7 +159,7 @@ fn a_listener_has_the_receive_chain_of_nfc_f_and_not_that_of_a_reset() {
 
 #[test]
 fn the_receiver_goes_on_only_after_every_register_was_read_back() {
-    // Space, address, and a bit that the chip takes the wrong way.
+    // The values are space, address, and a bit that the chip stores inverted.
     let registers = [
         (0, 0x00, 0x80),
         (0, 0x01, 0x20),
@@ -256,7 +256,7 @@ fn a_listener_tells_its_state() {
             ListenerState::Listening,
         ]
     );
-    // Nothing for a while, then a fault.
+    // A silent interval is followed by a fault.
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
@@ -280,7 +280,7 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
     assert_eq!(rig.buffer[0], 245);
     assert_eq!(rig.buffer[1..245], payload(244, 1));
     assert_eq!(rig.buffer[245..247], [0, 0], "the CRC-16 is not read");
-    // 10 µs of status and 248 µs of read at the stand-in's 8 MHz.
+    // The status takes 10 µs and the read 248 µs at the stand-in's 8 MHz.
     assert_eq!(rig.chip.now - end, 10 + 248);
 
     let log = rig.log();
@@ -313,7 +313,7 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
 #[test]
 fn the_last_read_on_the_way_leaves_a_byte_unless_another_comes_while_it_is_read() {
     for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
-        // LEN tells 40 + 2 bytes: behind the first read comes the last one.
+        // LEN announces 40 + 2 bytes: the first read is followed by the last one.
         let mut listener = in_a_frame();
         let _ = listener.step(Input::Done(&status(0, 16)));
         let _ = listener.step(Input::Done(&[40; 15]));
@@ -361,13 +361,13 @@ fn a_busy_executor_gets_the_same_frame_only_later() {
     }
 }
 
-/// A status read's response: the main interrupt register and the FIFO's level.
+/// The response of a status read: the main interrupt register and the FIFO's level.
 fn status(main: u8, level: u16) -> [u8; 8] {
     let [high, low] = level.to_be_bytes();
     [0, 0xFB, main, 0, 0, 0, low, high << 6]
 }
 
-/// A listener that has seen a frame's sync and whose first wait in it is over.
+/// A listener that has received a frame's sync and whose first wait in it is over.
 fn in_a_frame() -> Listener {
     let (_, mut listener) = listening(Chip::new(Variant::B), FILLING);
     let _ = listener.step(Input::Start);
@@ -412,7 +412,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // The gap, then the second frame's preamble and sync: 64 bits.
+            // The gap is followed by the second frame's preamble and sync: 64 bits.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -426,12 +426,12 @@ fn two_frames_300_microseconds_apart_are_both_received() {
 #[test]
 fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
     for config in BOTH {
-        // A receiver that stays on after a frame's end.
+        // The receiver stays on after a frame's end.
         let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 100, flags: CLEAN });
-        // The caller takes its time; the next frame is half there when it comes back.
+        // The caller is slow; the next frame is half received when it returns.
         rig.chip.frame(rig.chip.now + 10, &payload(120, 2));
         rig.chip.advance(rig.chip.now + 1_200);
         rig.log();
@@ -456,7 +456,7 @@ fn a_sync_between_the_last_status_and_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // Damaged by the clear, and said to be.
+                // The clear damaged the frame, which its flags show.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -481,7 +481,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // The FIFO is cleared where it holds something.
+            // The FIFO is cleared where it holds bytes.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -569,7 +569,7 @@ fn frames_too_short_or_too_long_are_dropped_and_forgotten() {
 
 #[test]
 fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
-    // A byte of which fewer than eight bits came is not one of the frame's, so LEN does not agree any more.
+    // A byte with fewer than eight received bits is not part of the frame, so LEN no longer agrees.
     let partial = FrameFlags::PARTIAL.union(FrameFlags::LENGTH);
     for (bits, len, flags) in [(0x10, 50, FrameFlags::OVERFLOW), (0x20, 50, FrameFlags::UNDERFLOW), (0x06, 49, partial)]
     {
@@ -590,7 +590,7 @@ fn a_frame_that_breaks_off_within_a_byte_has_the_bytes_before_it() {
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
         for whole in 0..sent.len() {
-            // Every µs of the byte: also while the status of a read on the way is under way.
+            // The test covers every µs of the byte, also during the status of an early read.
             for into in 1..19 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
@@ -660,7 +660,7 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // Off for 0.4 s: the chip is checked, nothing is reported.
+        // The field is off for 0.4 s: the chip is checked, and nothing is reported.
         assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
@@ -714,7 +714,7 @@ fn a_field_that_comes_or_goes_without_its_interrupt_is_told_within_25_ms() {
         assert_eq!(rig.listener(&mut listener), event);
         assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
     }
-    // What is told already is not told again.
+    // A reported state is not reported again.
     assert_eq!(rig.listener_within(&mut listener, 100), None);
 }
 
@@ -743,7 +743,7 @@ fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
             rig.chip.at(0, Happening::Irq(TIMER, EON));
             for cycle in 0..6 {
                 rig.chip.frame(shift + cycle * 10_000, &payload(244, cycle as usize));
-                // A receiver that opens inside a frame reports errors.
+                // A receiver that is unmasked within a frame reports errors.
                 rig.chip.at(shift + cycle * 10_000 + 2_000, Happening::Irq(ERROR, 0x30));
             }
             let mut listener = Listener::new(config);
@@ -843,12 +843,12 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
             let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
             let (mut rig, mut listener) = listening(chip, config);
             hears(&mut rig, &mut listener, 244);
-            // Every µs of the check, and of the re-arming that it ends with, 20 ms later.
+            // The test covers every µs of the check, and of the re-arming at its end, 20 ms later.
             for sync in 19_950..20_150 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
                 rig.chip.frame(rig.chip.now + sync as u64, &sent);
-                // An executor that needs 4 µs from one step to the next.
+                // The executor needs 4 µs from one step to the next.
                 let event = loop {
                     if let Some(event) = rig.listener_within(&mut listener, 1) {
                         break event;
@@ -857,7 +857,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 };
                 let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
                 assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
-                // Its beginning was not missed: it was read while it arrived.
+                // The beginning was not missed: it was read while it arrived.
                 let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
                 assert!(config != FILLING || left <= TAIL - 2, "{left} bytes after the end, {sync} us");
                 rig.assert_no_misuse();
@@ -882,7 +882,7 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    // It has its turn among the settings that are read back, and no more.
+    // The setting is read back only in its turn.
     assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
@@ -984,7 +984,7 @@ fn the_buffer_takes_the_longest_frame_len_can_tell_and_not_a_byte_more() {
         rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
         rig.chip.advance(rig.chip.now + 5);
-        // What is not read of a CRC-16 does not make room for more.
+        // The unread part of a CRC-16 does not make room for more.
         for more in 1..=3 {
             frame.resize(257 + more, 0);
             rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
@@ -1020,7 +1020,7 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // A chip that is not deaf has a frame every 10 ms; either way one setting is read in each.
+                    // A chip that is not deaf has a frame every 10 ms; either way one setting is read in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
                         ListenerEvent::Fault(fault) => break fault,
@@ -1041,7 +1041,7 @@ fn every_flipped_setting_is_told_within_one_rotation() {
     }
 }
 
-/// The instants, in ms from now, of the next bring-ups for silence. What else is told meanwhile is `other`'s.
+/// The instants, in ms from now, of the next bring-ups for silence. Other events are passed to `other`.
 fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -> Vec<u64> {
     let start = rig.chip.now;
     let mut instants = vec![];
@@ -1071,11 +1071,11 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last three are as far apart as they get.
+        // The last three have the longest interval.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
-        // A frame, and the first interval is the shortest again; nothing was backed off.
+        // After a frame the first interval is the shortest again; there was no back-off.
         hears(&mut rig, &mut listener, 244);
         rig.chip.field(field);
         let instants = silences(&mut rig, &mut listener, 1, field);
@@ -1089,7 +1089,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 #[test]
 fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-    // After these faults the next would be followed by a back-off of 64 ms.
+    // The next fault after these would be followed by a back-off of 64 ms.
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
     for _ in 0..9 {
@@ -1105,7 +1105,7 @@ fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
 
 #[test]
 fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
-    // A field that chatters, errors outside a frame, frames that never end.
+    // The disturbances are a field that chatters, errors outside a frame, and frames that never end.
     for disturbance in 0..3 {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         let start = rig.chip.now;

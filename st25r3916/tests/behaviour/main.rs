@@ -1,4 +1,4 @@
-//! Behaviour of both machines against a small stand-in for the chip.
+//! Tests the behaviour of both machines against a small stand-in for the chip.
 
 mod blocking;
 mod capture;

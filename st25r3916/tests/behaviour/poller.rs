@@ -1,4 +1,4 @@
-//! The poller against the stand-in.
+//! Tests the poller against the stand-in.
 
 use st25r3916::poller::rest_within_us;
 use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, Receiver, SendError, Step, Variant};
@@ -150,7 +150,7 @@ fn a_3_3_volt_supply_is_measured_and_sets_sup3v_and_nothing_else() {
 fn every_supply_that_the_data_sheet_allows_is_taken_with_sup3v_below_3_6_volts() {
     for supply_mv in (2_400..=5_500).step_by(20) {
         let (rig, _) = bring_up_log_at(supply_mv);
-        // One step of the measurement is 23.4 mV: next to the threshold either choice is right.
+        // One step of the measurement is 23.4 mV, so either choice is right next to the threshold.
         if supply_mv.abs_diff(3_600) > 23 {
             assert_eq!(rig.chip.a[1], if supply_mv < 3_600 { 0xBC } else { 0x3C }, "{supply_mv} mV");
         }
@@ -184,7 +184,7 @@ fn the_supply_is_measured_anew_at_every_bring_up() {
     assert_eq!(rig.chip.a[1], 0xBC);
     rig.assert_no_misuse();
 
-    // What an earlier bring-up measured is not kept for one that fails.
+    // The result of an earlier bring-up is not kept for one that fails.
     rig.chip.supply_mv = 2_000;
     rig.chip.at(rig.chip.now, Happening::PowerUpReset);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
@@ -223,13 +223,13 @@ fn measuring_and_reading_back_cost_less_than_a_millisecond() {
     let mut rig = Rig::new(Chip::new(Variant::A));
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    // Oscillator 700 µs, regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
+    // The oscillator takes 700 µs, the regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
     assert!(rig.chip.now < 700 + 3_000 + 1_000, "{} µs", rig.chip.now);
 }
 
 #[test]
 fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
-    // Space, address, and a bit that the chip takes the wrong way.
+    // The values are space, address, and a bit that the chip stores inverted.
     let registers = [
         (0, 0x00, 0x80),
         (0, 0x01, 0x20),
@@ -369,7 +369,7 @@ fn a_frame_can_be_sent_only_when_ready_and_only_with_a_length_that_fits() {
     assert_eq!(poller.prepare(0), Err(SendError::Length));
     assert_eq!(poller.prepare(255), Err(SendError::Length));
     assert_eq!(poller.prepare(usize::MAX), Err(SendError::Length));
-    // None of the refusals disturbed it.
+    // The refusals did not disturb it.
     assert_eq!(rig.send(&mut poller, &[1; 254]), SENT);
     assert_eq!(poller.prepare(10), Err(SendError::NotReady));
 }
@@ -391,7 +391,7 @@ fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     rig.payload = vec![0; 244];
     assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
     let _ = poller.step(Input::Done(&[0]));
-    // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 100 µs, less 228 bytes of the rest at 10 MHz.
+    // The wait is 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 100 µs, less 228 bytes of the rest at 10 MHz.
     assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 100 - 182 });
 }
 
@@ -400,7 +400,7 @@ fn interrupts_survive_a_clear_that_clears_them_or_not() {
     for db_clears_irqs in [false, true] {
         let (mut rig, mut poller) = ready(Chip { db_clears_irqs, ..Chip::new(Variant::B) });
         for _ in 0..3 {
-            // A stale I_txe from before must not pass for this frame's.
+            // A stale I_txe must not be taken for this frame's.
             rig.chip.irqs[0] |= crate::stand_in::TXE;
             let start = rig.chip.now;
             assert_eq!(rig.send(&mut poller, &[9; 244]), SENT);
@@ -566,7 +566,7 @@ fn bytes_left_over_after_a_frame_are_a_fault_unless_that_check_is_off() {
 
 #[test]
 fn the_time_for_the_rest_is_when_the_air_needs_its_first_byte_less_two_bytes_on_the_spi() {
-    // 64 + 8 · 17 bits at 423.75 kbit/s are 471.98 µs; two bytes at 9 MHz are 1.78 µs, at 1 MHz 16 µs.
+    // The time of 64 + 8 · 17 bits at 423.75 kbit/s is 471.98 µs; two bytes at 9 MHz take 1.78 µs, at 1 MHz 16 µs.
     assert_eq!(rest_within_us(9_000_000), Some(471 - 2));
     assert_eq!(rest_within_us(1_000_000), Some(471 - 16));
     assert_eq!((rest_within_us(423_750), rest_within_us(423_751).is_some()), (None, true));
@@ -674,7 +674,7 @@ fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
     let mut step = Step::Event(PollerEvent::Ready);
     let mut false_alarms = 0;
     for _ in 0..1_000 {
-        // Seven in each wait, one less than makes a fault.
+        // Each wait has seven, one less than causes a fault.
         let given = if matches!(step, Step::Wait { .. }) && false_alarms < 7 {
             false_alarms += 1;
             crate::stand_in::Given::Irq
@@ -706,7 +706,7 @@ fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
             assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
             let (began, sent) = rig.chip.sent.last().unwrap();
             assert_eq!(*sent, payload);
-            // Not before its last bit, and not so late that the next frame could not be prepared.
+            // The end comes neither before the last bit nor too late for the preparation of the next frame.
             let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
             let late = rig.chip.now - began - air;
             assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");

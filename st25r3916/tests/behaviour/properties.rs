@@ -1,5 +1,5 @@
-//! Whatever an executor or a chip does, no machine panics or stands still, and with a chip in order
-//! again it gets back to work.
+//! Tests that no machine panics or stops, whatever an executor or a chip does, and that it works again with a working
+//! chip.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -12,12 +12,12 @@ use st25r3916::{
 
 use crate::stand_in::{Chip, Miso, Rig};
 
-/// One thing an executor may say.
+/// One input of an executor.
 #[derive(Clone, Debug)]
 enum Said {
     Start,
     Done(Vec<u8>),
-    /// As long an answer as was asked for, of these bytes.
+    /// An answer of the requested length, made of these bytes.
     Answer([u8; 8]),
     Irq,
     Timeout,
@@ -25,7 +25,7 @@ enum Said {
     Send(usize),
 }
 
-/// Bytes as a chip would give them, more often than chance would.
+/// Bytes of a real chip, more often than at random.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -66,7 +66,7 @@ fn poller_config() -> impl Strategy<Value = PollerConfig> {
         .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 
-/// Every step is within what the documentation promises an executor.
+/// Checks that a step is within the documented limits.
 fn check<E>(step: &Step<E>) {
     match *step {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),
@@ -79,7 +79,7 @@ fn check<E>(step: &Step<E>) {
     }
 }
 
-/// The answer to `step` of the right length, made of `bytes` over and over.
+/// An answer to `step` of the right length that repeats `bytes`.
 fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     let len = match *step {
         Step::Transfer(Transfer::Short(short)) => short.bytes().len(),
@@ -89,7 +89,7 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Feeds what was said; returns the step outstanding.
+/// Feeds the inputs and returns the outstanding step.
 fn feed_listener(machine: &mut Listener, said: &[Said]) -> Step<ListenerEvent> {
     let mut step = machine.step(Input::Start);
     for input in said {
@@ -125,8 +125,7 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
     step
 }
 
-/// Frames every 10 ms until one is heard whole, at most 30 of them (back-off and bring-up take a good
-/// ten).
+/// Sends frames every 10 ms until one is received whole, at most 30 of them (back-off and bring-up take about ten).
 fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerEvent>) -> bool {
     let payload: Vec<u8> = (0..244).map(|index| index as u8 ^ 0x5A).collect();
     let start = rig.chip.now;
@@ -139,7 +138,7 @@ fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerE
         step = machine.step(rig.input(given));
         check(&step);
         let whole = Step::Event(ListenerEvent::Frame { len: 244, flags: st25r3916::FrameFlags::empty() });
-        // A frame of before may still be on its way from the FIFO: it is not the one meant.
+        // An earlier frame may still be in the FIFO, which is not the expected one.
         if step == whole && rig.buffer[1..=244] == payload {
             return true;
         }
@@ -154,7 +153,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     rig.payload = vec![0xA5; 254];
     for _ in 0..400 {
         let given = match step {
-            // A frame of before may be loaded: it is given up.
+            // An earlier frame may be loaded; it is given up.
             Step::Event(PollerEvent::Ready) => {
                 if rig.load(machine, 254) != PollerEvent::Loaded {
                     return false;
@@ -218,7 +217,7 @@ proptest! {
         let mut step = machine.step(Input::Start);
         for (place, value) in noise {
             let given = rig.carry_out(step);
-            // One byte in about eight answers is not what the chip sent.
+            // About one answer in eight has a byte that the chip did not send.
             let mut garbled = match rig.input(given) {
                 Input::Done(bytes) => bytes.to_vec(),
                 _ => Vec::new(),

@@ -1,7 +1,7 @@
 //! A register and FIFO stand-in for the chip, and an executor that runs a machine against it.
 //!
-//! It knows what the driver's documentation says the chip does, in whole microseconds, and can be told
-//! to do it wrong. It is not a model of the part: no analogue side, no modes but the two used here.
+//! It behaves as the driver's documentation describes the chip, in whole microseconds, and can be set to misbehave. It
+//! is not a model of the part: it has no analogue side, and only the two modes used here.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -18,7 +18,7 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// What happens by itself at an instant.
+/// An event that happens by itself at an instant.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
@@ -30,16 +30,16 @@ pub(crate) enum Happening {
     Byte(u8),
     /// The end of the frame whose sync was accepted, with these error bits.
     End(u8),
-    /// The frame whose sync was accepted ends within a byte, of which so many bits came.
+    /// The frame whose sync was accepted ends within a byte, of which this many bits came.
     BrokenByte(u8),
     /// The transmitter takes a byte out of the FIFO.
     Taken,
-    /// The frame on the air is over.
+    /// The end of the frame on the air.
     TransmitEnd,
     PowerUpReset,
 }
 
-/// What MISO shows.
+/// The state of MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Miso {
     Driven,
@@ -63,31 +63,31 @@ pub(crate) struct Chip {
     pub(crate) end_masks_receiver: bool,
     pub(crate) oscillator_us: Option<u64>,
     pub(crate) regulator_us: Option<u64>,
-    /// Until I_dct after the RC calibration (ST25R3916B).
+    /// The time until I_dct after the RC calibration (ST25R3916B).
     pub(crate) calibration_us: Option<u64>,
-    /// Until I_dct and the result after the supply measurement.
+    /// The time until I_dct and the result after the supply measurement.
     pub(crate) measurement_us: Option<u64>,
     /// VDD, in millivolts.
     pub(crate) supply_mv: u32,
-    /// It sends what it is commanded to send.
+    /// Whether it carries out transmit commands.
     pub(crate) transmits: bool,
-    /// A frame that was sent raises I_txe.
+    /// Whether a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
-    /// The IRQ pin is high whatever the registers say.
+    /// Whether the IRQ pin is high whatever the registers hold.
     pub(crate) pin_stuck: bool,
-    /// Added to the FIFO level shown.
+    /// The error of the FIFO level.
     pub(crate) level_error: i32,
-    /// Space, address and bits of a register that takes these bits the wrong way.
+    /// Space, address and bits of a register that stores these bits inverted.
     pub(crate) stuck: Option<(usize, usize, u8)>,
-    /// `reg_s` was set and cleared since the last adjustment.
+    /// Whether `reg_s` was set and cleared since the last adjustment.
     pub(crate) adjusts: bool,
     /// Space and address of every register that was written since the last set default.
     pub(crate) written: BTreeSet<(usize, usize)>,
     /// Every MOSI string, in order.
     pub(crate) log: Vec<Vec<u8>>,
-    /// What was sent on air, with its instant in µs.
+    /// The transmitted frames, with their instants in µs.
     pub(crate) sent: Vec<(u64, Vec<u8>)>,
-    /// What the driver did that the part does not answer.
+    /// The driver's accesses that the part would not answer.
     pub(crate) misuse: Vec<String>,
     pub(crate) unmasked: bool,
     pub(crate) receiving: bool,
@@ -134,13 +134,13 @@ impl Chip {
         }
     }
 
-    /// The registers of spaces A and B that hold what the driver has written last, each by its space and address: those
-    /// that it means to stay so. Not the length, which is another for each frame.
+    /// The registers of spaces A and B that hold the driver's last written values, each by its space and address: those
+    /// that are meant to stay so, without the length, which differs for each frame.
     pub(crate) fn written(&self) -> BTreeSet<(usize, usize)> {
         self.written.iter().copied().filter(|(space, address)| *space < 2 && !matches!(address, 0x22 | 0x23)).collect()
     }
 
-    /// A bit of a register changes by itself.
+    /// Flips a bit of a register without an access.
     pub(crate) fn flip(&mut self, space: usize, address: usize, bit: u8) {
         let registers = if space == 0 { &mut self.a } else { &mut self.b };
         registers[address] ^= 1 << bit;
@@ -163,7 +163,7 @@ impl Chip {
         self.raw_frame(sync, &bytes, Some(0))
     }
 
-    /// A frame as it comes: `end` none means that I_rxe never comes.
+    /// A raw frame; without `end`, I_rxe never comes.
     pub(crate) fn raw_frame(&mut self, sync: u64, bytes: &[u8], end: Option<u8>) -> u64 {
         self.at(sync, Happening::Sync);
         let instant = |index: usize| sync + (index as u64 * 18_879) / 1_000;
@@ -177,7 +177,7 @@ impl Chip {
         over
     }
 
-    /// Nothing planned is on air any more, nor the frame that is.
+    /// Removes the planned frames and the present one from the air.
     pub(crate) fn clear_air(&mut self) {
         self.receiving = false;
         self.schedule.retain(|_, what| {
@@ -185,12 +185,12 @@ impl Chip {
         });
     }
 
-    /// The field detector's output, without the interrupt that tells of its change.
+    /// Sets the field detector's output without its interrupt.
     pub(crate) fn senses_field(&mut self, there: bool) {
         self.a[0x31] = self.a[0x31] & !0x40 | u8::from(there) << 6;
     }
 
-    /// The field comes or goes, and its interrupt with it.
+    /// Switches the field on or off, with its interrupt.
     pub(crate) fn field(&mut self, there: bool) {
         self.irqs[TIMER] |= if there { EON } else { EOF };
         self.senses_field(there);
@@ -204,7 +204,7 @@ impl Chip {
         self.a[0x31] & 0x10 != 0
     }
 
-    /// A target's receiver: on, unmasked, and with the filter, the gain and the correlator that NFC-F needs.
+    /// Whether a target's receiver is on, unmasked, and has the filter, the gain and the correlator that NFC-F needs.
     fn receiver_listens(&self) -> bool {
         self.oscillates()
             && self.a[2] & 0x40 != 0
@@ -215,7 +215,7 @@ impl Chip {
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
-    /// A direct command is under way whose end I_dct tells.
+    /// Whether a direct command is under way that ends with I_dct.
     fn is_busy(&self) -> bool {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }
@@ -328,7 +328,7 @@ impl Chip {
         self.schedule.first_key_value().map(|((instant, _), _)| *instant)
     }
 
-    /// One chip-select-low transfer. Takes 2 µs and 1 µs per byte (8 MHz).
+    /// Makes one transfer with chip select low. It takes 2 µs plus 1 µs per byte (8 MHz).
     pub(crate) fn transfer(&mut self, mosi: &[u8]) -> Vec<u8> {
         self.log.push(mosi.to_vec());
         self.advance(self.now + 2);
@@ -357,7 +357,7 @@ impl Chip {
                 }
             }
             0x40..=0x7F => {
-                // The head's bytes, then each register as its own byte begins: a frame may end in between.
+                // The head's bytes come first, then each register when its own byte begins: a frame may end in between.
                 self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
@@ -372,7 +372,7 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO as it is clocked out, behind the command and the bytes before it.
+                    // A byte leaves the FIFO when it is clocked out, after the command and the bytes before it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
@@ -450,14 +450,14 @@ impl Chip {
             self.misuse.push(format!("command {command:02x} before the one before has ended"));
         }
         match command {
-            // Interrupts stay, so that the driver has to cope with an IRQ pin that is high already.
+            // Interrupts stay, so that the driver must handle an IRQ pin that is high already.
             0xC1 => self.reset(),
             0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::Taken | Happening::TransmitEnd)),
             0xC4 if !self.transmits => {}
             0xC4 => {
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
-                // Preamble, sync, LEN, payload and CRC-16, a bit being 32 periods of 13.56 MHz; µs.
+                // The time of preamble, sync, LEN, payload and CRC-16, µs; a bit is 32 periods of 13.56 MHz.
                 let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
                 for byte in 0..ntx {
                     self.at(self.now + after(1 + byte), Happening::Taken);
@@ -504,23 +504,23 @@ impl Chip {
     }
 }
 
-/// Space, address and wrong bits of the register that a fault tells of.
+/// Space, address and wrong bits of the register in a fault.
 pub(crate) fn told(fault: Fault) -> (usize, usize, u8) {
     let Fault::Register { address, expected, found } = fault else { panic!("{fault:02x?}") };
     (usize::from(address >> 6), usize::from(address & 0x3F), expected ^ found)
 }
 
-/// A chip and the executor's side of it: payload to send, buffer to fill.
+/// A chip and the executor's data: payload to send, buffer to fill.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig {
     pub(crate) chip: Chip,
     pub(crate) payload: Vec<u8>,
     pub(crate) buffer: [u8; BUFFER],
     response: Vec<u8>,
-    /// Added before each answer to a wait: a busy executor.
+    /// The delay before each answer to a wait, as of a busy executor.
     pub(crate) lateness: u64,
     pub(crate) transfers: u32,
-    /// The listener's step that is still to be carried out.
+    /// The listener's outstanding step.
     pub(crate) outstanding: Step<ListenerEvent>,
 }
 
@@ -614,7 +614,7 @@ impl Rig {
         panic!("no event within 200 steps");
     }
 
-    /// Goes on from an event of the poller's to its next.
+    /// Runs a poller from one event to its next.
     pub(crate) fn poller_next(&mut self, machine: &mut Poller) -> PollerEvent {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
@@ -637,7 +637,7 @@ impl Rig {
         }
     }
 
-    /// Runs a listener to its next event, over at most `steps` steps; the next call goes on from there.
+    /// Runs a listener to its next event, over at most `steps` steps; the next call continues from there.
     pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
         for _ in 0..steps {
             let given = self.carry_out(self.outstanding);
@@ -653,7 +653,7 @@ impl Rig {
         self.listener_within(machine, 400).expect("an event within 400 steps")
     }
 
-    /// Everything on the bus since the last call, as text.
+    /// Takes everything on the bus since the last call, as text.
     pub(crate) fn log(&mut self) -> Vec<String> {
         self.chip
             .log

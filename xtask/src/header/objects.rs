@@ -1,4 +1,4 @@
-//! The objects as C structures of bytes, their fields where `profile` puts them.
+//! The objects as C structures of bytes, with their fields at `profile`'s offsets.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use profile::{
     UplinkValues, Violation, Violations,
 };
 
-/// Bytes that a command reserves: what is left between its word and its CRC.
+/// The number of bytes that a command reserves, between its word and its CRC.
 pub(super) const COMMAND_RESERVED: usize = CommandObject::SIZE - 12 - 4;
 
 /// Values whose bytes occur nowhere else in an object.
@@ -19,7 +19,7 @@ const U32: u32 = 0xA1B2_C3D4;
 const F32: f32 = f32::from_bits(0x41A1_B2C3);
 const F64: f64 = f64::from_bits(0x4031_A2B3_C4D5_E6F7);
 
-/// A field as it was found: its name, its bytes, what it is.
+/// A field that was found: its name, its bytes, its meaning.
 struct Field {
     name: &'static str,
     place: std::ops::Range<usize>,
@@ -39,7 +39,7 @@ impl Object {
         Self { name, title, size, fields: vec![] }
     }
 
-    /// The field that `sealed` holds `value` in: the only place where its bytes are.
+    /// The field in which `sealed` holds `value`: the only place of those bytes.
     fn field(mut self, name: &'static str, what: &'static str, value: &[u8], sealed: &[u8]) -> Result<Self> {
         ensure!(sealed.len() == self.size, "{} has {} bytes", self.name, sealed.len());
         let mut places = (0..=self.size - value.len()).filter(|at| sealed[*at..].starts_with(value));
@@ -56,7 +56,7 @@ impl Object {
         self
     }
 
-    /// As a C structure, and what is asserted of it.
+    /// The C structure with its assertions.
     fn structure(mut self) -> Result<String> {
         self.fields.sort_by_key(|field| field.place.start);
         let mut end = 0;
@@ -90,7 +90,7 @@ pub(super) fn structs() -> Result<String> {
         .collect()
 }
 
-/// A field of a value type, sealed with that one field set.
+/// The fields of a value type, each found by sealing it with only that field set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $what:literal;)*) => {
         $object$(.field(

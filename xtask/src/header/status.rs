@@ -1,4 +1,4 @@
-//! The status words' bits and codes, and the client's verdicts, as C has them.
+//! The status words' bits and codes, and the client's verdicts, for C.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use profile::{
 
 use super::defines;
 
-/// A bit, or the bits of a code: its name, its mask, what it says.
+/// A bit, or the bits of a code: its name, its mask, its meaning.
 type Bits = (&'static str, u16, &'static str);
 
 /// Every status word.
@@ -94,7 +94,7 @@ pub(super) fn words() -> Result<String> {
     Ok(text.concat() + &codes())
 }
 
-/// What the bits of a solution's age mean.
+/// The meaning of the bits of a solution's age.
 fn ages() -> Result<String> {
     let code = |age_ms| GpsStatus::new().with_solution_age_ms(age_ms).bits() >> 10;
     ensure!(code(Some(u32::from(GpsStatus::AGE_STEP_MS))) == 1, "the age of a solution has another step");
@@ -214,7 +214,7 @@ pub(super) fn verdicts() -> String {
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
-/// A command's name and what it does.
+/// A command's name and effect.
 pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
@@ -223,7 +223,7 @@ pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     }
 }
 
-/// The name of a kind of access violation, and what it means.
+/// The name and meaning of a kind of access violation.
 pub(super) fn violation(kind: Violation) -> (&'static str, &'static str) {
     match kind {
         Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),

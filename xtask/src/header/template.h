@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
+ * The flight controller's end of the SSI: it determines what is sent to the DPR, and evaluates the answer.
  *
- * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and the layouts as
- * that crate has them. Do not edit: `cargo xtask lint` fails if this file is not what is generated.
+ * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and that crate's
+ * layouts. Do not edit: `cargo xtask lint` fails if this file differs from the generated one.
  *
  * C11, or C++11 and later. docs/flight-controller.md shows how to wire and use it; this is the short form:
  *
@@ -50,19 +50,19 @@ extern "C" {
 #define HORUS_DPR_PORT_STATUS_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_STATUS_OFFSET)
 
 @layouts@
-/* ---- objects as they lie on the wire: everything little-endian, but the CRCs, which are big-endian ---- */
+/* ---- objects on the wire: everything is little-endian except the CRCs, which are big-endian ---- */
 
 @wire@
 /* ---- bits and codes of the status words ---- */
 
 @status@
-/* ---- what the client says ---- */
+/* ---- the client's report ---- */
 
 @verdicts@
-/* What is in the place of an object, or why an argument was refused. */
+/* The content of an object's place, or the reason why an argument was refused. */
 typedef enum {
     HORUS_DPR_OK = 0,           /* the object, intact; the argument was accepted */
-    HORUS_DPR_VACANT = 1,       /* nothing: 0x00 or 0xFF throughout */
+    HORUS_DPR_VACANT = 1,       /* the place is vacant: every byte is 0x00 or 0xFF */
     HORUS_DPR_LENGTH = 2,       /* it was not read, or not whole; there is no such object */
     HORUS_DPR_CRC = 3,          /* damaged: the frame CRC does not match */
     HORUS_DPR_POSITION_CRC = 4, /* the frame CRC matches, that over latitude and longitude does not */
@@ -71,7 +71,7 @@ typedef enum {
     HORUS_DPR_COMMAND = 7       /* a command that the DPR does not know, or whose reserved bytes are not zero */
 } horus_dpr_result_t;
 
-/* Values of Reported-Position, or of a receiver. What is not known is NaN. */
+/* Values of Reported-Position, or of a receiver. An unknown value is NaN. */
 typedef struct {
     uint32_t timestamp;    /* ms since HORUS start, wraps; +10 in each cycle */
     uint16_t status;       /* HORUS_DPR_REPORTED_..., or HORUS_DPR_GPS_... for a receiver's */
@@ -81,22 +81,22 @@ typedef struct {
     float pitch;           /* rad, nose up positive */
     float yaw;             /* rad, clockwise from true north */
     float roll;            /* rad, right side down positive */
-    float acceleration[3]; /* m/s2 along front, right, down; gravity removed */
+    float acceleration[3]; /* m/s2 along front, right, down; gravity is removed */
 } horus_dpr_sample_t;
 
-/* Values of Link-Status. Counters count since DPR start and wrap unless they say otherwise. */
+/* Values of Link-Status. Counters count since DPR start and wrap unless stated otherwise. */
 typedef struct {
     uint32_t timestamp;         /* ms since DPR start, wraps */
     uint16_t status;            /* HORUS_DPR_LINK_... */
     uint32_t objects_accepted;  /* objects accepted */
     uint32_t objects_rejected;  /* objects rejected */
     uint32_t frames_received;   /* frames received, accepted or not */
-    uint32_t frames_missed;     /* frames that should have come and did not */
-    uint16_t age_100us;         /* age of Reported-Position when the image was made, 100 us; stays at 65535 */
-    uint16_t access_violations; /* accesses over SSI that were refused; stays at 65535 */
+    uint32_t frames_missed;     /* frames that were due and did not arrive */
+    uint16_t age_100us;         /* age of Reported-Position when the image was made, 100 us; saturates at 65535 */
+    uint16_t access_violations; /* accesses over SSI that were refused; saturates at 65535 */
 } horus_dpr_link_t;
 
-/* Values of Port-Status. Counters of 16 bits stay at 65535, those of 32 wrap. */
+/* Values of Port-Status. Counters of 16 bits saturate at 65535, those of 32 wrap. */
 typedef struct {
     uint32_t timestamp;                        /* ms since DPR start, wraps */
     uint16_t status;                           /* HORUS_DPR_PORT_... */
@@ -104,42 +104,42 @@ typedef struct {
     uint32_t commands_carried_out;             /* commands that were carried out */
     uint32_t last_command_timestamp;           /* timestamp of the last of them, ms; 0 if there was none */
     uint32_t last_command;                     /* its word; 0 if there was none */
-    uint16_t base_station_age_ms;              /* since the base station's last uplink, ms; 65535: long ago or never */
-    uint16_t flight_controller_age_ms;         /* since the flight controller's last uplink, likewise */
+    uint16_t base_station_age_ms;              /* age of the base station's last uplink, ms; 65535: long ago or none */
+    uint16_t flight_controller_age_ms;         /* age of the flight controller's last uplink, likewise */
     uint16_t violations[HORUS_DPR_VIOLATIONS]; /* access violations by kind: HORUS_DPR_VIOLATION_... */
     uint16_t integrity_faults;                 /* faults that the round-the-clock check found in images */
     uint16_t flash_passes;                     /* passes of that check over the flash */
     uint16_t stuck_bits;                       /* stuck bits that scrubs found */
     uint16_t buffers_out_of_use;               /* receive buffers and images taken out of use */
-    uint32_t last_stop;                        /* why the DPR was last in its safe state; 0 if it was not */
+    uint32_t last_stop;                        /* reason of the DPR's last safe state; 0 if there was none */
 } horus_dpr_port_t;
 
 /* Values of an uplink as the DPR has stored it. */
 typedef struct {
     uint32_t timestamp;                       /* ms on the writer's clock, wraps */
-    uint16_t status;                          /* as writer and reader have agreed */
-    uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* what the writer says */
+    uint16_t status;                          /* defined by writer and reader */
+    uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* the writer's data */
 } horus_dpr_uplink_t;
 
-/* Bytes of the map. */
+/* A range of bytes of the map. */
 typedef struct {
-    uint16_t offset; /* the first of them */
-    uint16_t length; /* how many */
+    uint16_t offset; /* of the first byte */
+    uint16_t length; /* number of bytes */
 } horus_dpr_window_t;
 
-/* How a client reads, and what it accepts. Fill it with horus_dpr_config, then change what you like. */
+/* The settings of a client. Fill them with horus_dpr_config, then change any of them. */
 typedef struct {
     uint8_t receivers;     /* receivers of the profile: 1, 2, 3 or 5 */
     uint16_t read_bytes;   /* bytes that a transaction reads from the map's start: HORUS_DPR_PREFIX_BYTES or more */
     uint32_t age_limit_us; /* a position older than this is not shown, us */
-    uint32_t silence_us;   /* so long without anything intact is HORUS_DPR_SILENT, us */
+    uint32_t silence_us;   /* the time without intact data after which the DPR is HORUS_DPR_SILENT, us */
 } horus_dpr_config_t;
 
-/* What the client says after a transaction. */
+/* The client's report after a transaction. */
 typedef struct {
-    horus_dpr_verdict_t verdict; /* what the transaction brought */
+    horus_dpr_verdict_t verdict; /* the result of the transaction */
     bool has_position;           /* whether there is a position to fly by; if not, fall back on your own receiver */
-    horus_dpr_sample_t position; /* that position; what is not valid in it is NaN, and its status bit clear */
+    horus_dpr_sample_t position; /* that position; a value that is not valid is NaN, with its status bit clear */
     bool has_status;             /* whether HORUS's status is known, with a valid position or without one */
     uint16_t status;             /* HORUS_DPR_REPORTED_..., of a sample in sequence and not too old; else 0 */
     uint32_t age_us;             /* age of the last intact sample when the transaction began, us; not less than true */
@@ -147,21 +147,21 @@ typedef struct {
     horus_dpr_link_t link;       /* Link-Status, if so */
 } horus_dpr_report_t;
 
-/* A client. Its members are its own: read reports instead. */
+/* A client. Its members are private: read its reports instead. */
 typedef struct {
     horus_dpr_config_t config;
-    horus_dpr_window_t shown;               /* what the transaction that ended last showed */
-    horus_dpr_window_t window;              /* what the next one shows, if it was asked for */
-    horus_dpr_window_t asked;               /* to be asked for in the next one */
-    horus_dpr_window_t sent;                /* asked for, until it is known that the DPR has heard it */
-    uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* to be written, until it is known that the DPR has heard it */
-    horus_dpr_sample_t position;            /* the last sample's values, as far as they may be shown */
+    horus_dpr_window_t shown;               /* window of the last transaction */
+    horus_dpr_window_t window;              /* window of the next one, if it was requested */
+    horus_dpr_window_t asked;               /* window to request in the next one */
+    horus_dpr_window_t sent;                /* request, until it is known to have reached the DPR */
+    uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* object to write, until it is known to have reached the DPR */
+    horus_dpr_sample_t position;            /* the last sample's values, where they may be shown */
     uint64_t last_due_us;                   /* the last sample: the earliest instant at which it could be read */
-    uint64_t last_read_us;                  /* when it was read first */
+    uint64_t last_read_us;                  /* the instant at which it was first read */
     uint32_t last_timestamp;
-    uint32_t last_age_us; /* how old it was then */
-    uint64_t image_us;    /* when an intact Link-Status was last read */
-    uint64_t intact_us;   /* when anything intact was last read, or else when the first transaction began */
+    uint32_t last_age_us; /* its age at that instant */
+    uint64_t image_us;    /* the instant of the last intact Link-Status */
+    uint64_t intact_us;   /* the instant of the last intact data, or else of the first transaction */
     uint32_t image_timestamp;
     uint8_t found; /* samples in a row that were in sequence */
     bool has_window;
@@ -181,16 +181,16 @@ typedef struct {
 /* 96 bytes in each transaction, a position of at most HORUS_DPR_AGE_LIMIT_US. */
 horus_dpr_config_t horus_dpr_config(uint8_t receivers);
 
-/* A client that has read nothing yet. HORUS_DPR_WINDOW, and nothing changed, if there is no profile for so many
- * receivers, or if read_bytes are fewer than HORUS_DPR_PREFIX_BYTES or more than the map has. */
+/* Initialises a client. Returns HORUS_DPR_WINDOW, with nothing changed, if no profile has that number of receivers,
+ * or if read_bytes are fewer than HORUS_DPR_PREFIX_BYTES or more than the map has. */
 horus_dpr_result_t horus_dpr_init(horus_dpr_t *client, const horus_dpr_config_t *config);
 
-/* Asks for bytes of the map: the next transaction asks, the one after it shows them. A request that met a busy DPR is
- * repeated. HORUS_DPR_WINDOW, and nothing is asked for, if it is empty or does not lie in the map. */
+/* Requests bytes of the map in the next transaction; the one after it reads them. A request that met a busy DPR is
+ * repeated. Returns HORUS_DPR_WINDOW, without a request, if the range is empty or does not lie in the map. */
 horus_dpr_result_t horus_dpr_ask(horus_dpr_t *client, uint16_t offset, uint16_t length);
 
-/* Writes an object in the next transaction: one that was sealed here, or one of the base station's, as it is. One that
- * met a busy DPR is written again. HORUS_DPR_CRC, HORUS_DPR_IDENTIFIER or HORUS_DPR_COMMAND, and nothing is written,
+/* Writes an object in the next transaction: one that was sealed here, or one of the base station's, unchanged. One that
+ * met a busy DPR is written again. Returns HORUS_DPR_CRC, HORUS_DPR_IDENTIFIER or HORUS_DPR_COMMAND, without a write,
  * if it is damaged or the DPR would refuse it. */
 horus_dpr_result_t horus_dpr_write(horus_dpr_t *client, const uint8_t object[HORUS_DPR_OBJECT_BYTES]);
 
@@ -201,23 +201,23 @@ void horus_dpr_seal_uplink(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t time
 /* Fills `object` with a command, HORUS_DPR_COMMAND_..., whose timestamp must be later than that of the one before. */
 void horus_dpr_seal_command(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t timestamp, uint32_t word);
 
-/* Fills the first bytes of `mosi` with what the next transaction sends, and says how many bytes are to be clocked. 0,
- * and nothing changed, if `capacity` is too small; HORUS_DPR_MAX_MAP_BYTES always suffice. */
+/* Fills the beginning of `mosi` for the next transaction and returns the number of bytes, all of which must be clocked.
+ * Returns 0, with nothing changed, if `capacity` is too small; HORUS_DPR_MAX_MAP_BYTES always suffice. */
 size_t horus_dpr_begin(horus_dpr_t *client, uint8_t *mosi, size_t capacity);
 
-/* The transaction is over. `miso` is what came back, `bytes` as many as were clocked; none if the bus failed.
- * `began_us` is when chip select fell, `fresh_us` when the last edge of FRESH before that came, or HORUS_DPR_NO_FRESH
- * if the line is not wired: both us on one clock that never goes back. */
+/* Ends the transaction. `miso` is the answer, `bytes` the number of clocked bytes; 0 if the bus failed. `began_us` is
+ * the instant at which chip select fell, `fresh_us` that of the last edge of FRESH before it, or HORUS_DPR_NO_FRESH if
+ * the line is not wired: both in us on one clock that never goes back. */
 void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint64_t began_us, uint64_t fresh_us,
     horus_dpr_report_t *report);
 
-/* ---- what the transaction that ended last brought, object by object; `miso` and `bytes` as for horus_dpr_end ---- */
+/* ---- the last transaction, object by object; `miso` and `bytes` as for horus_dpr_end ---- */
 
 /* Bytes of the map, NULL if they were not all read. */
 const uint8_t *horus_dpr_find(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, size_t offset, size_t length);
 
-/* Link-Status. The values are written with HORUS_DPR_OK only; so below. */
+/* Link-Status. The values are only written with HORUS_DPR_OK, here and below. */
 horus_dpr_result_t horus_dpr_view_link(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_link_t *link);
 
@@ -225,9 +225,9 @@ horus_dpr_result_t horus_dpr_view_link(
 horus_dpr_result_t horus_dpr_view_object(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint8_t index, horus_dpr_sample_t *sample);
 
-/* How old the solution of a receiver, GPS1 to GPS5, was at the tick that its timestamp names: ms since it arrived at
- * HORUS, rounded down to HORUS_DPR_GPS_AGE_STEP_MS, HORUS_DPR_GPS_OLDEST_MS for that or more, HORUS_DPR_NO_SOLUTION if
- * there was none since HORUS's start. Not for Reported-Position. */
+/* The age of a receiver's solution, GPS1 to GPS5, at the tick of its timestamp: ms since it arrived at HORUS, rounded
+ * down to HORUS_DPR_GPS_AGE_STEP_MS, HORUS_DPR_GPS_OLDEST_MS for that or more, HORUS_DPR_NO_SOLUTION if there was none
+ * since HORUS's start. It has no meaning for Reported-Position. */
 uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps);
 
 /* Port-Status. */

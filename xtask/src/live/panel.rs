@@ -1,27 +1,27 @@
-//! The panel: breaks things in the running flight, and shows both boards' logs.
+//! The panel injects faults into the running flight, and shows both boards' logs.
 //!
 //! # Design
 //!
-//! It is on the bench's side of the wire, at an address of its own. Nothing that it does reaches the base station but
-//! by way of what breaks: the bench is told to break a thing as tests tell it, between two pieces of the run
-//! ([`Observer::faults`](bench::sim::Observer::faults)), and the judge learns of it as of every other fault.
+//! It is on the bench's side of the wire, at a separate address. It reaches the base station only through the faults:
+//! the bench gets them as in tests, between two pieces of the run ([`Observer::faults`](bench::sim::Observer::faults)),
+//! and the judge gets them like every other fault.
 //!
-//! **How long.** For so many seconds of flight, or until somebody says so. Either is a chain of episodes of
-//! [`LINK_NS`], each of which begins before the one before ends, so that the judge always knows an end and holds the
-//! link to recover from it; the report counts each. What is to be well again is so within one episode. A supply that is
-//! off comes back when it was said to: two of its episodes would not join without a gap.
+//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. Either is a chain of
+//! episodes of [`LINK_NS`], each of which begins before the one before ends, so that the judge always has an end and
+//! checks the link's recovery from it; the report counts each. A recovery is complete within one episode. A supply that
+//! is off has a fixed end, because two of its episodes would not join without a gap.
 //!
 //! **Hangs.** A firmware starts its watchdog a few milliseconds after its own start; a board that hung before that
-//! would hang for ever. So where a board has just been restarted from the panel, or hangs already, its hang is delayed
+//! would hang for ever. So where a board has just been restarted from the panel, or already hangs, its hang is delayed
 //! until the watchdog runs again. A board without a supply is not made to hang.
 //!
-//! **Who may.** It is a server on this machine, which any page in a browser here can send requests to. So what changes
-//! anything is refused unless the browser says that it comes from this very page (`Origin`, or `Sec-Fetch-Site` where
-//! there is none), and requests by another name of this machine are refused altogether ([`page::guarded`]).
+//! **Access.** It is a server on this machine, to which any page in a browser here can send requests. So a change is
+//! refused unless the browser names this very page as its origin (`Origin`, or `Sec-Fetch-Site` where there is none),
+//! and requests by another name of this machine are refused altogether ([`page::guarded`]).
 //!
 //! | left out | why |
 //! |---|---|
-//! | what `--faults` can draw beyond this | whoever wants one of them among forty buttons would not find it |
+//! | further faults of `--faults` | a user would not find one of them among forty buttons |
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -41,31 +41,31 @@ use bench::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, 
 use bench::sim::AHEAD_NS;
 use serde_json::{Value, json};
 
-/// An episode of a chain lasts so long, virtual ns.
+/// The length of an episode of a chain, virtual ns.
 const LINK_NS: u64 = 1_000_000_000;
 
-/// It is followed by the next when no more than this is left of it, virtual ns: two pieces of the run.
+/// The remaining time at which the next episode begins, virtual ns: two pieces of the run.
 const RENEW_NS: u64 = 2 * super::PIECE;
 
-/// Something can be broken for so long at most, s of flight.
+/// The longest duration of a fault, s of flight.
 const LONGEST: f64 = 600.0;
 
-/// So many lines of the logs are kept.
+/// The number of log lines that are kept.
 const LINES: usize = 1_000;
 
-/// Of frames on the air, so many are lost.
+/// The fraction of frames that are lost on the air.
 const LOST: f64 = 0.4;
 
-/// Of bits on the air, so many are wrong: a frame has about 2000, so of three frames one is whole.
+/// The bit error rate on the air: a frame has about 2000 bits, so about one frame in three survives.
 const BIT_ERROR: f64 = 5e-4;
 
-/// RAM that comes up after a supply was off has noise that follows from this.
+/// The seed of the noise in RAM after a supply was off.
 const NOISE: u64 = 1;
 
-/// A thing that can be broken.
+/// A fault of the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Thing {
-    /// A receiver, from 0, says nothing.
+    /// A receiver, from 0, is silent.
     Silent(usize),
     /// A receiver, from 0, finds no position.
     Jammed(usize),
@@ -77,14 +77,14 @@ enum Thing {
     Field,
     /// A board has no supply.
     Off(Board),
-    /// A board's reset pin is pulled.
+    /// A board's reset pin is pulled low.
     Reset(Board),
     /// A board hangs, and its watchdog restarts it.
     Hang(Board),
 }
 
 impl Thing {
-    /// All that can be broken in a flight with so many receivers.
+    /// All faults of a flight with `receivers` receivers.
     fn all(receivers: usize) -> Vec<Self> {
         let boards = [Board::Horus, Board::Dpr];
         let mut all: Vec<Self> = (0..receivers).flat_map(|of| [Self::Silent(of), Self::Jammed(of)]).collect();
@@ -93,7 +93,7 @@ impl Thing {
         all
     }
 
-    /// A name for programs.
+    /// The fault's name for programs.
     fn code(self) -> String {
         match self {
             Self::Silent(of) => format!("silent-{}", of + 1),
@@ -107,7 +107,7 @@ impl Thing {
         }
     }
 
-    /// How long it can be broken.
+    /// The fault's possible durations.
     const fn how(self) -> How {
         match self {
             Self::Reset(_) | Self::Hang(_) => How::Once,
@@ -136,14 +136,14 @@ impl fmt::Display for Thing {
     }
 }
 
-/// How long a thing can be broken.
+/// The possible durations of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
     /// For a moment.
     Once,
     /// For seconds of flight.
     ForSeconds,
-    /// For seconds of flight, or until somebody says so.
+    /// For seconds of flight, or until the user ends it.
     Lasting,
 }
 
@@ -157,13 +157,13 @@ impl How {
     }
 }
 
-/// A thing that is broken.
+/// A present fault.
 #[derive(Clone, Copy, Debug)]
 struct Broken {
     thing: Thing,
-    /// Until when it is to be, virtual ns; `u64::MAX` until somebody says so.
+    /// The requested end, virtual ns; `u64::MAX` until the user ends it.
     until: u64,
-    /// Until when the bench knows it to be, virtual ns.
+    /// The end of the episodes that the bench has, virtual ns.
     told: u64,
 }
 
@@ -175,37 +175,37 @@ struct Line {
     text: String,
 }
 
-/// What everybody here looks at.
+/// The state that all requests share.
 #[derive(Debug, Default)]
 struct Inner {
     receivers: usize,
-    /// When the run ends, virtual ns.
+    /// The end of the run, virtual ns.
     end_ns: u64,
     now_ns: u64,
     over: bool,
-    /// What is to be broken from the end of this piece of the run on, and for how many ns.
+    /// The faults that begin after this piece of the run, and their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
-    /// From when on HORUS's, and the DPR's, watchdog runs for certain, virtual ns.
+    /// The instants from which HORUS's and the DPR's watchdogs certainly run, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
-    /// Lines that were forgotten.
+    /// The number of lines that were dropped.
     forgotten: u64,
-    /// Lines of which the instant is not known yet.
+    /// Lines whose instant is not known yet.
     unstamped: Vec<(String, String)>,
 }
 
 impl Inner {
-    /// Nothing may be broken from this instant on, so that the run ends in peace, virtual ns.
+    /// The instant from which no fault may begin, so that the run ends undisturbed, virtual ns.
     const fn last_ns(&self) -> u64 {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
 
-    /// What begins after `now`, virtual ns.
+    /// The faults that begin after `now`, virtual ns.
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // What restarts a board comes before what has it hang.
+        // Faults that restart a board come before those that make it hang.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {
@@ -241,7 +241,7 @@ impl Inner {
                 },
             }
         }
-        // What is wrong with the air is one thing: of several episodes the one that began last counts.
+        // The air has one fault at a time: the last begun of several episodes acts.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -269,7 +269,7 @@ impl Inner {
         self.broken.iter().any(|broken| broken.thing == thing && broken.until > now)
     }
 
-    /// What the page shows: with the log's lines from number `from` on.
+    /// The state for the page, with the log's lines from number `from` on.
     fn state(&self, from: u64) -> Value {
         let seconds = |ns: u64| ns as f64 / 1e9;
         let broken = self.broken.iter().map(|broken| {
@@ -288,7 +288,7 @@ impl Inner {
         })
     }
 
-    /// What can be broken, in words.
+    /// The possible faults, as text.
     fn things(&self) -> Value {
         let thing =
             |thing: Thing| json!({ "code": thing.code(), "words": thing.to_string(), "how": thing.how().code() });
@@ -304,27 +304,27 @@ pub(super) struct Panel {
 
 impl Panel {
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // Whoever panicked while looking has changed nothing by halves.
+        // A reader that panicked has left no partial change.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Serves the panel at `address`; `page` is where the base station's page is.
+    /// Serves the panel at `address`; `page` is the address of the base station's page.
     pub(super) fn serve(&self, address: SocketAddr, page: SocketAddr) -> io::Result<Server> {
         let panel = self.clone();
         Server::of(address, |address| router(panel, address, page))
     }
 
-    /// A run of so many receivers begins that ends at `end_ns`.
+    /// Begins a run of `receivers` receivers that ends at `end_ns`.
     pub(super) fn begin(&self, receivers: usize, end_ns: u64) {
         *self.inner() = Inner { receivers, end_ns, ..Inner::default() };
     }
 
-    /// A board logged a line.
+    /// Adds a line of a board's log.
     pub(super) fn log(&self, board: &str, line: &str) {
         self.inner().unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// The run has come this far, virtual ns: so has what was logged.
+    /// Records that the run, and so its log, has come this far, virtual ns.
     pub(super) fn progress(&self, now_ns: u64) {
         let mut inner = self.inner();
         inner.now_ns = now_ns;
@@ -337,17 +337,17 @@ impl Panel {
         }
     }
 
-    /// What begins after `now_ns`, at the end of a piece of the run.
+    /// The faults that begin after `now_ns`, at the end of a piece of the run.
     pub(super) fn faults(&self, now_ns: u64) -> Faults {
         self.inner().faults(now_ns)
     }
 
-    /// Whether the run is to end.
+    /// Whether the run must end.
     pub(super) fn is_over(&self) -> bool {
         self.inner().over
     }
 
-    /// Breaks things as somebody does who presses one button after the other, so many of them together as there are.
+    /// Injects faults as a user does who presses one button after the other, all of them together.
     #[cfg(test)]
     pub(super) fn press(&self, button: usize, ns: Option<u64>) {
         let mut inner = self.inner();
@@ -357,7 +357,7 @@ impl Panel {
         inner.asked.push((thing, ns));
     }
 
-    /// The run is to end.
+    /// Ends the run.
     #[cfg(test)]
     pub(super) fn end(&self) {
         self.inner().over = true;
@@ -392,7 +392,7 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Whether a request comes from a page of this very server, as far as the browser says.
+/// Whether a request comes from a page of this very server, by the browser's headers.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {
@@ -402,7 +402,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// `POST /break?what=CODE&seconds=N`; without seconds until somebody says so.
+/// `POST /break?what=CODE&seconds=N`; without seconds the fault lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();
@@ -426,7 +426,7 @@ async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(qu
     StatusCode::NO_CONTENT.into_response()
 }
 
-/// `POST /well`: nothing is broken any more; with `?what=CODE`, that is not.
+/// `POST /well` ends all faults; with `?what=CODE`, only that one.
 async fn all_well(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

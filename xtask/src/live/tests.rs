@@ -11,11 +11,11 @@ use serde_json::Value;
 
 use super::*;
 
-/// When HORUS's clock begins, s after power-on: it compares its flash with the CRC and sets up for 8 to 9 ms.
+/// The beginning of HORUS's clock, s after power-on: it compares its flash with the CRC and sets up for 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both images for three receivers; nothing, said, where `cargo xtask test` has not built them, and a failure of
-/// the test where the environment has `CI`.
+/// Both images for three receivers; `None`, with a message, where `cargo xtask test` has not built them, and a failure
+/// of the test where the environment has `CI`.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -26,7 +26,7 @@ fn images() -> Option<Images> {
     None
 }
 
-/// The status and the body that an address answers with.
+/// The status and the body of an address's answer.
 fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     let length = "Connection: close\r\nContent-Length: 0";
@@ -37,25 +37,25 @@ fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, St
     (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
 }
 
-/// What the page, or the panel, is told, over HTTP.
+/// The state of the page, or the panel, over HTTP.
 fn state(address: SocketAddr) -> Value {
     let (status, body) = ask(address, "GET", "/state", "");
     assert_eq!(status, 200, "{body}");
     serde_json::from_str(&body).unwrap()
 }
 
-/// A command to the panel, as its own page sends it.
+/// Sends a command to the panel, as its own page does.
 fn command(panel: SocketAddr, path: &str) {
     let (status, body) = ask(panel, "POST", path, &format!("Origin: http://{panel}\r\n"));
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Flies while `watch`, who is told where page and panel are, watches; the run ends when it has seen enough.
+/// Flies while `watch` runs, which gets the addresses of page and panel; the run ends when it returns.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// The same as [`watched`], with this page.
+/// Does the same as [`watched`] with this page.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -80,7 +80,7 @@ fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged()
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // Three messages of three receivers, each at most at the start and every 100 ms from then on.
+    // Three messages of three receivers are each sent at the start, at the earliest, and every 100 ms from then on.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -99,7 +99,7 @@ fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged()
     assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
 }
 
-/// Waits until `wanted` holds of what the page is told.
+/// Waits until `wanted` holds of the page's state.
 fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     let began = Instant::now();
     loop {
@@ -112,7 +112,7 @@ fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     }
 }
 
-/// Nothing is broken any more, and the link has recovered.
+/// Waits until all faults are over and the link has recovered.
 fn calm(page: SocketAddr, panel: SocketAddr) {
     let began = Instant::now();
     while state(panel)["broken"] != serde_json::json!([]) {
@@ -149,7 +149,7 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
         until(page, "bits wrong", |drone| count(drone, "link", "rejected") > before + 20);
         calm(page, panel);
 
-        // Until somebody says so.
+        // The fault lasts until the user ends it.
         command(panel, "/break?what=field");
         until(page, "without a field", |drone| drone["link"]["up"] == false && drone["stale"] == true);
         let broke = state(panel)["now_s"].as_f64().unwrap();
@@ -175,7 +175,7 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
             until(page, what, |drone| drone["link"]["reset"] == reset && drone["stale"] == false);
             calm(page, panel);
         }
-        // What HORUS and the DPR log of that.
+        // HORUS and the DPR log the fault.
         let lines = state(panel)["lines"].clone();
         for board in ["horus", "dpr"] {
             assert!(lines.as_array().unwrap().iter().any(|line| line[1] == board), "{board}: {lines}");
@@ -214,7 +214,7 @@ fn an_uplink_from_the_page_is_written_to_the_dpr_and_shown_so_with_loss() {
             count += drone["uplink"]["times"].as_u64().unwrap();
             shown.push(drone["uplink"]["after_ms"].as_u64().unwrap());
         }
-        // Another page cannot send any.
+        // Another page cannot send uplinks.
         assert_eq!(ask(page, "POST", "/uplink?drone=1&payload=01", "Origin: http://example.org\r\n").0, 403);
     });
     println!("five uplinks in {count} messages, shown as written after {shown:?} ms");
@@ -277,7 +277,7 @@ fn what_the_panel_breaks_is_one_chain_of_episodes_without_a_gap_that_ends_when_i
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // The run ends in peace.
+    // The run ends undisturbed.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");
@@ -300,13 +300,13 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // It hangs, and its watchdog has 190 ms for it.
+    // The board hangs, and its watchdog gets 190 ms for it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
-    // Whoever is restarted with it hangs after that.
+    // A board that is restarted at the same time hangs after that.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
-    // It comes back just as it is to hang.
+    // The supply returns at the instant of the hang.
     assert_eq!(hangs(40, &["hang-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert_eq!(hangs(50, &["hang-dpr"]), [AHEAD_NS]);
 }
@@ -323,7 +323,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The last state that the station pushes, which it does not before its next tick, is on the screen.
+    // The last state that the station pushes at its next tick is on the screen.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -334,8 +334,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The numbers, against where the aircraft was at that time. The position is at most a period of the forwarder's
-    // older than the newest object, which the time is of.
+    // The numbers are compared with the aircraft's position at that time. The position may be up to a period of the
+    // forwarder older than the newest object, whose time is shown.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }
@@ -344,7 +344,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let times = (-25..=6).map(|tick| last + HORUS_STARTS + f64::from(tick) * 0.01);
     let off = times.map(|time| apart(shown, flight.state(time).position)).fold(f64::INFINITY, f64::min);
     assert!(off <= 1.0, "{off} m");
-    // The track that is drawn.
+    // The drawn track is checked, too.
     let drawn = tab.eval("history.filter((point) => point.voted).map((point) => point.voted.slice(0, 2))");
     let drawn: Vec<[f64; 2]> = serde_json::from_value(drawn).unwrap();
     assert!(drawn.len() >= 50, "{} points in 15 s", drawn.len());
@@ -358,7 +358,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     assert_eq!(tab.troubles(), Vec::<String>::new());
 }
 
-/// Somebody who presses buttons of the panel at random.
+/// A user who presses buttons of the panel at random.
 struct Storm {
     panel: Panel,
     rng: Rng,

@@ -1,7 +1,7 @@
-//! Flashing as it is, through the library, to boards of the bench: each board, and each way it goes wrong.
+//! Tests flashing through the library with boards of the bench: each board, and each way in which it goes wrong.
 //!
-//! These run the release images, as the bench's own tests do: `cargo xtask test` builds them and says in LINK_IMAGES
-//! where they are.
+//! The boards run the release images, as in the bench's own tests: `cargo xtask test` builds them and gives their
+//! folder in LINK_IMAGES.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,7 +12,7 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// A board of its own, which is new, and the image for it; `None` (said) where images were not built.
+/// A separate, new board, and the image for it; `None` (reported) where images were not built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -31,7 +31,7 @@ fn args(board: Board, erase_all: bool) -> FlashArgs {
     FlashArgs { board, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
 }
 
-/// Flashes a board and answers what a user sees: nothing, or the error.
+/// Flashes a board and returns the user's output: none, or the error.
 fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(), String> {
     let outcome = flash_elf(&args(board, erase_all), &Found::Bench(on.clone()), elf);
     match outcome {
@@ -61,7 +61,7 @@ fn a_new_dpr_board_is_locked_and_erasing_all_of_it_lets_it_be_written() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // UICR.APPROTECT, behind the flash.
+    // UICR.APPROTECT follows the flash.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -78,7 +78,8 @@ fn a_dpr_board_that_runs_its_firmware_is_written_again_without_erasing_all_of_it
     assert!(holds(&on, &elf, 0));
 }
 
-/// Where the option bytes are in what HORUS's board keeps, and what a new one has there (RM0090, "Option bytes").
+/// The offset of the option bytes in the memory that HORUS's board keeps, and a new one's values (RM0090, "Option
+/// bytes").
 const OPTIONS: usize = 2 << 20;
 const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
 
@@ -91,7 +92,7 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // With the level that was set its firmware runs on.
+        // With the programmed level its firmware keeps running.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);
@@ -183,7 +184,7 @@ impl ProbeFactory for Plugged {
     }
 }
 
-/// So many of them.
+/// A list of several such probes.
 #[derive(Debug)]
 struct Several(usize);
 

@@ -1,16 +1,18 @@
-//! The watchdogs of the boards' images, which no halt stops: what keeps them from resetting a board that a probe holds.
+//! Handles the watchdogs of the boards' images, which no halt stops, so that they do not reset a board in use by a
+//! probe.
 //!
-//! Both images start a watchdog of 100 ms with their first instructions, and it counts on while the core is halted. The
-//! library attaches, and then brings its flash algorithm into RAM, with the core halted for about as long, so that the
-//! watchdog bites in between. The core then runs the image again behind the library's back: a step that it asks for
-//! never ends, and it reports a time-out.
+//! Both images start a watchdog of 100 ms with their first instructions, and it keeps counting while the core is
+//! halted. The library attaches, and then loads its flash algorithm into RAM, with the core halted for about as long,
+//! so that the watchdog resets the part in between. The core then runs the image again without the library's knowledge:
+//! a step that it requests never ends, and it reports a time-out.
 //!
-//! | part | what is done | why |
+//! | part | measure | reason |
 //! |---|---|---|
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | DBGMCU stops it in the first halt | a reset ends it; the image clears the bit (RM0090, 38.16.4) |
 //!
-//! Halting comes first, since an image that runs, or one half written that nothing feeds, would undo the rest.
+//! The halt comes first, because a running image, or a half-written one that does not feed the watchdog, would undo the
+//! rest.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,7 +36,7 @@ use crate::access::chip;
 const HALT: u32 = 0xA05F_0003;
 const S_HALT: u32 = 1 << 17;
 
-/// Register `WDT.RR[0]` of the nRF52840, the one that our image has enabled, and what reloads it.
+/// Register `WDT.RR[0]` of the nRF52840, the one that our image has enabled, and the value that reloads it.
 const RELOAD: u32 = 0x4001_0600;
 const RELOADED: u32 = 0x6E52_4635;
 
@@ -42,10 +44,10 @@ const RELOADED: u32 = 0x6E52_4635;
 const APB1_FREEZE: u64 = 0xE004_2008;
 const IWDG_STOP: u32 = 1 << 12;
 
-/// How often the core is halted anew because the watchdog was just biting: twice in a row is 100 ms apart.
+/// The number of attempts to halt the core, because the watchdog may be resetting it: two resets are 100 ms apart.
 const HALTS: usize = 3;
 
-/// The board's part as the library knows it, with the watchdog seen to.
+/// The library's description of the board's part, with the watchdog handled.
 pub(super) fn target(board: Board) -> Result<Target> {
     let mut target = Registry::from_builtin_families().get_target_by_name(chip(board))?;
     let DebugSequence::Arm(library) = target.debug_sequence else { bail!("{} is no Arm part", chip(board)) };
@@ -53,8 +55,8 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// A probe that feeds the watchdog of an nRF52840 between its transfers, and what ends that; the probe as it is where
-/// the library speaks to it otherwise than in transfers.
+/// A probe that feeds the watchdog of an nRF52840 between its transfers, and the handle that ends that. The probe is
+/// unchanged where the library does not use it in transfers.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -68,7 +70,7 @@ pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feedi
 pub(super) struct Feeding(Arc<AtomicBool>);
 
 impl Feeding {
-    /// Nothing is fed from now on.
+    /// Ends the feeding from now on.
     pub(super) fn end(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
@@ -84,19 +86,20 @@ const SELECT: u8 = 0x8;
 const SIZE: u32 = 7;
 const WORD: u32 = 2;
 
-/// The watchdog is fed once in so many writes of TAR, each of which comes with one transfer of data and more: at 1 ms
-/// for each of a probe's commands every 40 ms and more, and within 100 ms.
+/// The number of writes of TAR after which the watchdog is fed once. Each comes with at least one transfer of data: at
+/// 1 ms for each of a probe's commands every 40 ms and more, and within 100 ms.
 const FEED_EVERY: u32 = 16;
 
-/// See [`fed`]. It feeds where the library is about to write TAR of the AHB-AP, so that it has nothing to restore.
+/// The wrapper of [`fed`]. It feeds where the library is about to write TAR of the AHB-AP, so that it has nothing to
+/// restore.
 #[derive(Debug)]
 struct Fed {
     probe: Box<dyn DebugProbe>,
     feeding: Feeding,
-    /// SELECT, once it was written: access port and bank.
+    /// The value of SELECT, once it was written: access port and bank.
     select: Option<u32>,
     is_word: bool,
-    /// Writes of TAR since it was fed.
+    /// The number of writes of TAR since the last feeding.
     passed: u32,
 }
 
@@ -105,7 +108,7 @@ impl Fed {
         self.probe.try_as_dap_probe().expect("asked when it was made")
     }
 
-    /// The library is about to write a register.
+    /// Called before the library writes a register.
     fn writes(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         match (address.is_ap(), register) {
@@ -235,8 +238,8 @@ impl DebugProbe for Fed {
     }
 }
 
-/// The library's sequence for a part, between whose steps the watchdog is seen to. What the library has of its own for
-/// either part is passed on to it; everything else is the default of both.
+/// The library's sequence for a part, with the watchdog handled between its steps. The library's own steps for either
+/// part are called; everything else is the default of both.
 #[derive(Debug)]
 struct Watched {
     board: Board,
@@ -265,7 +268,7 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// The core stays halted from here on until it is let run, instead of for a part of the library's attaching.
+    /// The core stays halted from here on until it is started, instead of during a part of the library's attaching.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,
@@ -279,7 +282,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // A reset in between lets the core run.
+            // A reset in between makes the core run.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

@@ -1,20 +1,20 @@
-//! The flight controller's side: which objects go when.
+//! The flight controller's side: it chooses which objects are sent when.
 //!
 //! # Design
 //!
 //! A radio carries less than HORUS sends: 100 profiles of 244 bytes a second are 24 kB/s, a telemetry radio carries 1
-//! to 6. So the forwarder keeps the newest object of each kind and sends what its budget allows, always the newest,
-//! never what is older than something that it has sent.
+//! to 6. So the forwarder keeps the newest object of each kind and sends what its budget allows, always the newest, and
+//! never an object older than one that it has sent.
 //!
-//! - Objects that share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
+//! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
 //!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. None is ever split. A
-//!   place that is vacant is left out, or zeros if it is between others.
-//! - Each message goes once a period. If the budget does not suffice for that, Reported-Position goes before
-//!   every message of the others, which take turns: the position is twice as often new as the fastest receiver.
-//! - What is in the image again is not sent again.
+//!   vacant place is left out, or is zeros if it is between others.
+//! - Each message is sent once a period. If the budget does not suffice for that, Reported-Position is sent before
+//!   every message of the others, which take turns: the position is updated twice as often as the fastest receiver.
+//! - An object that is in the image again is not sent again.
 //!
-//! The budget is a bucket that fills by the bytes per second and holds what a tenth of a second brings, or one message:
-//! so the radio's own queue stays short, and what it sends is not old by then.
+//! The budget is a bucket that fills by the bytes per second and holds what a tenth of a second brings, or one message.
+//! So the radio's own queue stays short, and its data stay recent.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;
@@ -27,32 +27,32 @@ use super::standard;
 use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
-/// Which objects share a message: the first of them, and how many.
+/// The objects that share a message: the first of them, and their number.
 const UNITS: [(Place, usize); 5] =
     [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
 
 /// The longest message, bytes: its frame and a full TUNNEL.
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
-/// HEARTBEAT goes once a second, as the protocol has it, µs.
+/// The interval of HEARTBEAT, µs: once a second, as the protocol specifies.
 const HEARTBEAT_US: u64 = 1_000_000;
 
-/// HEARTBEAT says HORUS's state for so long after the last new Reported-Position, µs.
+/// The time after the last new Reported-Position for which HEARTBEAT reports HORUS's state, µs.
 const FRESH_US: u64 = 1_000_000;
 
-/// How much is sent.
+/// The rates of sending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
-    /// Bytes per second over the link, at least 100.
+    /// The bytes per second over the link, at least 100.
     pub bytes_per_s: u32,
-    /// From one message of a kind to the next at the earliest, µs.
+    /// The shortest time from one message of a kind to the next, µs.
     pub period_us: u64,
-    /// From one standard position to the next, µs; none are sent if it is 0, nor HEARTBEAT. Ground stations show them
-    /// beside what the vehicle says of itself, so whoever wants that says so.
+    /// The time from one standard position to the next, µs; if it is 0, neither those nor HEARTBEAT are sent. Ground
+    /// stations show them beside the vehicle's own position, so they must be enabled explicitly.
     pub standard_us: u64,
 }
 
-/// 10 Hz within 3 kB/s, and no standard messages.
+/// The default is 10 Hz within 3 kB/s, without standard messages.
 impl Default for Rates {
     fn default() -> Self {
         Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }
@@ -63,7 +63,7 @@ impl Default for Rates {
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     bytes: [u8; ReportedPosition::SIZE],
-    /// They were not sent yet.
+    /// Whether they were not sent yet.
     fresh: bool,
 }
 
@@ -75,18 +75,19 @@ pub struct Forwarder {
     rates: Rates,
     signer: Option<Signer>,
     newest: [Option<Newest>; Place::COUNT],
-    /// When each unit is due: one period after it was due last, however late it then went.
+    /// The instant at which each unit is due: one period after its last due instant, however late it was sent.
     due_us: [u64; UNITS.len()],
-    /// Reported-Position went last, so it is the others' turn.
+    /// Whether Reported-Position was sent last, so that another unit is next.
     others_turn: bool,
-    /// Bytes that may be sent, in millionths, and when that was so.
+    /// The bytes that may be sent, in millionths, and the instant of that value.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
-    /// A new Reported-Position was offered since the last poll; and when the last poll was that found one.
+    /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll that found
+    /// one.
     reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,
-    /// Of the flight controller's component, and of the one for standard messages.
+    /// The sequence numbers of the flight controller's component, and of the one for standard messages.
     sequences: [u8; 2],
 }
 
@@ -111,14 +112,14 @@ impl Forwarder {
         }
     }
 
-    /// Signs all that it sends.
+    /// Signs everything that it sends.
     #[must_use]
     pub fn signed(mut self, signer: Signer) -> Self {
         self.signer = Some(signer);
         self
     }
 
-    /// Takes what was read of the DPR: objects as they are, none of them judged. What is vacant replaces nothing.
+    /// Takes what was read from the DPR: objects as they are, without judging them. A vacant one replaces nothing.
     pub fn offer(&mut self, bundle: &Bundle<'_>) {
         for (place, from) in bundle.objects() {
             if matches!(place.judge(from), Shown::Vacant) {
@@ -137,8 +138,8 @@ impl Forwarder {
         }
     }
 
-    /// The next message that may go at `now_us`, µs of a clock that does not go back; to be called until there is none.
-    /// `unix_us`, µs since 1970, is for signatures alone.
+    /// The next message that may be sent at `now_us`, µs of a clock that does not go back; to be called until there is
+    /// none. `unix_us`, µs since 1970, is only used for signatures.
     pub fn poll(&mut self, now_us: u64, unix_us: u64) -> Option<Vec<u8>> {
         if std::mem::take(&mut self.reported.0) {
             self.reported.1 = Some(now_us);
@@ -147,7 +148,7 @@ impl Forwarder {
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
         self.bucket = (held.saturating_add(brought).min(most), now_us);
-        // Whatever goes next must fit: otherwise short messages would go before long ones.
+        // The budget must suffice for any message; otherwise short messages would overtake long ones.
         if self.bucket.0 < LONGEST * 1_000_000 {
             return None;
         }
@@ -157,7 +158,7 @@ impl Forwarder {
         Some(bytes)
     }
 
-    /// HEARTBEAT, or a standard message of the newest Reported-Position, if one is due.
+    /// HEARTBEAT, or a standard message with the newest Reported-Position, if one is due.
     fn next_standard(&mut self, now_us: u64) -> Option<Outgoing> {
         let period_us = self.rates.standard_us;
         let due = |last: Option<u64>, period_us| last.is_none_or(|last| now_us.saturating_sub(last) >= period_us);
@@ -186,7 +187,7 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // Of the other messages the one that is due longest.
+        // The other messages are sent in the order of their due instants.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,
@@ -217,7 +218,7 @@ impl Forwarder {
         self.newest[place.index()].is_none()
     }
 
-    /// As on the wire.
+    /// The encoded message.
     fn finish(&mut self, message: Outgoing, unix_us: u64) -> Vec<u8> {
         let (component, which) = match message {
             Outgoing::Tunnel(_) => (self.component, 0),
@@ -244,7 +245,7 @@ impl Forwarder {
     }
 }
 
-/// A message that is to go.
+/// A message to be sent.
 enum Outgoing {
     Standard(MavMessage),
     Tunnel(Tunnel),

@@ -3,12 +3,12 @@
 //! | file | what |
 //! |---|---|
 //! | [`tunnel`] | the message that carries objects |
-//! | [`standard`] | the messages by which any MAVLink tool shows the position |
+//! | [`standard`] | the messages with which any MAVLink tool shows the position |
 //! | [`signing`] | signatures |
-//! | [`forwarder`] | the flight controller's side: which objects go when |
-//! | [`receiver`] | the base station's side: which objects came |
-//! | [`voice`] | what the base station says: HEARTBEAT, uplinks |
-//! | [`inbound`] | the flight controller's side of uplinks: what is to be written, and what is answered |
+//! | [`forwarder`] | the flight controller's side: which objects are sent when |
+//! | [`receiver`] | the base station's side: which objects arrive |
+//! | [`voice`] | the base station's own messages: HEARTBEAT, uplinks |
+//! | [`inbound`] | the flight controller's side of uplinks: which are written, and how they are answered |
 
 pub mod forwarder;
 pub mod inbound;

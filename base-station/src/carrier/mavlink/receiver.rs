@@ -1,9 +1,9 @@
-//! The base station's side: which objects came.
+//! The base station's side: it extracts the arriving objects.
 //!
-//! Whatever else is on the link changes nothing: other messages, other payload types, MAVLink 1, bytes that are no
-//! MAVLink at all. A frame whose checksum does not fit is searched for another one from its second byte on; one whose
-//! signature is not known to be good, from its signature on: a message that was cut off there took the beginning of the
-//! next one for its own end, and its checksum, which comes before, does not tell.
+//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, bytes that are no MAVLink
+//! at all. A frame with a wrong checksum is searched for another one from its second byte on, and one without a known
+//! good signature from its signature on: a message that was cut off there would have taken the beginning of the next
+//! one for its own end, and its checksum, which comes before, does not show it.
 
 use std::fmt;
 
@@ -19,24 +19,24 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// Objects that came in one message.
+/// The objects of one message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// MAVLink's system id: which drone it is.
+    /// MAVLink's system id, which identifies the drone.
     pub system: u32,
-    /// Who sent it.
+    /// The sender's component id.
     pub component: u8,
     tunnel: Tunnel,
 }
 
 impl Received {
-    /// Which drone it is.
+    /// The drone's id.
     #[must_use]
     pub const fn who(&self) -> Who {
         Who::System(self.system)
     }
 
-    /// The system that it is for; 0 is everybody.
+    /// The target system; 0 is all.
     #[must_use]
     pub const fn target(&self) -> u8 {
         self.tunnel.target_system
@@ -54,11 +54,11 @@ impl Received {
 pub struct Counts {
     /// Messages with objects.
     pub tunnels: u64,
-    /// Intact messages that are none of ours.
+    /// Intact messages without objects.
     pub foreign: u64,
-    /// Messages with objects that were refused: not signed, wrongly signed, or recorded and sent again.
+    /// Messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// TUNNEL messages whose payload type or length is none of ours.
+    /// TUNNEL messages with another payload type or length.
     pub malformed: u64,
     /// TUNNEL messages whose checksum does not fit.
     pub bad_crc: u64,
@@ -69,7 +69,7 @@ pub struct Counts {
 /// A receiver of one link. See the [module](self).
 #[derive(Default)]
 pub struct Receiver {
-    /// What a stream brought that is no whole message yet: less than the longest one.
+    /// The start of an incomplete message in a stream: less than the longest one.
     held: Vec<u8>,
     verifier: Option<Verifier>,
     counts: Counts,
@@ -82,19 +82,19 @@ impl fmt::Debug for Receiver {
 }
 
 impl Receiver {
-    /// A receiver; with a verifier it takes nothing that is not signed.
+    /// A receiver; with a verifier it only accepts signed messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Takes a datagram, which holds whole messages. `unix_us`, µs since 1970, is for signatures alone.
+    /// Takes a datagram, which holds whole messages. `unix_us`, µs since 1970, is only used for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // Nothing more will come, so what seems to begin here is no message.
+            // A datagram has no more bytes, so an incomplete message here is none.
             at += 1;
         }
         received
@@ -111,7 +111,7 @@ impl Receiver {
         received
     }
 
-    /// Takes every whole message of `bytes` from `at` on. Answers from where on more bytes are needed.
+    /// Takes every whole message of `bytes` from `at` on. Returns the position from which more bytes are needed.
     fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
         while let Some(candidate) = bytes.get(at..) {
             let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };
@@ -140,7 +140,7 @@ impl Receiver {
         self.counts
     }
 
-    /// The objects in a message, if they are taken; and whether its signature is known to be good.
+    /// The objects in a message, if they are accepted, and whether its signature is known to be good.
     fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
         let Some(received) = received(raw) else {
             let count =
@@ -158,17 +158,17 @@ impl Receiver {
     }
 }
 
-/// What begins at a marker.
+/// The result of parsing at a marker.
 enum Begin {
-    /// More bytes are needed to tell.
+    /// More bytes are needed to decide.
     Short,
-    /// No message; or a TUNNEL whose checksum does not fit.
+    /// It is no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
     /// A message whose checksum fits.
     Message(Box<MAVLinkV2MessageRaw>),
 }
 
-/// What begins with these bytes, the first of which is a marker.
+/// Parses these bytes, the first of which is a marker.
 fn begin(candidate: &[u8]) -> Begin {
     let (Some(payload), Some(flags)) = (candidate.get(PAYLOAD_LEN_OFFSET), candidate.get(INCOMPAT_FLAGS_OFFSET)) else {
         return Begin::Short;
@@ -189,7 +189,7 @@ fn begin(candidate: &[u8]) -> Begin {
     Begin::None { bad_crc: raw.message_id() == Tunnel::ID }
 }
 
-/// The objects in a message, if it is one of ours.
+/// The objects in a message, if it is a TUNNEL with objects.
 fn received(raw: &MAVLinkV2MessageRaw) -> Option<Received> {
     let tunnel = Tunnel::deser(MavlinkVersion::V2, raw.payload()).ok().filter(|_| raw.message_id() == Tunnel::ID)?;
     tunnel.bundle()?;

@@ -1,8 +1,8 @@
 //! MAVLink 2's message signing, with the time as an argument.
 //!
 //! A signature is the first 48 bits of SHA-256 over a secret key, the message, a link's number and a timestamp in units
-//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It says that who sent the message has the key, and by its
-//! timestamp that the message was not recorded and sent again. What objects say of themselves it does not replace.
+//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It proves that the sender has the key, and by its
+//! timestamp that the message was not replayed. It does not replace the objects' own checks.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -13,13 +13,13 @@ use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
 /// 2015-01-01T00:00:00Z, s since 1970.
 const EPOCH_S: u64 = 1_420_070_400;
 
-/// A stream that was not heard before may be so much behind, in units of 10 µs: one minute.
+/// The time by which an unknown stream may be behind, in units of 10 µs: one minute.
 const NEW_STREAM: u64 = 6_000_000;
 
-/// The most streams that are known.
+/// The most streams that are stored.
 const MAX_STREAMS: usize = 4_096;
 
-/// The time of signatures of an instant in µs since 1970.
+/// The signature time of an instant in µs since 1970.
 #[must_use]
 pub const fn timestamp(unix_us: u64) -> u64 {
     unix_us.saturating_sub(EPOCH_S * 1_000_000) / 10
@@ -30,13 +30,13 @@ pub const fn timestamp(unix_us: u64) -> u64 {
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// From its 32 bytes.
+    /// A key from its 32 bytes.
     #[must_use]
     pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// From 64 hexadecimal digits; `None` if it is anything else.
+    /// A key from 64 hexadecimal digits; `None` if it is anything else.
     #[must_use]
     pub fn from_hex(digits: &str) -> Option<Self> {
         let digit = |digit: char| digit.to_digit(16).and_then(|digit| u8::try_from(digit).ok());
@@ -54,7 +54,7 @@ impl fmt::Debug for Key {
     }
 }
 
-/// Signs what is sent over one link.
+/// Signs the messages of one link.
 #[derive(Clone, Debug)]
 pub struct Signer {
     key: Key,
@@ -69,7 +69,8 @@ impl Signer {
         Self { key, link, last: 0 }
     }
 
-    /// Signs a message that was serialised with the flag for it, at `now` ([`timestamp`]). No two have one timestamp.
+    /// Signs a message that was serialised with the flag for it, at `now` ([`timestamp`]). No two get the same
+    /// timestamp.
     pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
         self.last = now.max(self.last + 1);
         *message.signature_link_id_mut() = self.link;
@@ -81,7 +82,7 @@ impl Signer {
     }
 }
 
-/// Believes what is signed with a key, once.
+/// Accepts each signed message once, if its signature is by the given key.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
@@ -96,8 +97,8 @@ impl Verifier {
         Self { key, streams: BTreeMap::new() }
     }
 
-    /// Whether the message is signed with the key, and newer than all of its stream before it. A stream that was not
-    /// heard before is compared with this station's clock alone: one whose clock is ahead must not shut out the others.
+    /// Whether the message is signed with the key, and newer than all of its stream before it. An unknown stream is
+    /// only compared with this station's clock: a sender whose clock is ahead must not shut out the others.
     pub fn verify(&mut self, now: u64, message: &MAVLinkV2MessageRaw) -> bool {
         if message.incompatibility_flags() & IFLAG_SIGNED == 0 {
             return false;

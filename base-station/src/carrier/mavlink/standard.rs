@@ -1,19 +1,18 @@
-//! The standard messages by which any MAVLink tool shows HORUS's position without a plug-in.
+//! The standard messages with which any MAVLink tool shows HORUS's position without a plug-in.
 //!
-//! They come from a component of their own, so that nobody takes them for the flight controller's. They carry no CRC of
-//! HORUS: who must rely on a position looks at the objects. A position that HORUS does not call valid is not in them.
+//! They come from a separate component, so that they are not taken for the flight controller's. They carry no CRC of
+//! HORUS: a user who must rely on a position reads the objects. They only contain positions that HORUS marks as valid.
 //!
-//! | message | what of Reported-Position |
+//! | message | contents from Reported-Position |
 //! |---|---|
 //! | HEARTBEAT | HORUS's state: active only while it monitors; emergency once it has acted; UNINIT without fresh data |
 //! | GPS_RAW_INT | position and fix; accuracies unknown, satellites unknown |
 //! | ATTITUDE | attitude, if it is valid; rates 0 |
 //!
-//! Altitudes: the objects' are above the ellipsoid, MAVLink's above mean sea level. What separates the two (up to
-//! 100 m) is not known here, so `alt` is left 0: evidently wrong rather than wrong by 50 m. The height is in the
-//! objects.
+//! The objects' altitudes are above the ellipsoid, MAVLink's above mean sea level. The separation of the two (up to 100
+//! m) is not known here, so `alt` is left 0: evidently wrong rather than wrong by 50 m. The objects have the height.
 //!
-//! GLOBAL_POSITION_INT is not among them: ground stations take it of any component of a vehicle for the vehicle's own
+//! GLOBAL_POSITION_INT is not sent: ground stations accept it from any component of a vehicle as the vehicle's own
 //! position, and would move the operator's map to an altitude of 0.
 
 use mavlink::dialects::common::{
@@ -22,10 +21,10 @@ use mavlink::dialects::common::{
 };
 use profile::{HorusState, ReportedValues};
 
-/// The component they come from: MAV_COMP_ID_PERIPHERAL, which `minimal.xml` has for devices without parameters.
+/// Their component: MAV_COMP_ID_PERIPHERAL, which `minimal.xml` has for devices without parameters.
 pub const COMPONENT: u8 = 158;
 
-/// HEARTBEAT, which says what state HORUS is in; `None` if nothing fresh says so.
+/// HEARTBEAT, which reports HORUS's state; `None` without fresh data about it.
 #[must_use]
 pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     let system_status = match reported.map(|values| values.status.state()) {
@@ -50,7 +49,7 @@ pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     })
 }
 
-/// Position and attitude, as far as they are valid.
+/// Position and attitude, where they are valid.
 #[must_use]
 pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
     let reported = reported.checked();
@@ -86,7 +85,7 @@ pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
     messages
 }
 
-/// Degrees of a position in units of 10⁻⁷: 180° are 1.8·10⁹, which an i32 holds.
+/// Converts degrees of a position to units of 10⁻⁷: 180° are 1.8·10⁹, which an i32 holds.
 fn degrees_1e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32
 }

@@ -47,7 +47,7 @@ fn offer(forwarder: &mut Forwarder, image: &[u8]) {
     forwarder.offer(&Bundle::datagram(image).unwrap());
 }
 
-/// All that may go now.
+/// Takes all messages that may be sent now.
 fn drain(forwarder: &mut Forwarder, now_us: u64) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| forwarder.poll(now_us, NOW + now_us)).collect()
 }
@@ -135,7 +135,7 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// How often Reported-Position and the rarest GPS object arrive a second, in tenths, and the bytes.
+/// The rates per second of Reported-Position and of the rarest GPS object, in tenths, and the bytes.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -159,7 +159,7 @@ fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     (tenths(counts[1]), tenths(rarest), bytes / SECONDS as usize)
 }
 
-/// The table of decision 17 is what the forwarder does.
+/// The forwarder behaves by the table of decision 17.
 #[test]
 fn the_table_of_rates_in_the_decision_is_right() {
     let text = include_str!("../../../../docs/decisions/0017-carriers-to-the-base-station.md");
@@ -196,7 +196,7 @@ fn a_heartbeat_without_fresh_data_says_so() {
     let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
     let mut states = vec![];
     for second in 0..4 {
-        // HORUS is silent after the first.
+        // HORUS is silent after the first second.
         if second == 0 {
             let status = ReportedStatus::new().with_state(HorusState::EmergencyFired);
             let reported = ReportedValues { status, ..ReportedValues::absent(100) };
@@ -269,7 +269,7 @@ fn what_is_signed_is_believed_once_and_nothing_else_is() {
             assert_eq!(heard(&changed, NOW), 0, "bit {bit}");
         }
     }
-    // Who asks for no signature takes signed messages too.
+    // A receiver without a verifier accepts signed messages too.
     let mut open = Receiver::default();
     assert_eq!(good.iter().map(|frame| open.datagram(NOW, frame).len()).sum::<usize>(), 3);
 }
@@ -312,13 +312,13 @@ fn a_tunnel_of_somebody_else_is_foreign() {
     assert_eq!(Tunnel::ID, 385);
 }
 
-/// What else is on a link.
+/// Other bytes on a link.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         Just(vec![]),
         Just(foreign()),
         prop::collection::vec(any::<u8>(), 0..40),
-        // The beginning of a frame that does not go on.
+        // The beginning of a frame that does not continue.
         prop::collection::vec(any::<u8>(), 0..6).prop_map(|rest| [vec![0xFD], rest].concat()),
     ]
 }
@@ -326,7 +326,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
 
-    /// Among foreign bytes, cut anywhere, every whole message is found, and only those.
+    /// Every whole message is found among foreign bytes that are cut anywhere, and nothing else.
     #[test]
     fn a_stream_is_read_whatever_is_between_and_however_it_is_cut(
         noises in prop::collection::vec(noise(), 1..12),
@@ -342,7 +342,7 @@ proptest! {
                 sent.push(frame);
             }
         }
-        // What seemed to be a long frame is told from one when enough has followed.
+        // A false start of a long frame is recognised once enough bytes have followed.
         line.extend([0; 600]);
         let mut receiver = Receiver::default();
         let mut received = vec![];
@@ -360,7 +360,7 @@ proptest! {
         prop_assert_eq!(received, expected);
     }
 
-    /// Nothing that may arrive stops a receiver.
+    /// No input stops a receiver.
     #[test]
     fn anything_may_arrive(datagrams in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..600), 0..20)) {
         let mut receiver = Receiver::new(Some(Verifier::new(key(1))));
@@ -385,8 +385,9 @@ fn every_layout_is_forwarded_in_whole_objects() {
     }
 }
 
-/// What pymavlink 2.4.50 sends (`common.tunnel_send` of system 42, component 1, link 5, key 0, 1, … 31) of the objects
-/// that this crate sealed, plain and signed; it read TUNNEL and the standard messages of [`Forwarder`] as they are.
+/// The messages that pymavlink 2.4.50 sends (`common.tunnel_send` of system 42, component 1, link 5, key 0, 1, … 31)
+/// with the objects that this crate sealed, plain and signed; it read TUNNEL and the standard messages of [`Forwarder`]
+/// correctly.
 const PYMAVLINK: [&str; 2] = [
     "fd650000002a0181010000c40000608517000000440300a802000000000000aa0000000000000032000000ca41fd64a4\
      06000000481b016036cd9de4bf47406416fd9e9a752140a91a7e7dec2e166455ac8040cdcc4cbdcfa2f63fcdcc4c3e00\

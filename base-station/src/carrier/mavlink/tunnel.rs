@@ -1,8 +1,8 @@
-//! The message that carries objects: TUNNEL, with a payload type of the private range.
+//! TUNNEL, the message that carries objects, with a payload type of the private range.
 //!
 //! The `mavlink` crate's own TUNNEL has the registered payload types as an enumeration, and refuses all others, so the
-//! message is laid out here once more; framing, CRC and signature are that crate's. Layout, identifier 385 and
-//! CRC_EXTRA 147 are those of `common.xml`, and a test compares both.
+//! message is laid out again here; framing, CRC and signature are that crate's. Layout, identifier 385 and CRC_EXTRA
+//! 147 are those of `common.xml`, and a test compares both.
 
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::ParserError;
@@ -17,7 +17,7 @@ pub const PRIVATE: u16 = 0x8000;
 /// The most bytes that one message carries.
 pub const MAX_PAYLOAD: usize = 128;
 
-/// The payload type of a message whose first object is this one: its identifier, with [`PRIVATE`] set.
+/// The payload type of a message with this first object: its identifier, with [`PRIVATE`] set.
 #[must_use]
 pub fn payload_type(first: Place) -> Option<u16> {
     first.identifier().map(|identifier| PRIVATE | identifier.0)
@@ -26,20 +26,20 @@ pub fn payload_type(first: Place) -> Option<u16> {
 /// A TUNNEL message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tunnel {
-    /// What the payload is.
+    /// The type of the payload.
     pub payload_type: u16,
-    /// 0 for everybody.
+    /// The target system; 0 is all.
     pub target_system: u8,
-    /// 0 for everybody.
+    /// The target component; 0 is all.
     pub target_component: u8,
-    /// As many bytes of `payload` are used.
+    /// The number of used bytes of `payload`.
     pub length: u8,
-    /// The payload, and zeros behind it.
+    /// The payload, followed by zeros.
     pub payload: [u8; MAX_PAYLOAD],
 }
 
 impl Tunnel {
-    /// The message to everybody that carries these objects; `None` if they are more than [`MAX_PAYLOAD`] bytes.
+    /// The message to all that carries these objects; `None` if they are more than [`MAX_PAYLOAD`] bytes.
     #[must_use]
     pub fn of(bundle: &Bundle<'_>) -> Option<Self> {
         let (first, _) = bundle.objects().next()?;
@@ -51,7 +51,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// The objects it carries; `None` if it is not of ours. Whether they are intact is not for the carrier to say.
+    /// The objects that it carries; `None` if it has another payload type. The carrier does not judge whether they are
+    /// intact.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);
@@ -73,14 +74,14 @@ impl MessageData for Tunnel {
         let (to_head, to_payload) = payload[..Self::ENCODED_LEN].split_at_mut(head.len());
         to_head.copy_from_slice(&head);
         to_payload.copy_from_slice(&self.payload);
-        // MAVLink 2 does not send trailing zeros, but always the first byte.
+        // MAVLink 2 omits trailing zeros, but never the first byte.
         let used = payload[..Self::ENCODED_LEN].iter().rposition(|byte| *byte != 0);
         used.map_or(1, |last| last + 1)
     }
 
     fn deser(_version: MavlinkVersion, input: &[u8]) -> Result<Self, ParserError> {
         let mut whole = [0; Self::ENCODED_LEN];
-        // What a later version may have added behind is not looked at.
+        // Fields that a later version may have appended are ignored.
         let given = input.len().min(whole.len());
         whole[..given].copy_from_slice(&input[..given]);
         let [low, high, target_system, target_component, length, payload @ ..] = whole;

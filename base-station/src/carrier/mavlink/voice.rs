@@ -1,25 +1,25 @@
-//! What a base station itself sends: HEARTBEAT, and uplink objects for drones. Neither unless it is told to.
+//! The base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
 //!
 //! # Design
 //!
-//! **HEARTBEAT**, once a second. An autopilot that sends only where it has heard something, or MAVLink 2 only to who
-//! speaks it, sends to a station that listens once it hears this. It must not look like a ground station that can fly:
-//! both PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by default) hold their failsafe for a lost
-//! ground station off while they hear one. So its type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`]. It
-//! goes to every serial line, and of UDP to whoever was heard there within [`HEARD_US`] and where it was told to.
+//! **HEARTBEAT** goes out once a second. An autopilot that only sends to known peers, or MAVLink 2 only to peers that
+//! use it, starts sending to a listening station once it receives this. The station must not look like a ground station
+//! that can fly: PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by default) both hold back their
+//! failsafe for a lost ground station while they receive one. So its type is MAV_TYPE_ONBOARD_CONTROLLER, and its
+//! system id [`SYSTEM`]. It goes to every serial line and, over UDP, to every peer received there within [`HEARD_US`]
+//! and to configured addresses.
 //!
-//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which the DPR wants to be newer
-//! than that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR
-//! says has
-//! come back, or [`GIVES_UP_US`] have passed. What comes back is Port-Status and the uplink that the DPR shows:
+//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which must be newer than that of
+//! the one before for the DPR to store it. It is sent to its drone, signed, every [`AGAIN_US`], until the DPR's state
+//! has come back, or [`GIVES_UP_US`] have passed. Port-Status and the uplink that the DPR shows come back:
 //!
 //! | came back | the uplink is |
 //! |---|---|
 //! | the object that was sent | [written](State::Written): the DPR has stored it |
-//! | Port-Status without it, later than [`ANSWERS_US`] after it was sent first | [refused](State::Refused), and why |
+//! | Port-Status without it, later than [`ANSWERS_US`] after it was sent first | [refused](State::Refused), with the reason |
 //! | nothing | [sent](State::Sent), at last [unanswered](State::Unanswered) |
 //!
-//! The answer to an uplink before may be under way yet; hence the second row waits. Written counts whenever it comes.
+//! The answer to an earlier uplink may still be under way, so the second row waits. Written counts whenever it comes.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -35,48 +35,48 @@ use super::signing::{self, Signer};
 use super::tunnel::Tunnel;
 use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
 
-/// The station's system id unless it has another one: not 255, by which ArduPilot knows its ground station.
+/// The station's default system id: not 255, by which ArduPilot recognises its ground station.
 pub const SYSTEM: u8 = 254;
 
 /// The station's component id, MAV_COMP_ID_ONBOARD_COMPUTER.
 pub const COMPONENT: u8 = 191;
 
-/// From one HEARTBEAT to the next, µs.
+/// The interval of HEARTBEAT, µs.
 pub const HEARTBEAT_US: u64 = 1_000_000;
 
-/// Who was heard over UDP within this time is sent HEARTBEAT, µs.
+/// The time since the last message from a UDP peer within which it gets HEARTBEAT, µs.
 pub const HEARD_US: u64 = 10_000_000;
 
-/// At most this many of those who are heard over UDP are sent HEARTBEAT.
+/// The most UDP peers that get HEARTBEAT.
 pub const MAX_HEARERS: usize = 64;
 
-/// From one sending of an uplink to the next, µs.
+/// The interval at which an uplink is sent again, µs.
 pub const AGAIN_US: u64 = 250_000;
 
-/// After so long an uplink is not sent again, µs.
+/// The time after which an uplink is no longer sent again, µs.
 pub const GIVES_UP_US: u64 = 5_000_000;
 
-/// What comes back so long after the first sending, µs, is no answer to an uplink before.
+/// The time after the first sending from which on an answer cannot belong to an earlier uplink, µs.
 pub const ANSWERS_US: u64 = 1_000_000;
 
-/// The last uplink is kept for at most this many drones.
+/// The most drones for which the last uplink is kept.
 pub const MAX_SENDINGS: usize = 64;
 
-/// What became of an uplink.
+/// The state of an uplink.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It was sent; what became of it is not known yet.
+    /// It was sent; its outcome is not known yet.
     Sent,
-    /// The DPR has stored it: what it shows came back.
+    /// The DPR has stored it and shows it.
     Written,
-    /// The DPR has not stored it; why, as far as Port-Status tells, in words.
+    /// The DPR has not stored it; the text has the reason, where Port-Status gives one.
     Refused(String),
-    /// It was sent in vain: nothing came back.
+    /// It was sent, and no answer came.
     Unanswered,
 }
 
 impl State {
-    /// A name for programs.
+    /// The state's name for programs.
     #[must_use]
     pub const fn code(&self) -> &'static str {
         match self {
@@ -87,7 +87,7 @@ impl State {
         }
     }
 
-    /// Why it was refused, if it was.
+    /// The reason why it was refused, if it was.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         match self {
@@ -97,14 +97,14 @@ impl State {
     }
 }
 
-/// What is known of an uplink since now.
+/// A change of an uplink's state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Told {
-    /// To which drone.
+    /// The target drone.
     pub drone: DroneId,
     /// The object.
     pub uplink: Uplink,
-    /// What became of it.
+    /// The new state.
     pub state: State,
 }
 
@@ -113,26 +113,26 @@ pub struct Told {
 pub struct Sending {
     /// The object.
     pub uplink: Uplink,
-    /// When it was sent first, µs.
+    /// The instant at which it was sent first, µs.
     pub since_us: u64,
-    /// How often it was sent.
+    /// The number of times that it was sent.
     pub times: u32,
-    /// What became of it.
+    /// The state.
     pub state: State,
-    /// When that was known, µs; before that, when it was sent last.
+    /// The instant at which the outcome was known, µs; before that, of the last sending.
     pub at_us: u64,
-    /// What Port-Status said first after it was sent.
+    /// The first Port-Status after it was sent.
     first: Option<PortValues>,
 }
 
-/// Why an uplink is not sent.
+/// The reason why an uplink is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotSent {
-    /// This station sends none.
+    /// This station sends no uplinks.
     NotAllowed,
     /// There is no such drone.
     UnknownDrone,
-    /// The drone is not heard by MAVLink, so there is no way to it.
+    /// The drone is not received by MAVLink, so it cannot be reached.
     NoWay,
     /// Uplinks to [`MAX_SENDINGS`] other drones are under way.
     TooMany,
@@ -149,7 +149,7 @@ impl std::fmt::Display for NotSent {
     }
 }
 
-/// Where a message goes: which line, and which address of it if it has such.
+/// A message's destination: a line, and an address of it if it has addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct To {
     /// The line's number; `None` is every line without addresses.
@@ -158,17 +158,17 @@ pub struct To {
     pub address: Option<SocketAddr>,
 }
 
-/// HEARTBEAT, and to whom.
+/// The receivers of HEARTBEAT.
 #[derive(Debug, Default)]
 struct Heartbeat {
-    /// Always.
+    /// The configured addresses.
     to: Vec<SocketAddr>,
-    /// Line and address of who was heard, and when last, µs.
+    /// Line and address of each received peer, and the instant of its last message, µs.
     heard: BTreeMap<(u16, SocketAddr), u64>,
     last_us: Option<u64>,
 }
 
-/// What a station says. See the [module](self).
+/// The messages of a station. See the [module](self).
 #[derive(Debug)]
 pub struct Voice {
     system: u8,
@@ -176,27 +176,27 @@ pub struct Voice {
     signer: Option<Signer>,
     heartbeat: Option<Heartbeat>,
     uplinks: Option<BTreeMap<DroneId, Sending>>,
-    /// The timestamp of the uplink that was sealed last, ms.
+    /// The timestamp of the last sealed uplink, ms.
     sealed: Option<u32>,
-    /// What nobody has taken yet of what became of uplinks.
+    /// Changes of uplinks' states that were not taken yet.
     told: Vec<Told>,
 }
 
 impl Voice {
-    /// A station with this system id that says nothing; what it is told to say it signs if there is a signer.
+    /// A station with this system id that sends nothing yet; a signer signs its messages.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
     }
 
-    /// It says HEARTBEAT, to these addresses too.
+    /// Enables HEARTBEAT, also to these addresses.
     #[must_use]
     pub fn with_heartbeat(mut self, to: Vec<SocketAddr>) -> Self {
         self.heartbeat = Some(Heartbeat { to, ..Heartbeat::default() });
         self
     }
 
-    /// It sends uplinks, if it can sign them.
+    /// Enables uplinks, if it can sign them.
     #[must_use]
     pub fn with_uplinks(mut self) -> Self {
         self.uplinks = self.signer.is_some().then(BTreeMap::new);
@@ -209,7 +209,7 @@ impl Voice {
         self.uplinks.is_some()
     }
 
-    /// Something came from this address over this line of MAVLink datagrams.
+    /// Records a message from this address over this line of MAVLink datagrams.
     pub fn heard(&mut self, line: u16, from: SocketAddr, at_us: u64) {
         let Some(Heartbeat { heard, .. }) = &mut self.heartbeat else { return };
         if heard.len() >= MAX_HEARERS {
@@ -220,11 +220,11 @@ impl Voice {
         }
     }
 
-    /// Has an uplink sent to a drone, in place of the one before if that is under way. Answers its timestamp, ms.
+    /// Sends an uplink to a drone, in place of an earlier one that is under way. Returns its timestamp, ms.
     ///
     /// # Errors
     ///
-    /// If it cannot be sent.
+    /// The uplink cannot be sent.
     pub fn send(
         &mut self,
         now_us: u64,
@@ -241,7 +241,7 @@ impl Voice {
             let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
             uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
         }
-        // The low 32 bits: they wrap every 50 days, and the DPR compares them as such.
+        // The low 32 bits wrap every 50 days, and the DPR's comparison allows for it.
         let now_ms = (now_us / 1_000) as u32;
         let timestamp = match self.sealed {
             Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
@@ -261,12 +261,12 @@ impl Voice {
         self.uplinks.as_ref()?.get(&drone)
     }
 
-    /// What has become of uplinks since this was last called, in its order.
+    /// Takes the changes of uplinks' states since the last call, in order.
     pub fn take_told(&mut self) -> Vec<Told> {
         std::mem::take(&mut self.told)
     }
 
-    /// What is to be sent at `now_us`, µs since 1970, and to where; looks at what has come back of uplinks.
+    /// The messages to send at `now_us`, µs since 1970, with their destinations; also evaluates the answers to uplinks.
     pub fn tick(&mut self, now_us: u64, fleet: &Fleet) -> Vec<(To, Vec<u8>)> {
         let mut out = vec![];
         for to in self.heartbeat_due(now_us) {
@@ -291,7 +291,7 @@ impl Voice {
         out
     }
 
-    /// To whom HEARTBEAT is due now.
+    /// The destinations to which HEARTBEAT is due now.
     fn heartbeat_due(&mut self, now_us: u64) -> Vec<To> {
         let Some(Heartbeat { to, heard, last_us }) = &mut self.heartbeat else { return vec![] };
         if last_us.is_some_and(|last_us| now_us.saturating_sub(last_us) < HEARTBEAT_US) {
@@ -345,7 +345,7 @@ impl Voice {
 }
 
 impl Sending {
-    /// Looks at what has come back by `now_us`. Answers whether it is to be sent (again).
+    /// Evaluates the answers by `now_us`. Returns whether the uplink must be sent (again).
     fn look(&mut self, now_us: u64, fleet: &Fleet, drone: DroneId) -> bool {
         let Some(heard) = fleet.get(drone) else { return false };
         let came_back = heard.uplink() == Some(&self.uplink);
@@ -375,7 +375,7 @@ impl Sending {
     }
 }
 
-/// Why the DPR has not stored an uplink, as far as it can be seen from what it said first and what it says now.
+/// The reason why the DPR has not stored an uplink, from its first Port-Status and its present one.
 fn why(first: &PortValues, now: &PortValues) -> String {
     let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
     let words = |kind: &Violation| match kind {
@@ -393,7 +393,7 @@ fn why(first: &PortValues, now: &PortValues) -> String {
     }
 }
 
-/// The MAVLink system id by which a drone can be reached.
+/// The MAVLink system id under which a drone can be reached.
 fn system_of(drone: DroneId) -> Option<u8> {
     match drone.who {
         Who::System(system) => u8::try_from(system).ok(),

@@ -1,21 +1,21 @@
-//! The page: what the station knows, in a browser.
+//! The page: the station's state in a browser.
 //!
 //! # Design
 //!
-//! **Read-only.** There is nothing to write but the pace of a playback, where one is played back, and an uplink to a
-//! drone, where the station was started so that it sends them ([`voice`](crate::carrier::mavlink::voice)).
-//! Whoever may open the page may see every drone; by default that is this machine alone.
+//! **Read-only.** Only the pace of a playback can be written, where one is played back, and an uplink to a drone, where
+//! the station was started with uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user who may open the
+//! page sees every drone; by default it is reachable only from this machine.
 //!
-//! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
-//! ones, since a state is made when the connection can take it. So a connection holds one state, and no queue grows.
-//! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A
-//! browser allows six connections to one host, so all its tabs share one, which brings a state for each drone that is
-//! looked at (`stream.js`).
+//! **Pushed.** Server-sent events come at most every [`PUSH`], each with a whole state: a slow reader gets fewer, never
+//! old ones, because a state is made when the connection can accept it. So a connection holds one state, and no queue
+//! grows. The first state of a connection includes the drone's last ten minutes ([`history`](super::history)), at most
+//! 150 kB. A browser allows six connections to one host, so all its tabs share one, which carries a state for each
+//! displayed drone (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
 //! Requests whose Host is not this machine's name, or an address in numbers where the station listens on another
-//! address, are refused, so that no foreign page reaches it through a name that it lets point here; and what changes
-//! something is taken of this page alone.
+//! address, are refused, so that no foreign page reaches it through a name that resolves to this machine. Requests that
+//! change something are accepted only from this page.
 
 mod state;
 #[cfg(test)]
@@ -46,48 +46,48 @@ use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::NotSent;
 use state::With;
 
-/// From one state to the next at least: a screen's refresh.
+/// The shortest time from one state to the next: a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
 
-/// The list of all drones goes with a state at most so often.
+/// The shortest interval at which a state includes the list of all drones.
 pub const LIST: Duration = Duration::from_millis(500);
 
-/// A browser that has lost the station tries again after so long.
+/// The time after which a browser that has lost the station tries again.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// How many drones can be asked for over one connection; a state for each is made in turn.
+/// The most drones that can be requested over one connection; their states are sent in turn.
 pub const MAX_ASKED: usize = 16;
 
-/// So many browsers may watch at once; further ones are told to come later.
+/// The most browsers that may watch at once; further ones are refused until later.
 pub const MAX_WATCHERS: usize = 256;
 
-/// What the browser may load: what comes from here, and nothing else.
+/// The browser's loading policy: only content from this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Who may open a page.
+/// The access rights to a page.
 #[derive(Clone, Debug)]
 pub struct Access {
     local: bool,
-    /// What a request has to say of itself.
+    /// The login that a request must contain.
     login: Option<String>,
 }
 
 impl From<SocketAddr> for Access {
-    /// Whoever reaches this address.
+    /// Access for every client that reaches this address.
     fn from(address: SocketAddr) -> Self {
         Self { local: address.ip().is_loopback(), login: None }
     }
 }
 
 impl Access {
-    /// Only who logs in with `user:password` (HTTP's Basic, which does not hide it: TLS is for a proxy before it).
+    /// Access only with the login `user:password` (HTTP's Basic, which does not hide it: TLS is for a proxy before it).
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
     }
 
-    /// Whether the request says what it has to; the time it takes does not tell how much of it was right.
+    /// Whether the request has the login; the duration of the check does not reveal how much of it was right.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let Some(login) = &self.login else { return true };
         let said = text(headers, header::AUTHORIZATION).unwrap_or_default();
@@ -96,7 +96,7 @@ impl Access {
     }
 }
 
-/// What every request needs.
+/// The state that every request needs.
 #[derive(Clone)]
 struct Page {
     station: Station,
@@ -104,8 +104,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// The page of a station, for whoever has `access`; with a player its pace can be set. Uplinks can be sent if the
-/// station sends them by now.
+/// The page of a station, for clients with `access`; a player's pace can be set. Uplinks can be sent if the station has
+/// them enabled by now.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
@@ -125,7 +125,7 @@ pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<A
     guarded(router.with_state(page), access)
 }
 
-/// These pages, for whoever has `access`, with what every page here has: other hosts' names are refused, and every
+/// Guards these pages with `access` and the common rules of every page here: other hosts' names are refused, and every
 /// answer has the content security policy.
 pub fn guarded(router: Router, access: impl Into<Access>) -> Router {
     router.layer(middleware::from_fn_with_state(access.into(), guard))
@@ -135,7 +135,7 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
-/// Refuses other hosts' names and who has no access, and sets the headers that every answer has.
+/// Refuses other hosts' names and clients without access, and sets the headers that every answer has.
 async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let foreign = !request.method().is_safe() && !is_own_page(request.headers());
     if foreign || !is_served_as(access.local, request.headers()) {
@@ -162,8 +162,8 @@ fn text(headers: &HeaderMap, name: impl header::AsHeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or_default())
 }
 
-/// Whether the request is for this page by a name that no foreign page can let point here: that of this machine, and
-/// where the page is not for this machine alone, any address in numbers.
+/// Whether the request names this page in a way that a foreign page cannot make resolve here: by this machine's name
+/// or, where the page is not for this machine alone, by an address in numbers.
 fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
@@ -172,7 +172,7 @@ fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
 }
 
-/// Whether what would change something is asked for by this page, or by no browser. A browser says which site asks.
+/// Whether a change is requested by this page, or by no browser. A browser names the requesting site.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
@@ -215,7 +215,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         if round.next == 0 {
             if round.listed.is_some() {
                 sleep(PUSH).await;
-                // The station is gone: so is the page's reason.
+                // Without the station the page has no purpose.
                 changes.changed().await.ok()?;
             }
             changes.mark_unchanged();
@@ -227,7 +227,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // What is shown stays, also if nobody asked for it: another drone that comes later does not take its place.
+        // The shown drone stays, even if none was requested: another drone that comes later does not replace it.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
@@ -240,24 +240,24 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// What one connection is told: the drones that were asked for, one after the other.
+/// The states that one connection gets: the requested drones, in turn.
 struct Round {
-    /// At least one.
+    /// The requested drones, at least one.
     drones: Vec<Asked>,
-    /// Whose state is next.
+    /// The index of the drone whose state is next.
     next: usize,
-    /// When the list of all drones went last.
+    /// The instant at which the list of all drones was last sent.
     listed: Option<Instant>,
     with: With,
 }
 
-/// A drone that was asked for; nothing is any drone.
+/// A requested drone; an empty name is any drone.
 struct Asked {
     name: String,
     shown: Option<String>,
 }
 
-/// Which drones the query asks for, each once: any if it asks for none.
+/// The drones that the query requests, each once: any drone if it requests none.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
@@ -272,8 +272,8 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
     names.into_iter().map(asked).collect()
 }
 
-/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Answers how often that was done:
-/// a state that has counted so far is of after it.
+/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Returns the number of such
+/// changes: a state with that count reflects them.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
     if query.is_empty() {
@@ -292,8 +292,8 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
     player.changes().to_string().into_response()
 }
 
-/// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, zeros behind them, and `status=` a number, 0
-/// if there is none. Answers its timestamp; the state says what becomes of it.
+/// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, padded with zeros, and `status=` a number, 0
+/// by default. Returns its timestamp; the page's state then shows the uplink's state.
 async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let query = query.unwrap_or_default();
     let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));

@@ -1,32 +1,32 @@
 "use strict";
-// What the base station pushes, shown. A state that is not followed by another ages here: nothing stays on the screen
-// without how old it is now, whether the drone, the base station or the way between is silent.
+// Shows the states that the base station pushes. The ages of the last state grow here, so the screen never shows data
+// without their present age, whether the drone, the base station or the way between is silent.
 
-const STALE_MS = 400;          // as base_station::drone::STALE_US
-const OLD_MS = 1000;           // as base_station::drone::OLD_US
-const FASTEST = 150;           // m/s: no drone here is faster
-const NEAR = 10000;            // m: other drones within this are on the map
-const LOST_MS = 350;           // without a state for so long the base station is not heard
+const STALE_MS = 400;          // base_station::drone::STALE_US
+const OLD_MS = 1000;           // base_station::drone::OLD_US
+const FASTEST = 150;           // the highest speed of a drone here, m/s
+const NEAR = 10000;            // the distance within which other drones are on the map, m
+const LOST_MS = 350;           // the time without a state after which the base station counts as lost
 const KEPT_MS = 10 * 60 * 1000;
-const SAMPLE_MS = 100;         // history is kept at this rate
+const SAMPLE_MS = 100;         // the interval of the history
 const MAP_POINTS = 6000;
 
 const element = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 let state = null;              // the last state
-let heard = -Infinity;         // when it came, ms
-let ahead = 0;                 // the station's clock less this page's, ms
-let opened = true;             // and nothing has come since: it may be another clock
+let heard = -Infinity;         // the instant of its arrival, ms
+let ahead = 0;                 // the lead of the station's clock over this page's, ms
+let opened = true;             // whether no state has come since the connection was opened: its clock may differ
 let staling = 0;               // the timer of the instant at which it will be old
 let source = null;
-let wanted = new URLSearchParams(location.search).get("drone"); // the drone that is looked at
-let listed = 0;                // when the list of all drones came, ms
-let shown = null;              // of which drone the history is
-let origin = null;             // of the map: degrees, and metres per degree
-let start = null;              // where and how high the drone was first
+let wanted = new URLSearchParams(location.search).get("drone"); // the selected drone
+let listed = 0;                // the instant at which the list of all drones came, ms
+let shown = null;              // the drone of the history
+let origin = null;             // the map's origin in degrees, and metres per degree
+let start = null;              // the drone's first position and height
 let history = [];
-let clock = -Infinity;         // the station's time of the last state, to see a playback jump
+let clock = -Infinity;         // the station's time of the last state, which shows a playback's jump
 
 function connect() {
   const ask = wanted === null ? "" : wanted;
@@ -57,7 +57,7 @@ function connect() {
   };
 }
 
-// The station is not heard: the next one may count anew.
+// The station is lost: the next one may have another clock.
 function lose() {
   changes = gone = 0;
 }
@@ -70,7 +70,7 @@ function take(data) {
   next.drones = next.drones || (state ? state.drones : []);
   next.log = next.log || (state ? state.log : []);
   state = next;
-  // What is shown stays, also when the connection is made anew or the page is loaded again.
+  // The shown drone stays, also after a reconnection or a reload of the page.
   if (state.drone && wanted === null) {
     want(state.drone.id);
     connect();
@@ -82,13 +82,13 @@ function take(data) {
   heard = now;
   keep();
   requestDraw();
-  // Not a moment later than it is old, whatever comes.
+  // The display changes at the instant at which the data are old, whatever comes.
   clearTimeout(staling);
   const reported = state.drone && state.drone.reported;
   if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
 }
 
-// Notes which drone is looked at, in the address too.
+// Stores the selected drone, in the address too.
 function want(id) {
   wanted = id;
   const here = new URL(location.href);
@@ -96,7 +96,7 @@ function want(id) {
   window.history.replaceState(null, "", here);
 }
 
-// How long ago the station took the last state, ms. Played back, its clock is that of what was recorded.
+// The time since the station took the last state, ms. In a playback the station's clock is the recording's.
 function since() {
   if (state.playback) return state.playback.speed === 0 ? 0 : performance.now() - heard;
   return performance.now() + ahead - state.now_us / 1000;
@@ -159,8 +159,8 @@ function keep() {
   while (history.length && history[0].at < now - KEPT_MS) history.shift();
 }
 
-// The station's samples, of which there is one a second, where this page has none of its own: before it was opened, and
-// while it was not connected.
+// The station's samples, one a second, fill the times without samples of this page: before it was opened, and while it
+// was not connected.
 function merge(samples) {
   const own = history;
   const merged = [];
@@ -181,7 +181,7 @@ const seconds = (ms) => (ms / 1000).toFixed(ms < 10000 ? 2 : 0) + " s";
 const degrees = (value, positive, negative) =>
   value === null ? "–" : Math.abs(value).toFixed(7) + "° " + (value < 0 ? negative : positive);
 
-// What can be said of the accuracy: the objects have no figure of it, so it is how far the receivers are apart.
+// The accuracy is shown as the distance between the receivers, because the objects have no figure for it.
 function accuracy(drone, voted) {
   if (!drone || !voted) return "–";
   const inside = [], outside = [];
@@ -215,7 +215,7 @@ function rows(id, lines) {
   });
 }
 
-// What is wrong with the station itself, each with whether it is critical.
+// The faults of the station itself, each with whether it is critical.
 function stationAlarms() {
   const station = state.station;
   const lines = [];
@@ -227,13 +227,13 @@ function stationAlarms() {
   return lines;
 }
 
-// The worst comes first: its words, and its colour. Nothing is green that is not well, live and now.
+// The worst fault comes first, with its text and colour. Green is only for a drone without faults, live and now.
 function drawAge() {
   const silent = performance.now() - heard;
   const drone = state && state.drone;
   const reported = drone && drone.reported;
   const age = reported ? reported.age_ms + since() : null;
-  // That it is old is told by its age as it is now.
+  // The text about old data shows their present age.
   const alarms = (drone ? drone.alarms : []).filter((alarm) => alarm.code !== "stale");
   const worst = alarms.find((alarm) => alarm.critical) || alarms[0];
   let kind = "fresh", level = "well", words = state && state.playback ? "as it was recorded" : "live";
@@ -278,7 +278,7 @@ function doing(reported) {
   return reported.state + (away === null ? "" : `, ${away.toFixed(0)} m from the start`);
 }
 
-// The drone with the worst alarm, where it is worse than that of the drone that is shown.
+// The drone with the worst alarm, if it is worse than that of the shown drone.
 function worseDrone(drone, kind, worst) {
   const others = (state ? state.drones : []).filter((other) => other.worst && (!drone || other.id !== drone.id));
   const other = others.reduce((one, next) => (one && one.worst.rank <= next.worst.rank ? one : next), null);
@@ -288,7 +288,7 @@ function worseDrone(drone, kind, worst) {
   return other && other.worst.rank < own ? other : null;
 }
 
-// The tab tells the worst of all drones: the one that is shown may be the only one that is well.
+// The tab's title shows the worst of all drones, because the shown drone may be the only one without faults.
 function drawTitle(drone, other, level, words) {
   const bad = other ? other.worst.critical : level === "critical";
   const mark = bad ? "!! " : other || level === "warning" ? "! " : "";
@@ -332,7 +332,7 @@ function drawList() {
   });
 }
 
-// The list comes each half second; its ages go on meanwhile.
+// The list comes each half second; its ages grow meanwhile.
 function drawFleetAges() {
   if (!state) return;
   const passed = state.playback ? 0 : performance.now() - listed;
@@ -364,17 +364,17 @@ function drawAlarms() {
   }));
 }
 
-// ---- what came and went
+// ---- changes of alarms
 
-const SOUND_MS = 3000;         // from one sound to the next while a critical alarm is not acknowledged
+const SOUND_MS = 3000;         // the time from one sound to the next while a critical alarm is not acknowledged
 
 let acknowledged = null;       // the station's time up to which alarms are acknowledged, ms
-let notified = null;           // and up to which they were notified of, ms
-let sounded = -Infinity;       // when, ms
-let sounds = 0;                // how often
+let notified = null;           // the station's time up to which alarms were notified, ms
+let sounded = -Infinity;       // the instant of the last sound, ms
+let sounds = 0;                // the number of sounds
 let audio = null;
 
-// Critical alarms of all drones that hold and came after `since`, the newest first.
+// The critical alarms of all drones that hold and began after `since`, the newest first.
 function critical(since) {
   const over = new Set(), found = [];
   for (const [at, id, words, isCritical, raised] of [...state.log].reverse()) {
@@ -387,7 +387,7 @@ function critical(since) {
 
 function drawLog() {
   const now = state.now_us / 1000;
-  // What was there when the page was opened is on it.
+  // Alarms from before the page was opened are on the page, without a notification.
   if (acknowledged === null || acknowledged > now) acknowledged = notified = now;
   const waiting = critical(acknowledged);
   const button = element("acknowledge");
@@ -416,7 +416,7 @@ function drawLog() {
   }));
 }
 
-// Three short tones; nothing from elsewhere, so no file.
+// Three short tones are generated, because the page loads no file.
 function sound() {
   sounded = performance.now();
   sounds += 1;
@@ -438,7 +438,7 @@ function acknowledge() {
   requestDraw();
 }
 
-// The drone after the one that is shown, or the one that is worst.
+// The drone after the shown one, or the one with the worst alarm.
 function shift(by) {
   const ids = state.drones.map((drone) => drone.id);
   if (state.drone && ids.length > 1) look(ids[(ids.indexOf(state.drone.id) + by + ids.length) % ids.length]);
@@ -450,7 +450,7 @@ function worstDrone() {
   if (worst) look(worst.id);
 }
 
-// m/s over the last two seconds.
+// The speed over the last two seconds, m/s.
 function speed() {
   const last = history[history.length - 1];
   const before = last && history.findLast((point) => point.at <= last.at - 2000);
@@ -539,7 +539,7 @@ const UPLINK = {
   unanswered: "NOT ANSWERED: it is not known whether the DPR has it",
 };
 
-let refused = null;            // why the station did not send the last one
+let refused = null;            // the reason why the station did not send the last one
 
 function drawUplink() {
   const section = element("uplink-section"), drone = state.drone;
@@ -578,7 +578,7 @@ async function sendUplink(event) {
   requestDraw();
 }
 
-// ---- pictures: by hand, since a library for plots is larger than the whole page, which loads nothing from elsewhere
+// ---- pictures, drawn here: a library for plots is larger than the whole page, which loads nothing from elsewhere
 
 function prepare(canvas) {
   const scale = window.devicePixelRatio || 1;
@@ -594,7 +594,7 @@ function prepare(canvas) {
   return [to, width, height];
 }
 
-// The largest of 1, 2, 5 times a power of ten that is not above `most`.
+// The largest of 1, 2, 5 times a power of ten that is at most `most`.
 function round(most) {
   const power = 10 ** Math.floor(Math.log10(most));
   return [5, 2, 1].map((factor) => factor * power).find((step) => step <= most);
@@ -602,8 +602,8 @@ function round(most) {
 
 const receiverColour = (index) => colour("--r" + (index + 1));
 
-// The places that set the scale: one that is left and come back to within a moment, faster than any drone flies, is
-// none of them.
+// The positions that set the scale: an outlier that is left again within a moment, faster than any drone flies, is
+// excluded.
 function steady(points) {
   const runs = [[]];
   for (const { at, voted } of points) {
@@ -622,8 +622,8 @@ function drawMap() {
   const points = history.slice(-MAP_POINTS);
   const newest = points.findLast((point) => point.voted);
   if (newest) centre(newest.voted);
-  // What is voted, the receivers now, and the other drones that are near: one that was a kilometre off a while ago does
-  // not shrink the map.
+  // The scale covers the voted position, the receivers now, and near drones: a receiver that was a kilometre off a
+  // while ago does not shrink the map.
   const here = newest ? local(newest.voted) : [0, 0];
   const others = state.drones.filter((drone) => drone.place && (!state.drone || drone.id !== state.drone.id))
     .map((drone) => ({ ...drone, place: local(drone.place) })).filter(({ place }) => apart(place, here) < NEAR);
@@ -690,7 +690,7 @@ function drawMap() {
     const off = gps && gps.excluded && last.voted ? ` excluded, ${apart(last.gps[index], last.voted).toFixed(0)} m off` : "";
     to.fillText((index + 1) + off, px + 8, py - 6 - 13 * (off ? 0 : index % 2));
   });
-  // How far those that are not excluded are from what they agree on.
+  // The distance of each receiver that is not excluded from the voted position.
   const spread = last.voted ? Math.max(...receivers.map((gps, index) =>
     (gps && !gps.excluded && last.gps[index] ? apart(last.gps[index], last.voted) : 0))) : 0;
   if (spread / span > 3) {
@@ -717,7 +717,7 @@ function drawMap() {
     }
     to.fill();
   }
-  // Where it was last known to be, if that is not now.
+  // The last known position, if the present one is unknown.
   if (!last.voted && newest) {
     const [px, py] = at(local(newest.voted));
     to.strokeStyle = colour("--bad");
@@ -758,7 +758,7 @@ function drawLegend(entries) {
   }));
 }
 
-// What a picture shows, for a screen reader.
+// A picture's text for a screen reader.
 function describe(id, words) {
   const canvas = element(id);
   if (canvas.getAttribute("aria-label") !== words) canvas.setAttribute("aria-label", words);
@@ -771,11 +771,11 @@ function drawPlot(id, title, unit, pick, atLeast) {
   if (!values.length) { to.fillText(title, 8, 16); return; }
   let low = Math.min(...values), high = Math.max(...values);
   if (high - low < atLeast) { const middle = (high + low) / 2; low = middle - atLeast / 2; high = middle + atLeast / 2; }
-  // What cannot be negative has no axis that is.
+  // A quantity that cannot be negative has no negative part of an axis.
   if (low < 0 && values.every((value) => value >= 0)) { high -= low; low = 0; }
   const end = history[history.length - 1].at;
   const long = Math.max(60000, end - history[0].at);
-  // Between the axes; their numbers are beside and below.
+  // The lines lie between the axes; their numbers are beside and below.
   const [left, top, bottom] = [52, 24, 18];
   const x = (at) => width - 8 - (end - at) / long * (width - 8 - left);
   const y = (value) => height - bottom - (value - low) / (high - low) * (height - bottom - top);
@@ -812,7 +812,7 @@ function drawPlot(id, title, unit, pick, atLeast) {
   to.stroke();
 }
 
-// ---- when
+// ---- instants
 
 let asked = false;
 let drawn = 0;
@@ -829,7 +829,7 @@ function requestDraw() {
     drawNumbers();
     drawUplink();
     drawPlayback();
-    // Pictures cost more than words: ten a second are enough.
+    // Pictures cost more time than text, so ten a second suffice.
     if (performance.now() - drawn > 95) {
       drawn = performance.now();
       drawMap();
@@ -842,22 +842,22 @@ function requestDraw() {
 
 // ---- playback
 
-const JUMP_S = 10;             // by one key or button
+const JUMP_S = 10;             // the step of one key or button, s
 
-let held = false;              // the slider is held: it stays where the hand is
-let target = 0;                // where to, s
-let going = false;             // there, and not answered yet
-let orders = 0;                // that the station has not answered
-let changes = 0;               // that the station has counted with its last answer
-let gone = 0;                  // with the last of a place
-let pace = 1;                  // as it was ordered, or as the station says
+let held = false;              // whether the user holds the slider, which then stays
+let target = 0;                // the target of a jump, s
+let going = false;             // whether a jump is under way without an answer
+let orders = 0;                // the number of requests without an answer
+let changes = 0;               // the station's count of changes in its last answer
+let gone = 0;                  // the count of changes in the answer to the last jump
+let pace = 1;                  // the requested pace, or the station's
 let answered = Promise.resolve();
 
-// Whether the last state was made after everything that was ordered had been done: one that was on its way then still
-// shows the old pace and place.
+// Whether the last state was made after all requests had taken effect: an earlier one still shows the old pace and
+// place.
 const settled = () => !orders && state.playback.changes >= changes;
 
-// Whole seconds are all that a screen reader is told, and no more than one a second.
+// A screen reader gets whole seconds only, at most one a second.
 function minutes(seconds) {
   const whole = Math.floor(seconds);
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
@@ -870,7 +870,7 @@ function drawPlayback() {
   if (settled()) pace = playback.speed;
   put("pause", playback.speed === 0 ? "Play" : "Pause");
   const at = element("at");
-  // The slider has whole seconds; what is past the end is the end.
+  // The slider has whole seconds; a target past the end is the end.
   const length = String(Math.ceil(playback.length_s));
   if (at.max !== length) at.max = length;
   const place = String(Math.floor(playback.at_s));
@@ -878,7 +878,7 @@ function drawPlayback() {
   const words = `${minutes(at.value)} of ${minutes(length)}`;
   if (at.getAttribute("aria-valuetext") !== words) at.setAttribute("aria-valuetext", words);
   put("at-value", `${playback.at_s.toFixed(1)} of ${playback.length_s.toFixed(1)} s`);
-  // Another page, or the command line, may have chosen it.
+  // Another page, or the command line, may have set the pace.
   if (playback.speed !== 0 && settled()) chooseSpeed(playback.speed);
 }
 
@@ -892,8 +892,8 @@ function chooseSpeed(speed) {
   select.value = String(speed);
 }
 
-// Has the station do something, and says so when it has. One after the other: requests that are on their way together
-// may arrive in any order.
+// Sends a request to the station, and shows its result. Requests go one after the other, because concurrent ones may
+// arrive in any order.
 function order(what, words) {
   orders += 1;
   answered = answered.then(async () => {
@@ -911,7 +911,7 @@ function order(what, words) {
 
 const stands = () => pace === 0;
 
-// The next key refers to the pace that was ordered last: the state that is shown may be older.
+// The next key refers to the last requested pace: the shown state may be older.
 function setPace(speed, words) {
   pace = Number(speed);
   order("speed=" + speed, words);
@@ -923,7 +923,7 @@ function pause() {
   else setPace(0, `paused at ${minutes(state.playback.at_s)}`);
 }
 
-// A key that repeats is faster than the answers: then only the last place is gone to.
+// A repeated key is faster than the answers: only the last target is requested then.
 async function go(to) {
   target = Math.min(Math.max(to, 0), state.playback.length_s);
   element("at").value = Math.floor(target);
@@ -941,7 +941,7 @@ async function go(to) {
 const jump = (by) => go((going || state.playback.changes < gone ? target : state.playback.at_s) + by);
 
 function changeSpeed(speed) {
-  // What stands still is not set going by that.
+  // A change of the pace does not start a playback that stands still.
   if (stands()) put("did", `${speed} times, when it plays`);
   else setPace(speed, `${speed} times`);
 }
@@ -954,7 +954,7 @@ function shiftSpeed(by) {
   changeSpeed(select.value);
 }
 
-// At any time; those of a playback are below.
+// These keys work at any time; those of a playback are below.
 const LIVE_KEYS = {
   a: acknowledge,
   n: () => shift(1),
@@ -975,7 +975,7 @@ addEventListener("keydown", (event) => {
   const act = LIVE_KEYS[key] || (state && state.playback && element("keys").checked ? KEYS[key] : null);
   if (!act || !state || (LIVE_KEYS[key] && !element("live-keys").checked)) return;
   if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return;
-  // A list takes letters itself. A key that is held jumps on and on, but does not pause and play in turn.
+  // A list handles letters itself. A held key repeats a jump, but does not toggle pause.
   const isText = event.target instanceof HTMLInputElement && ["text", "number"].includes(event.target.type);
   if (event.target instanceof HTMLSelectElement || isText || (event.repeat && act === pause)) return;
   event.preventDefault();
@@ -990,7 +990,7 @@ function look(id) {
 element("drone").addEventListener("change", (event) => look(event.target.value));
 element("acknowledge").addEventListener("click", acknowledge);
 element("sound").addEventListener("change", ({ target }) => {
-  // A browser gives sound only to who was touched.
+  // A browser plays sound only after a user's action.
   if (target.checked) { audio = audio || new AudioContext(); audio.resume(); }
 });
 element("notify").addEventListener("change", async ({ target }) => {
@@ -1011,6 +1011,6 @@ element("playback").addEventListener("submit", (event) => event.preventDefault()
 addEventListener("resize", () => { if (state) requestDraw(); });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (state) requestDraw(); });
 
-// A page that is not looked at gets no frames; its age goes on all the same.
+// A hidden page gets no frames; its age grows all the same.
 setInterval(drawAge, 50);
 connect();

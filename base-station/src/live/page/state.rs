@@ -1,4 +1,4 @@
-//! What the station knows, as the page reads it. Ages are those of the instant at which a state is made.
+//! The station's state in the page's format. Ages are those of the instant at which a state is made.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -15,26 +15,26 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 struct State {
     /// µs since 1970.
     now_us: u64,
-    /// The drone that was asked for; empty if none was.
+    /// The requested drone; empty if none was requested.
     asked: String,
     playback: Option<Playback>,
     station: About,
-    /// Of all drones, each half second.
+    /// The list of all drones, each half second.
     drones: Option<Vec<Line>>,
-    /// Alarms that came and went, with the list of all drones, the oldest first.
+    /// Changes of alarms, sent with the list of all drones, the oldest first.
     log: Option<Vec<Change>>,
     drone: Option<Detail>,
-    /// Of the drone, with the first state of a connection.
+    /// The drone's history, sent only with a connection's first state.
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
 }
 
-/// An alarm came or went: when (ms since 1970), of which drone, which, whether it is critical, whether it came.
+/// A change of an alarm: instant (ms since 1970), drone, alarm, whether it is critical, whether it was raised.
 #[derive(Serialize)]
 struct Change(u64, String, &'static str, bool, bool);
 
-/// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m),
-/// the worst age (s) and the fewest receivers that agreed in the time before.
+/// A drone at an instant: the instant (ms since 1970), the reported position, those of the receivers (degrees), the
+/// height (m), the greatest age (s) and the least number of agreeing receivers in the time before.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
@@ -43,28 +43,28 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// As the answer to whoever changes speed or place has it.
+    /// The count in the answer to a change of speed or place.
     changes: u64,
 }
 
-/// What is wrong with the station itself.
+/// The faults of the station itself.
 #[derive(Serialize)]
 struct About {
     lines: Vec<(String, String)>,
-    /// The file that is being recorded into; no name before something has arrived.
+    /// The file that is being recorded into; empty before the first arrival.
     recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
-    /// Drones' messages for which there is no room, and drones that made room.
+    /// The drones' messages refused for lack of room, and the drones dropped to make room.
     refused: u64,
     forgotten: u64,
-    /// How grave it is that a position is old.
+    /// The severity of an old position.
     stale_rank: usize,
-    /// MAVLink is taken with a signature alone.
+    /// Whether only signed MAVLink is accepted.
     signed: bool,
-    /// What was refused unread, in words, and how often.
+    /// The reasons for refusing messages unread, as text, and their counts.
     unread: Vec<(&'static str, u64)>,
-    /// Uplinks can be sent to drones.
+    /// Whether uplinks can be sent to drones.
     uplinks: bool,
 }
 
@@ -74,7 +74,7 @@ struct Line {
     id: String,
     age_ms: Option<u64>,
     state: Option<&'static str>,
-    /// The gravest alarm.
+    /// The most severe alarm.
     worst: Option<Worst>,
     alarms: usize,
     /// Latitude and longitude, if they are valid and not old.
@@ -85,7 +85,7 @@ struct Line {
 struct Worst {
     words: &'static str,
     critical: bool,
-    /// 0 is the gravest of all.
+    /// The severity rank, of which 0 is the highest.
     rank: usize,
 }
 
@@ -108,12 +108,12 @@ struct Raised {
 #[derive(Serialize)]
 struct Detail {
     id: String,
-    /// Where its messages come from, in words, and whether they are signed.
+    /// The source of its messages as text, and whether they are signed.
     from: String,
     signed: bool,
     stale: bool,
     silent_ms: u64,
-    /// ms since HORUS's start.
+    /// The time since HORUS's start, ms.
     time_ms: Option<u32>,
     receivers: usize,
     reported: Option<Reported>,
@@ -125,7 +125,7 @@ struct Detail {
     counts: Counts,
 }
 
-/// What the DPR says of its port, in the answer to an uplink.
+/// The DPR's Port-Status, in the answer to an uplink.
 #[derive(Serialize)]
 struct Port {
     age_ms: u64,
@@ -137,16 +137,16 @@ struct Port {
 /// The last uplink that was sent to the drone.
 #[derive(Serialize)]
 struct Uplink {
-    /// ms, of this station's clock: what tells it from others.
+    /// Its timestamp, ms of this station's clock, which identifies it.
     timestamp: u32,
     status: u16,
     payload: String,
     /// `sent`, `written`, `refused` or `unanswered`.
     state: &'static str,
-    /// Why it was refused.
+    /// The reason why it was refused.
     why: Option<String>,
     times: u32,
-    /// From its first sending until this was known; as long as it is not, until now.
+    /// The time from its first sending until the outcome was known, or until now, ms.
     after_ms: u64,
     ago_ms: u64,
 }
@@ -177,9 +177,9 @@ struct Reported {
     degraded: bool,
     memory_fault: bool,
     reset: &'static str,
-    /// Its last reset was asked for by switching it on or by its pin.
+    /// Whether its last reset was caused by power-on or by its pin.
     reset_usual: bool,
-    /// Degrees, degrees, m.
+    /// Latitude, longitude and height: degrees, degrees, m.
     position: [f64; 3],
     /// Pitch, yaw, roll, degrees.
     attitude: Option<[f32; 3]>,
@@ -208,7 +208,7 @@ struct Link {
     received: u32,
     missed: u32,
     violations: u16,
-    /// Of Reported-Position when the image was made.
+    /// The age of Reported-Position when the image was made.
     sample_age_ms: f64,
     reset: &'static str,
 }
@@ -227,7 +227,7 @@ struct Counts {
     restarts: u64,
 }
 
-/// What goes with a state beside the details of one drone.
+/// The optional parts of a state beside the details of one drone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct With {
     /// All drones.
@@ -236,7 +236,7 @@ pub(super) struct With {
     pub(super) history: bool,
 }
 
-/// The state, with the details of `drone`, or of the first one if there is none, for whoever `asked` so.
+/// The state, with the details of `drone`, or of the first one if it is `None`, for the query `asked`.
 pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
     let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
@@ -272,9 +272,9 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // First, so that what it counts is in the others.
+            // The count is read first, so that the state reflects the counted changes.
             let changes = player.changes();
-            // The player's place: the station is at the one before for as long as it takes to go back.
+            // The place is the player's, because the station's lags while it goes back.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -314,7 +314,7 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
     }
 }
 
-/// The drone of this name; or, if that one is gone, whoever else speaks as it.
+/// The drone of this name or, if that one is gone, another sender with the same id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

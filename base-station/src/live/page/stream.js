@@ -1,12 +1,12 @@
 "use strict";
-// One stream of states for all tabs of this browser, since it allows no more than six connections to one host. It
-// brings a state for each drone that a tab looks at; `asked` says which.
+// One stream of states serves all tabs of this browser, because it allows at most six connections to one host. It
+// carries a state for each drone that a tab shows; `asked` lists them.
 
-const GONE_MS = 180000;        // a tab that says nothing for so long is gone: in the background it speaks once a minute
+const GONE_MS = 180000;        // a tab without messages for this time is gone: in the background it sends one a minute
 
-const tabs = new Map();        // port: which drone it looks at, and when it spoke last
+const tabs = new Map();        // port: the drone that the tab shows, and the instant of its last message
 let source = null;
-let open = "";                 // what the stream was asked for
+let open = "";                 // the drones that the stream was requested for
 
 function connect() {
   const drones = [...new Set([...tabs.values()].map(({ drone }) => drone))].sort();
@@ -19,7 +19,7 @@ function connect() {
   const mine = source = new EventSource("/events?" + query);
   mine.onopen = () => tell({ what: "open" });
   mine.onmessage = ({ data }) => {
-    // The text is read by the tabs that it is for; here only whose it is.
+    // The tabs parse the text; only the drone is needed here.
     const { asked } = JSON.parse(data);
     for (const [port, { drone }] of tabs) if (drone === asked) port.postMessage({ what: "state", data });
   };
@@ -40,7 +40,7 @@ onconnect = ({ ports: [port] }) => {
     if (data.what === "bye") tabs.delete(port);
     else tabs.set(port, { drone: data.what === "look" ? data.drone : before ? before.drone : "", at: Date.now() });
     for (const [other, { at }] of tabs) if (Date.now() - at > GONE_MS) tabs.delete(other);
-    // A tab that begins to look at a drone wants its history, which the first state of a connection has.
+    // A tab that selects a drone needs its history, which only the first state of a connection has.
     if (data.what === "look") open = null;
     connect();
   };

@@ -45,7 +45,7 @@ fn absent() -> ReportedValues {
     ReportedValues::absent(70_000)
 }
 
-/// A station that knows what drones 3 and 9 sent, and what tells it of a change.
+/// A station with data of drones 3 and 9, and the channel that signals a change.
 fn station() -> (Station, watch::Sender<u64>) {
     let mut known = Known::default();
     for system in [3, 9] {
@@ -66,7 +66,7 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // Time stands still until all wait for it, so nothing here depends on the pace of the machine.
+    // Time stands still until all tasks wait for it, so the tests do not depend on the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -95,7 +95,7 @@ fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
         for path in &paths[..4] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
-            // What the policy would refuse.
+            // The policy would refuse these.
             assert!(!text.contains("style=") && !text.contains("onclick=") && !text.contains("innerHTML"), "{path}");
         }
     });
@@ -129,7 +129,7 @@ fn a_page_with_a_login_is_shown_to_nobody_else() {
     run(async {
         let access = Access::from(SocketAddr::from(([0, 0, 0, 0], 8480))).with_login("pilot:wing");
         let page = router(station().0, None, access);
-        // "pilot:wing", "pilot:win", "pilot:wing1", "pilot:xing" in Base64.
+        // The logins are "pilot:wing", "pilot:win", "pilot:wing1", "pilot:xing" in Base64.
         for (said, expected) in [
             (Some("Basic cGlsb3Q6d2luZw=="), StatusCode::OK),
             (Some("Basic cGlsb3Q6d2lu"), StatusCode::UNAUTHORIZED),
@@ -195,7 +195,7 @@ fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
         }
         changed.send_modify(|count| *count += 1);
         assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
-        // One whose sender is another one now is still that drone.
+        // A drone whose sender has changed is still that drone.
         for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
             let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
             assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");
@@ -396,7 +396,7 @@ fn an_uplink_is_taken_only_where_the_station_sends_them_and_of_its_own_page() {
             let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;
             (answer.status(), text(answer).await)
         };
-        // Neither without being told to, nor without a key.
+        // The first lacks the permission, the second a key.
         let (silent, unsigned, allowed) = (station().0, station().0, station().0);
         unsigned.speak(Voice::new(254, None).with_uplinks());
         for without in [&silent, &unsigned] {

@@ -15,7 +15,7 @@ pub struct Given {
     pub byte_ns: u64,
     /// The bytes as the part read them, which a bus fault may have changed.
     pub bytes: Vec<u8>,
-    /// The part read all of them as the receiver sent them, in a transaction that ended correctly.
+    /// Whether the part read all the bytes as the receiver sent them, in a transaction that ended correctly.
     pub clean: bool,
     /// The instant since which they had waited in the receiver, ns.
     pub since: u64,

@@ -1,4 +1,4 @@
-//! Faults of a receiver's bus: of its lines, and of the bytes on them.
+//! Injects faults into a receiver's bus: into its lines and the bytes on them.
 //!
 //! | fault | what happens | it is over |
 //! |---|---|---|

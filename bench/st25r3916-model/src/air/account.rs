@@ -70,9 +70,9 @@ pub struct SentFrame {
 pub enum Origin {
     /// Straight from the poller.
     Poller,
-    /// As a repetition ([`AirFaults::repeated`]).
+    /// The frame is a repetition ([`AirFaults::repeated`]).
     Repeated,
-    /// With a delay ([`AirFaults::delayed`]).
+    /// The frame was delayed ([`AirFaults::delayed`]).
     Delayed,
 }
 

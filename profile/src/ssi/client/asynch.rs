@@ -1,9 +1,8 @@
-//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async); otherwise as
+//! The client on an SPI device of [embedded-hal-async 1.0](embedded_hal_async), otherwise equal to
 //! [`blocking`](super::blocking).
 //!
-//! The device is configured by whoever makes it: mode 0, most significant bit first, a clock that
-//! [`timing`](crate::ssi::timing) allows. Between two readings chip select stays high for at least
-//! [`GAP_NS`](crate::ssi::timing::GAP_NS).
+//! The caller configures the device: mode 0, most significant bit first, a clock that [`timing`](crate::ssi::timing)
+//! allows. Between two readings chip select stays high for at least [`GAP_NS`](crate::ssi::timing::GAP_NS).
 use embedded_hal_async::spi::{Operation, SpiDevice};
 
 use super::{Client, Failed, MAX_MAP, Report, View};
@@ -15,7 +14,7 @@ pub struct Dpr<Spi> {
     spi: Spi,
     client: Client,
     buffer: [u8; MAX_MAP],
-    /// Bytes that the last transaction brought.
+    /// The number of bytes of the last transaction.
     brought: usize,
 }
 
@@ -26,13 +25,13 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         Self { spi, client, buffer: [0; MAX_MAP], brought: 0 }
     }
 
-    /// One transaction. If the future is dropped before its end, the bus decides what the DPR has heard; the next call
-    /// sends the same again. `now_us` is the present on the flight controller's monotonic clock, `fresh_us` when the
-    /// last edge of FRESH came, if the line is wired; both µs.
+    /// Makes one transaction. If the future is dropped before its end, the bus decides which bytes reach the DPR; the
+    /// next call sends the same again. `now_us` is the present on the flight controller's monotonic clock, `fresh_us`
+    /// the instant of the last edge of FRESH, if the line is wired; both µs.
     ///
     /// # Errors
     ///
-    /// The bus's. The report then is that of a transaction that brought nothing, and ages what is shown:
+    /// The bus's error. The report is then that of a transaction without data, and ages the displayed position:
     /// [`Failed::report`].
     pub async fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
@@ -56,19 +55,19 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         }
     }
 
-    /// The objects that the last transaction brought.
+    /// The objects of the last transaction.
     #[must_use]
     pub fn view(&self) -> View<'_> {
         let (brought, _) = self.buffer.split_at(self.brought);
         self.client.view(brought)
     }
 
-    /// The client, to ask for a window or to write an object.
+    /// The client, for requesting a window or writing an object.
     pub const fn client(&mut self) -> &mut Client {
         &mut self.client
     }
 
-    /// The SPI device again.
+    /// Returns the SPI device.
     #[must_use]
     pub fn release(self) -> Spi {
         self.spi

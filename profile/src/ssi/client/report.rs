@@ -1,12 +1,12 @@
-//! What the client says after each transaction.
+//! The client's report after each transaction.
 use crate::{LinkValues, ReportedStatus, ReportedValues};
 
-/// [`Report::age_us`] while no sample has been read, or when its age cannot be told.
+/// The value of [`Report::age_us`] while no sample has been read, or when its age is unknown.
 pub const AGE_UNKNOWN: u32 = u32::MAX;
 
-/// What a transaction brought.
+/// The result of a transaction.
 ///
-/// The numbers are those of `horus_dpr_verdict_t` in C, where 0 is none: a report that nobody filled says nothing.
+/// The numbers are those of `horus_dpr_verdict_t` in C, where 0 is none, the value of an unfilled report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Verdict {
@@ -15,30 +15,31 @@ pub enum Verdict {
     /// The same sample as before, intact: not new, and older by the time since. This is normal for a flight controller
     /// that reads more often than every 10 ms.
     Same = 2,
-    /// A new sample, intact, but the sequence is not found yet: it must advance [three
-    /// times](super::SEARCH_CYCLES) in a row. Not shown.
+    /// A new, intact sample, but the sequence is not found yet: it must advance [three times](super::SEARCH_CYCLES) in
+    /// a row. The sample is not shown.
     Searching = 3,
-    /// A sample that does not continue the ones before it: back, irregular, too early or too late. The sequence is
-    /// searched for from here on. Not shown.
+    /// A sample that does not continue the ones before it: behind, irregular, too early or too late. The search for the
+    /// sequence starts here, and the sample is not shown.
     OutOfSequence = 4,
-    /// Link-Status is intact, and there is no Reported-Position: its frame was missed, or the DPR has lost the
-    /// sequence; Link-Status says which.
+    /// Link-Status is intact, but there is no Reported-Position: its frame was missed, or the DPR has lost the
+    /// sequence. Link-Status shows which.
     Empty = 5,
-    /// A new sample in sequence, whose position HORUS calls invalid, or which cannot be one ([`range`](crate::range)).
-    /// The position is not shown; [`Report::status`] is.
+    /// A new sample in sequence, whose position HORUS marks as invalid, or which is implausible
+    /// ([`range`](crate::range)). The position is not shown; [`Report::status`] is.
     Invalid = 6,
-    /// An intact sample in sequence, new or the same, that is older than [the limit](super::Config::age_limit_us). Not
-    /// shown.
+    /// An intact sample in sequence, new or the same, that is older than [the limit](super::Config::age_limit_us) and
+    /// is not shown.
     Stale = 7,
-    /// 0xFF throughout, or nothing at all: the DPR was busy. It has not heard what was sent; the client sends it again.
+    /// Every byte is 0xFF, or there are none: the DPR was busy. It has not received the request; the client sends it
+    /// again.
     Busy = 8,
-    /// Link-Status is not intact, or Reported-Position is neither intact nor vacant, or they were not read whole.
-    /// Nothing of it is used.
+    /// Link-Status is not intact, or Reported-Position is neither intact nor vacant, or they were not read whole. The
+    /// data are not used.
     Damaged = 9,
-    /// As [`Busy`](Self::Busy) or [`Damaged`](Self::Damaged), and nothing intact has been read for longer than
-    /// [`Config::silence_us`](super::Config::silence_us): the DPR is off, hung or not connected.
+    /// A transaction that would be [`Busy`](Self::Busy) or [`Damaged`](Self::Damaged) after more than
+    /// [`Config::silence_us`](super::Config::silence_us) without intact data: the DPR is off, hung or not connected.
     Silent = 10,
-    /// The transaction showed another window, which was asked for; [`view`](super::Client::view) reads it.
+    /// The transaction read another, requested window; [`view`](super::Client::view) has its objects.
     Window = 11,
 }
 
@@ -59,37 +60,37 @@ impl Verdict {
     ];
 }
 
-/// What the client says after a transaction.
+/// The client's report after a transaction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
-    /// What the transaction brought.
+    /// The result of the transaction.
     pub verdict: Verdict,
-    /// The position to fly by, if there is one: `None` says to fall back on the flight controller's own receiver. What
-    /// is not valid in it is NaN. It may be from an earlier transaction; its age says so.
+    /// The position to fly by, if there is one; `None` means that the flight controller must use its own receiver.
+    /// Values that are not valid are NaN. It may be from an earlier transaction, which its age shows.
     pub position: Option<ReportedValues>,
-    /// What HORUS says of itself: its state, an emergency among them, and how many receivers agree. It is there whether
-    /// the position is valid or not, from the same sample and under the same rules of sequence and age.
+    /// HORUS's own status: its state, which includes an emergency, and the number of agreeing receivers. It is present
+    /// whether the position is valid or not, from the same sample and under the same rules of sequence and age.
     pub status: Option<ReportedStatus>,
-    /// Age of the last intact sample when the transaction began, µs: of [`Report::position`], if there is one. At
-    /// least the true age. [`AGE_UNKNOWN`] if there is none yet.
+    /// Age of the last intact sample when the transaction began, µs: that of [`Report::position`], if there is one. It
+    /// is at least the true age, and [`AGE_UNKNOWN`] if there is no sample yet.
     pub age_us: u32,
     /// Link-Status, if this transaction brought it intact.
     pub link: Option<LinkValues>,
 }
 
 impl Report {
-    /// Whether there is no position to fly by, so that the flight controller's own receiver must serve.
+    /// Whether there is no position to fly by, so that the flight controller must use its own receiver.
     #[must_use]
     pub const fn must_fall_back(&self) -> bool {
         self.position.is_none()
     }
 }
 
-/// A transaction that the bus did not carry out.
+/// A transaction that failed on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Failed<E> {
-    /// What the bus says.
+    /// The bus's error.
     pub bus: E,
-    /// What is left to fly by.
+    /// The report, with the position that is left to fly by.
     pub report: Report,
 }

@@ -1,24 +1,24 @@
-//! HORUS's sequence on the flight controller's clock, and what of it may be shown.
+//! HORUS's sequence on the flight controller's clock, which decides what may be shown.
 use super::view::{Prefix, Shown};
 use super::{AGE_UNKNOWN, Config, Report, Verdict};
 use crate::sequence::{MAX_MISSED, SEARCH_CYCLES, TOLERANCE_SHARE};
 use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
 
-/// The DPR stops to show an image so long after it was published, µs (docs/design.md#publication).
+/// The time after its publication at which the DPR stops showing an image, µs (docs/design.md#publication).
 pub const EXPIRY_US: u32 = 25_000;
 
-/// How much earlier or later than its timestamp says a sample may be read, µs; to this come 2 % of the step. An image
-/// can be read at any time until it expires; the rest is what [`sequence`](crate::sequence) allows for the link.
+/// The tolerance of a sample's reading time against its timestamp, µs; 2 % of the step are added. An image can be read
+/// at any time until it expires; the rest is what [`sequence`](crate::sequence) allows for the link.
 pub const TOLERANCE_US: u32 = EXPIRY_US + crate::sequence::TOLERANCE_US;
 
-/// What a transaction brought.
+/// The contents of a transaction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brought<'a> {
     /// The DPR was busy.
     pub(super) busy: bool,
-    /// It showed another window than one that begins with the prefix.
+    /// Whether it read another window than one that begins with the prefix.
     pub(super) another: bool,
-    /// If so, whether anything in it was intact.
+    /// Whether that window had any intact object.
     pub(super) intact: bool,
     /// The prefix, if it was all read.
     pub(super) prefix: Option<Prefix<'a>>,
@@ -28,32 +28,32 @@ pub(super) struct Brought<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
-    /// The earliest instant at which it could have been read, as far as the samples before it tell.
+    /// The earliest instant at which it could have been read, by the samples before it.
     due_us: u64,
-    /// When it was read first.
+    /// The instant at which it was first read.
     read_us: u64,
-    /// How old it was then.
+    /// Its age at that instant.
     age_us: u32,
 }
 
 impl Sample {
     fn age_us(&self, now_us: u64) -> u32 {
-        // A clock that went back makes every age unknown.
+        // A clock that was set back makes every age unknown.
         now_us.checked_sub(self.read_us).map_or(AGE_UNKNOWN, |since| sum_us(self.age_us, since))
     }
 }
 
-/// The memory of what was read.
+/// The state of the earlier readings.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     last: Option<Sample>,
-    /// Samples in a row that were in sequence, at most [`SEARCH_CYCLES`].
+    /// The number of samples in a row that were in sequence, at most [`SEARCH_CYCLES`].
     found: u8,
     /// The last sample's values, if they may be shown, whether its position is valid or not.
     shown: Option<ReportedValues>,
-    /// Which image an intact Link-Status was last read of, by the DPR's time in it, and when.
+    /// The image of the last intact Link-Status, by the DPR's time in it, and the instant of its reading.
     image: Option<(u32, u64)>,
-    /// When anything intact was last read, or else when the first transaction began.
+    /// The instant of the last intact reading, or else the beginning of the first transaction.
     intact_us: Option<u64>,
 }
 
@@ -62,7 +62,7 @@ impl Track {
         Self { last: None, found: 0, shown: None, image: None, intact_us: None }
     }
 
-    /// What is to be said of a transaction that began at `began_us` after FRESH at `fresh_us`.
+    /// The report of a transaction that began at `began_us` after FRESH at `fresh_us`.
     pub(super) fn report(
         &mut self,
         config: &Config,
@@ -100,7 +100,7 @@ impl Track {
         }
     }
 
-    /// What an intact sample is.
+    /// Judges an intact sample.
     fn sample(
         &mut self,
         config: &Config,
@@ -139,12 +139,12 @@ impl Track {
         verdict
     }
 
-    /// How old the sample of an image that was not read before is at most, µs.
+    /// The greatest possible age of the sample of an image that was not read before, µs.
     fn age_us(&self, link: &LinkStatus, began_us: u64, fresh_us: Option<u64>) -> u32 {
         let units = link.values().age_100us;
-        // Link-Status rounds down, and stays at the highest value.
+        // Link-Status rounds down, and saturates at the highest value.
         let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
-        // The reading before says when the image was published only if it showed another one.
+        // The reading before bounds the image's publication only if it showed another image.
         let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
         let since = |instant: Option<u64>| instant.and_then(|instant| began_us.checked_sub(instant));
         let bounds = [since(fresh_us), since(before_us)];
@@ -153,7 +153,7 @@ impl Track {
     }
 }
 
-/// When a new sample could have been read at the earliest, µs, if it continues `last`.
+/// The earliest instant at which a new sample could have been read, µs, if it continues `last`.
 fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
         return None;
@@ -169,12 +169,12 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     Some(read_us.min(due_us.saturating_add(drift_us)))
 }
 
-/// Whether a position so old, or of an age that cannot be told, must not be shown.
+/// Whether a position of this age, or of unknown age, must not be shown.
 fn is_too_old(age_us: u32, config: &Config) -> bool {
     age_us > config.age_limit_us || age_us == AGE_UNKNOWN
 }
 
-/// An age and a time that has passed since, µs; it never wraps.
+/// An age plus the time since, µs; it never wraps.
 fn sum_us(age_us: u32, since_us: u64) -> u32 {
     u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
 }

@@ -1,18 +1,18 @@
-//! Where the objects are in what a transaction brought, and whether they are intact.
+//! Finds and verifies the objects of a transaction.
 use core::ops::Range;
 
 use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// What is in the place of an object.
+/// The content of an object's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
     /// The object, intact.
     Intact(T),
-    /// Nothing: 0x00 or 0xFF throughout, as a scrub leaves it.
+    /// The place is vacant: every byte is 0x00 or 0xFF, as after a scrub.
     Vacant,
-    /// Neither; why it is not the object.
+    /// The place holds other bytes, with the reason why they are not the object.
     Damaged(Rejection),
 }
 
@@ -25,7 +25,7 @@ impl<T> Shown<T> {
         }
     }
 
-    /// What `verified` and the bytes say together; all of them are looked at, whatever they are.
+    /// Combines `verified` with the bytes; all of them are read, whatever they are.
     fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
         let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
         match verified {
@@ -36,12 +36,12 @@ impl<T> Shown<T> {
     }
 }
 
-/// Whether each of `bytes` is `value`; true of none.
+/// Whether each of `bytes` is `value`; true of an empty slice.
 fn is_throughout(bytes: &[u8], value: u8) -> bool {
     bytes.iter().fold(0, |difference, byte| difference | (byte ^ value)) == 0
 }
 
-/// What a transaction brought, object by object. Each is verified when it is asked for.
+/// The contents of a transaction, object by object. Each is verified on access.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     layout: Layout,
@@ -57,14 +57,15 @@ pub(super) struct Prefix<'a> {
 }
 
 impl<'a> View<'a> {
-    /// A transaction that showed `window` of the map brought `miso`. What was clocked beyond the window is ignored.
+    /// The contents of a transaction that read `window` of the map and brought `miso`. Bytes beyond the window are
+    /// ignored.
     #[must_use]
     pub fn new(layout: Layout, window: Request, miso: &'a [u8]) -> Self {
         let bytes = miso.get(..usize::from(window.length)).unwrap_or(miso);
         Self { layout, window, bytes }
     }
 
-    /// Which bytes of the map it shows.
+    /// The range of the map that it shows.
     #[must_use]
     pub const fn window(&self) -> Request {
         self.window
@@ -76,7 +77,7 @@ impl<'a> View<'a> {
         self.bytes
     }
 
-    /// Whether the DPR was busy: 0xFF throughout, or nothing at all.
+    /// Whether the DPR was busy: every byte is 0xFF, or there are none.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         is_throughout(self.bytes, 0xFF)
@@ -119,7 +120,7 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, Uplink::verify::<W>(bytes)))
     }
 
-    /// Whether any object in it is intact; all of them are looked at.
+    /// Whether any object in it is intact; all of them are checked.
     pub(super) fn is_any_intact(&self) -> bool {
         let profile = (0..self.layout.objects()).filter_map(|index| self.object(index)?.intact()).count();
         let link = self.link().and_then(Shown::intact).is_some();

@@ -1,5 +1,5 @@
 "use strict";
-// What can be broken, what is, and what the boards log. The bench is asked four times a second.
+// Shows the possible faults, the present ones, and the boards' logs. It requests them four times a second.
 
 const EVERY_MS = 250;
 const LINES = 1000;

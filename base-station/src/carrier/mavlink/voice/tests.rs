@@ -10,7 +10,7 @@ use crate::intake::{Carried, Intake, Kind};
 
 const NOW: u64 = 1_790_000_000_000_000;
 const SECOND: u64 = 1_000_000;
-/// How often all of it is looked at, µs.
+/// The interval of the simulation's steps, µs.
 const STEP: u64 = 10_000;
 const DRONE: &str = "10.0.0.7:14555";
 
@@ -25,12 +25,12 @@ struct Scene {
     voice: Voice,
     forwarder: Forwarder,
     inbound: Inbound,
-    /// What the DPR has stored, and until when it shows it.
+    /// The uplink that the DPR has stored, and the end of its display.
     stored: Option<(Uplink, u64)>,
     port: PortValues,
-    /// Uplinks that were written over the SSI, and when it is seen.
+    /// Uplinks written over the SSI, and the instants at which they show.
     writes: Vec<(Uplink, u64)>,
-    /// How many messages of 100 are lost, each way.
+    /// The percentage of messages that are lost, each way.
     loss: u64,
     drawn: u64,
 }
@@ -63,7 +63,7 @@ impl Scene {
         self.drawn % 100 < self.loss
     }
 
-    /// The drone as the station calls it.
+    /// The drone's id at the station.
     fn drone(&self) -> DroneId {
         self.intake.fleet().iter().next().unwrap().0
     }
@@ -165,7 +165,7 @@ fn without_loss_it_is_sent_once_or_twice_and_then_no_more() {
 fn what_the_dpr_does_not_store_is_refused_and_why_is_said() {
     for loss in [0, 30] {
         let mut scene = Scene::new(loss, 77);
-        // Another station's clock is ahead, and what it sent has been stored.
+        // Another station's clock is ahead, and its uplink has been stored.
         let values = UplinkValues { timestamp: (NOW / 1_000) as u32 + 3_600_000, ..UplinkValues::default() };
         scene.stored = Some((Uplink::seal(Writer::<BaseStation>::claim(), &values), scene.now));
         scene.send(1);
@@ -186,7 +186,7 @@ fn an_uplink_that_nobody_answers_is_said_to_be_unanswered() {
     scene.fly(SECOND);
     let sending = scene.voice.sending(scene.drone()).unwrap().clone();
     assert_eq!((sending.state, sending.times), (State::Unanswered, 20));
-    // Each 0.25 s for 5 s; then no more.
+    // The uplink is sent every 0.25 s for 5 s, and then no more.
     assert!(scene.voice.tick(scene.now + SECOND, scene.intake.fleet()).is_empty());
 }
 
@@ -201,7 +201,7 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!((try_by(&mut unsigned, drone), unsigned.sends_uplinks()), (Err(NotSent::NotAllowed), false));
     assert_eq!(try_by(&mut scene.voice, Who::System(8).first()), Err(NotSent::UnknownDrone));
     assert!(unsigned.tick(NOW + SECOND, fleet).is_empty() && silent.tick(NOW + SECOND, fleet).is_empty());
-    // A drone that is heard without MAVLink.
+    // The drone is received without MAVLink.
     let mut plain = Intake::default();
     let bytes = Profile::<1>::seal(&ReportedValues::absent(10), &[GpsValues::absent(10)]).as_bytes().to_vec();
     plain.take(&Carried { at_us: NOW, kind: Kind::Datagrams, line: 0, from: DRONE.into(), bytes });
@@ -210,7 +210,7 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!(sent, Err(NotSent::NoWay));
 }
 
-/// The message of an uplink, signed with this key for this system, of these bytes.
+/// The message of an uplink with these bytes, signed with this key for this system.
 fn message(signer: &mut Signer, system: u8, object: &[u8; Uplink::SIZE]) -> Vec<u8> {
     let mut voice = Voice::new(SYSTEM, Some(signer.clone()));
     let bytes = voice.uplink(NOW, system, object).unwrap();
@@ -240,7 +240,7 @@ fn a_flight_controller_writes_what_is_signed_for_it_and_intact_once() {
     let counts = inbound.counts();
     assert_eq!((counts.written, counts.repeated), (1, 0));
     assert_eq!((inbound.received().unsigned, counts.foreign), (2, 2 + 512 + 1));
-    // In pieces, as a serial port brings it.
+    // The bytes come in pieces, as from a serial port.
     let mut inbound = Inbound::new(7, Verifier::new(key()));
     let (first, rest) = good.split_at(30);
     assert_eq!((inbound.stream(NOW, NOW, first), inbound.reads_port()), (None, false));
@@ -287,7 +287,7 @@ fn a_heartbeat_goes_each_second_to_who_is_heard_and_looks_like_no_pilot() {
         (beat.mavtype, beat.autopilot),
         (MavType::MAV_TYPE_ONBOARD_CONTROLLER, MavAutopilot::MAV_AUTOPILOT_INVALID)
     );
-    // Whoever is heard, as many as there is room for, and as long as they are heard.
+    // HEARTBEAT goes to every received peer, up to the limit, and as long as they are received.
     for port in 0..200 {
         voice.heard(2, SocketAddr::from(([10, 0, 0, 1], 2_000 + port)), NOW + SECOND);
     }
@@ -297,7 +297,7 @@ fn a_heartbeat_goes_each_second_to_who_is_heard_and_looks_like_no_pilot() {
     assert!(heard[2..].iter().all(|(to, _)| to.line == Some(2)));
     assert_eq!(to(&mut voice, SECOND + HEARD_US).len(), 2 + MAX_HEARERS);
     assert_eq!(to(&mut voice, 2 * SECOND + HEARD_US).len(), 2);
-    // Without being told to it says nothing.
+    // A station without HEARTBEAT enabled sends nothing.
     let mut silent = Voice::new(SYSTEM, None);
     silent.heard(2, told, NOW);
     assert!(to(&mut silent, 60 * SECOND).is_empty());

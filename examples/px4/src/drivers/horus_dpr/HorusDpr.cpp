@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT OR Apache-2.0 */
 /*
- * HORUS's position for EKF2, as an auxiliary global position: reads the DPR 250 times a second and publishes each
- * sample that is fresh and valid. When there is none, the topic stops, and EKF2 goes on with the GNSS.
+ * HORUS's position for EKF2, as an auxiliary global position: the module reads the DPR 250 times a second and publishes
+ * each sample that is fresh and valid. Without one the topic stops, and EKF2 continues with the GNSS.
  */
 #include <px4_platform_common/px4_config.h>
 #include <px4_platform_common/i2c_spi_buses.h>
@@ -13,10 +13,10 @@
 #include <uORB/topics/vehicle_global_position.h>
 #if __has_include(<uORB/topics/aux_global_position.h>)
 #include <uORB/topics/aux_global_position.h>
-/* Since the topic has a message of its own. */
+/* These releases have a separate message for the topic. */
 using Position = aux_global_position_s;
 #else
-/* PX4 1.15 to 1.17: the topic is of the type of the vehicle's own. */
+/* PX4 1.15 to 1.17: the topic has the type of the vehicle's own position. */
 using Position = vehicle_global_position_s;
 #endif
 
@@ -27,7 +27,7 @@ namespace
 constexpr uint32_t CYCLE_US = 4000;
 constexpr uint32_t SPI_HZ = 2000000;
 constexpr uint8_t RECEIVERS = 3;
-/* It is of no type that PX4 knows; on an external bus that selects nothing. */
+/* PX4 has no device type for it; on an external bus the type has no effect. */
 constexpr uint16_t DEVICE_TYPE = 0xFF;
 
 /* Fields that only some releases have. */
@@ -86,12 +86,12 @@ public:
             position.timestamp_sample = began_us - report.age_us;
             position.lat = report.position.latitude;
             position.lon = report.position.longitude;
-            /* HORUS's height is above the ellipsoid, and this one above the mean sea level. */
+            /* HORUS's height is above the ellipsoid, this one above the mean sea level. */
             position.alt = NAN;
             set_ellipsoid(position, static_cast<float>(report.position.altitude), 0);
             mark_valid(position, 0);
             set_source(position, 0);
-            /* HORUS gives no accuracy: EKF2's parameter of the noise is what counts. */
+            /* HORUS gives no accuracy, so EKF2's noise parameter is used. */
             position.eph = 0.0F;
             position.epv = 0.0F;
             position.timestamp = hrt_absolute_time();
