@@ -27,7 +27,6 @@
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
-use crate::poller::Receiver;
 use crate::register as reg;
 use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
@@ -45,6 +44,18 @@ pub(crate) const IDLE_IRQS: u8 = 8;
 const BACK_OFF_US: u32 = 1_000;
 /// Back-off stops doubling at the seventh fault in a row: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
+
+/// What the receiver of a poller does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Receiver {
+    /// `rx_en` = 0: the receiver is off, so "writes, never listens" holds in the chip itself.
+    #[default]
+    Off,
+    /// `rx_en` = 1 and the receive data masked (D0): every frame is confirmed by I_txe, also by a chip that proves not
+    /// to raise it with its receiver off.
+    OnMasked,
+}
 
 /// What the chip is brought up as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -74,7 +74,7 @@
 //! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
 //! and leaves the field on.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Receiver, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -108,18 +108,6 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     let needed_us = AIR_BITS * 32 * 100 / 1_356;
     let brought_us = (2 * 8 * 1_000_000_u64).div_ceil(spi_hz as u64);
     Some((needed_us - brought_us) as u32)
-}
-
-/// What the receiver of a poller does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Receiver {
-    /// `rx_en` = 0: the receiver is off, so "writes, never listens" holds in the chip itself.
-    #[default]
-    Off,
-    /// `rx_en` = 1 and the receive data masked (D0): every frame is confirmed by I_txe, also by a chip that proves not
-    /// to raise it with its receiver off.
-    OnMasked,
 }
 
 /// How a poller is brought up.
