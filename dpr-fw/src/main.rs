@@ -38,9 +38,6 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
-
-#[cfg(target_os = "none")]
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
@@ -68,7 +65,7 @@ mod app {
         check_in::CheckIn,
         last_stop::{self, Stop},
         memory, mpu,
-        patrol::{ram::APART, Pace, PartMemory, Patrol},
+        patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
     };
     use nrf52840_hal::{
@@ -175,7 +172,7 @@ mod app {
             defmt::Debug2Format(&board.debug_port)
         );
         if let Some(stop) = last_stop::take() {
-            crate::log_stop("the last stop", &stop);
+            hw::log_stop("the last stop", &stop);
         }
         TELEMETRY.last_stop.set(last_stop::code());
         let receiver = Receiver::start(Listener::new(LISTENER), board.rf);
@@ -187,7 +184,7 @@ mod app {
             reset_reason: board.reset_reason,
         };
         let mut memory = PartMemory::take();
-        let patrol = Patrol::new(memory::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
+        let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
         // The first image, before anything is heard.
         rtic::pend(Interrupt::SWI0_EGU0);
@@ -250,7 +247,7 @@ mod app {
                     Consequence::Withdraw => rtic::pend(Interrupt::SWI0_EGU0),
                     Consequence::Stop(cause, detail) => {
                         let stop = Stop::new(cause, 0, detail);
-                        safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
                     }
                 }
             }

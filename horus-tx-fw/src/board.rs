@@ -37,8 +37,6 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
-use crate::hw::registers::Registers;
-
 /// The vectors of the tasks, in the order of [`TASKS`].
 const TASK_VECTORS: [Interrupt; TASKS.len()] = [
     Interrupt::TIM2,
@@ -168,7 +166,7 @@ pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3
 /// A one-shot timer of 16 bits, of those that count at [`timing::TIMER_HZ`] (APB1's).
 #[derive(Clone, Copy)]
 pub(crate) struct Timer {
-    pub(crate) timer: Registers<tim3::RegisterBlock>,
+    pub(crate) registers: fn() -> *const tim3::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     pub(crate) vector: Interrupt,
 }
@@ -176,7 +174,7 @@ pub(crate) struct Timer {
 /// A receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
 pub(crate) struct UartPort {
     /// The UART's registers. A USART's begin with the same ones and have one more at the end, which is not used.
-    pub(crate) uart: Registers<uart4::RegisterBlock>,
+    pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus the UART is on, from which its baud rate is derived, Hz.
@@ -195,7 +193,7 @@ pub(crate) struct UartPort {
 
 /// A receiver on I2C (u-blox' DDC). Pull-ups are outside.
 pub(crate) struct DdcPort {
-    pub(crate) i2c: Registers<i2c1::RegisterBlock>,
+    pub(crate) registers: fn() -> *const i2c1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus the peripheral is on, Hz: a whole number of MHz.
     pub(crate) bus_hz: u32,
@@ -212,7 +210,7 @@ pub(crate) struct DdcPort {
 
 /// A receiver on SPI, mode 0 at [`timing::GNSS_SPI_HZ`].
 pub(crate) struct SpiPort {
-    pub(crate) spi: Registers<spi1::RegisterBlock>,
+    pub(crate) registers: fn() -> *const spi1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     pub(crate) sck: AlternatePin,
     pub(crate) miso: AlternatePin,
@@ -250,7 +248,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::USART2::ptr().cast()),
+            registers: || pac::USART2::ptr().cast(),
             enable: pac::USART2::enable,
             bus_hz: timing::APB1_HZ,
             rx: pin(Port::D, 6, 7),
@@ -263,13 +261,13 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 125,
         hardware: Hardware::Ddc(DdcPort {
-            i2c: Registers::at(pac::I2C2::ptr()),
+            registers: pac::I2C2::ptr,
             enable: pac::I2C2::enable,
             bus_hz: timing::APB1_HZ,
             scl: pin(Port::F, 1, 4),
             sda: pin(Port::F, 0, 4),
             stream: Stream { dma: Dma::One, number: 2, channel: 7 },
-            timer: Timer { timer: Registers::at(pac::TIM4::ptr()), enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
+            timer: Timer { registers: pac::TIM4::ptr, enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
             event_vector: Interrupt::I2C2_EV,
             error_vector: Interrupt::I2C2_ER,
             stream_vector: Interrupt::DMA1_STREAM2,
@@ -278,7 +276,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 200,
         hardware: Hardware::Spi(SpiPort {
-            spi: Registers::at(pac::SPI5::ptr()),
+            registers: pac::SPI5::ptr,
             enable: pac::SPI5::enable,
             sck: pin(Port::F, 7, 5),
             miso: pin(Port::F, 8, 5),
@@ -286,7 +284,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
             chip_select: Pin { port: Port::E, number: 3 },
             stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
             stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
-            timer: Timer { timer: Registers::at(pac::TIM3::ptr()), enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
+            timer: Timer { registers: pac::TIM3::ptr, enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
             in_vector: Interrupt::DMA2_STREAM5,
             out_vector: Interrupt::DMA2_STREAM6,
         }),
@@ -294,7 +292,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 40,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::UART5::ptr().cast()),
+            registers: pac::UART5::ptr,
             enable: pac::UART5::enable,
             bus_hz: timing::APB1_HZ,
             rx: pin(Port::D, 2, 8),
@@ -307,7 +305,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::UART7::ptr().cast()),
+            registers: pac::UART7::ptr,
             enable: pac::UART7::enable,
             bus_hz: timing::APB1_HZ,
             rx: pin(Port::E, 7, 8),

@@ -27,21 +27,15 @@ use core::hint::select_unpredictable;
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
     GpsObject, GpsStatus, GpsValues, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues,
-    ResetReason, ABSENT_F32, ABSENT_F64, CYCLE_MS,
+    ResetReason, ABSENT_F32, ABSENT_F64,
 };
 
 use crate::{
     clock::Source,
     receiver::{Solution, HEARD_MS},
     state_inputs::{Levels, StateInputs, INPUTS},
+    timing::timestamp,
 };
-
-/// The time of tick `tick`, ms since the start: every tick is 10 ms after the one before it. The
-/// milliseconds and the ticks wrap together, so the step is 10 there as well.
-#[must_use]
-pub const fn timestamp(tick: u32) -> u32 {
-    tick.wrapping_mul(CYCLE_MS)
-}
 
 /// What a start of HORUS was like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -32,8 +32,7 @@
 //! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks over it (`main.rs`), a table of
 //! pins, DMA streams, vectors and clocks (`board.rs`: add a receiver interface there), and the registers behind those
 //! (`hw/`). `unsafe` code is in `hw/` alone, file by file where its heading says so; `main.rs` denies it everywhere
-//! else. What the two macros that `main.rs` invokes expand to, RTIC's and `firmware_common::install_safe_state!`, is
-//! theirs.
+//! else. What RTIC's macro expands to is its own.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -65,9 +65,6 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
-
-#[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::{asm, peripheral::DWT};
@@ -76,8 +73,8 @@ mod app {
         check_in::CheckIn,
         image,
         last_stop::{self, Cause, Stop},
-        memory, mpu,
-        patrol::{Pace, PartMemory, Patrol, MOST_SLICES},
+        mpu,
+        patrol::{self, Pace, PartMemory, Patrol, MOST_SLICES},
         safe_state, start_test,
     };
     use horus_tx_fw::{
@@ -100,7 +97,7 @@ mod app {
     use crate::{
         board,
         hw::{
-            self,
+            self, buffers,
             cycle_timer::{self, CycleEvent, CycleTimer},
             gnss::{self, GnssLine},
             radio::Radio,
@@ -162,7 +159,7 @@ mod app {
                 hw::safe_state,
                 || stop,
                 |stop| {
-                    crate::log_stop("flash HORUS by `cargo xtask flash horus`, which sets the brown-out level", stop);
+                    hw::log_stop("flash HORUS by `cargo xtask flash horus`, which sets the brown-out level", stop);
                 },
             );
         }
@@ -173,7 +170,7 @@ mod app {
 
         if let Some(address) = start_test::take().fault() {
             let stop = Stop::new(Cause::Ram, 0, address);
-            safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+            safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
         }
         let found = image::compare();
         if !found.is_intact() {
@@ -212,7 +209,7 @@ mod app {
         let excluded = hw::reset::kept_exclusions(reason);
         let mut cycle = Cycle::after(Start { clock, reason, excluded });
         if let Some(stop) = stopped {
-            crate::log_stop("the last stop", &stop);
+            hw::log_stop("the last stop", &stop);
             if stop.cause.is_memory_fault() {
                 cycle.found_memory_fault();
             }
@@ -222,7 +219,7 @@ mod app {
         }
         let mut memory = PartMemory::take();
         // Nothing of the image is shut: what is null on this part is not where flash is.
-        let layout = memory::layout(0, hw::shared_memory());
+        let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
@@ -263,7 +260,7 @@ mod app {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
                     let stop = Stop::new(cause, 0, detail);
-                    safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                    safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
                 }
             }
             fault = fault.or_else(|| cx.shared.transmitter.lock(Transmitter::take_fault));
@@ -499,7 +496,7 @@ mod app {
         let mut more = false;
         let now = cycle_timer::now_ms();
         for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
-            let ring = gnss::ring(index);
+            let ring = buffers::ring(index);
             let written = ring.written();
             let span = reader.take(written, RING, BYTES_PER_CALL);
             let mut bytes = [0; BYTES_PER_CALL];
@@ -522,7 +519,7 @@ mod app {
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
                 // One that finds no room goes unanswered, and is sent again.
-                gnss::outbox(index).put(&message);
+                buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);
         }

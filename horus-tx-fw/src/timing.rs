@@ -21,7 +21,7 @@
 use profile::air::{self, Place};
 use st25r3916::poller::{self, HEAD};
 
-use crate::{clock, cycle::timestamp, FRAMES, RECEIVERS};
+use crate::{clock, FRAMES, RECEIVERS};
 
 /// Core clock, Hz. 144 MHz divides into the 72 MHz and 9 MHz below and into whole microseconds, and
 /// stays clear of over-drive.
@@ -188,6 +188,13 @@ const _: () = assert!(3 * (clock::START_MAX_MS + IMAGE_CHECK_MAX_MS) <= 2 * WATC
 #[must_use]
 pub const fn quiet(count: u32) -> bool {
     count >= QUIET_FROM_US * TICKS_PER_US && count < QUIET_UNTIL_US * TICKS_PER_US
+}
+
+/// The time of tick `tick`, ms since the start: every tick is 10 ms after the one before it. The milliseconds and the
+/// ticks wrap together, so the step is 10 there as well.
+#[must_use]
+pub const fn timestamp(tick: u32) -> u32 {
+    tick.wrapping_mul(profile::CYCLE_MS)
 }
 
 /// Milliseconds since the first tick's cycle began, wraps, from what was read in this order: the number of ticks

@@ -2,10 +2,10 @@
 //! byte on the SPI.
 
 use horus_tx_fw::{
-    cycle::{timestamp, Cycle},
+    cycle::Cycle,
     receiver::Solution,
     telemetry::Telemetry,
-    timing::{payload, SLOT_US},
+    timing::{payload, timestamp, SLOT_US},
     transmitter::{self, Slot, Ticket, Transmitter},
     FRAMES, RECEIVERS,
 };

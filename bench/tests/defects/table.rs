@@ -111,7 +111,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
           {\n                continue;\n            }\n            line.poll();"),
         PLAIN, By(V::NotRead)),
     row("receivers-not-configured", "no settings are sent to any receiver",
-        edit(HORUS, "gnss::outbox(index).put(&message);", "let _ = &message;"),
+        edit(HORUS, "buffers::outbox(index).put(&message);", "let _ = &message;"),
         FACTORY, By(V::NotConfigured)),
     row("only-first-solution", "the solution of the first receiver stands for all",
         edit(HORUS,

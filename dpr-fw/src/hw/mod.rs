@@ -84,6 +84,8 @@ pub(crate) use time::{now_us, Deadline};
 
 use crate::board;
 
+firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
+
 /// The counters, for a debugger to find.
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
@@ -256,7 +258,7 @@ fn watch_supply(power: &pac::POWER) {
 
 fn stop_for_supply() -> ! {
     let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), POWER_FAIL_MV);
-    safe_state::enter(safe_state, stop, |stop| crate::log_stop("supply", stop))
+    safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
 /// The supply falls. Nothing else of CLOCK and POWER raises this interrupt.
@@ -271,11 +273,6 @@ pub(crate) fn safe_state() {
     if SsiDoorbell::is_enabled() {
         let _ = SsiDoorbell.request();
     }
-}
-
-/// What is at `address`, in words.
-pub(crate) fn area(address: u32) -> &'static str {
-    protection::area(address)
 }
 
 defmt::timestamp!("{=u32:us}", now_us());

@@ -31,10 +31,14 @@
 use core::ops::Range;
 
 pub mod guard;
+#[cfg(target_os = "none")]
+mod part;
 pub mod ram;
 
 use crate::image::Comparison;
 use guard::Guards;
+#[cfg(target_os = "none")]
+pub use part::{layout, PartMemory};
 use ram::Walk;
 
 /// One slice is due every so many µs.
@@ -217,39 +221,6 @@ impl Patrol {
             self.code_at += 4;
         }
         differs
-    }
-}
-
-/// The memory of the part.
-#[cfg(target_os = "none")]
-#[derive(Debug)]
-pub struct PartMemory(());
-
-#[cfg(target_os = "none")]
-impl PartMemory {
-    /// To be called once, by whoever runs in thread mode with no interrupt masked: the words are exercised there.
-    #[must_use]
-    pub fn take() -> Self {
-        Self(())
-    }
-}
-
-#[cfg(target_os = "none")]
-impl Memory for PartMemory {
-    fn load(&self, address: u32) -> u32 {
-        crate::memory::load(address)
-    }
-
-    fn load_shut(&self, address: u32) -> u32 {
-        crate::memory::load_shut(address)
-    }
-
-    fn store(&mut self, address: u32, word: u32) {
-        crate::memory::store(address, word);
-    }
-
-    fn exercise(&mut self, address: u32) -> u32 {
-        crate::memory::exercise(address)
     }
 }
 

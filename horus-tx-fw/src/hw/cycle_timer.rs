@@ -34,7 +34,8 @@ use stm32f4xx_hal::{
 
 use super::{
     gpio::{self, Pull, Speed},
-    radio, HORUS_TELEMETRY,
+    radio::{self, ARMED},
+    HORUS_TELEMETRY,
 };
 use crate::board;
 
@@ -42,8 +43,6 @@ use crate::board;
 static TICKS: AtomicU32 = AtomicU32::new(0);
 /// The tick whose cycle has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// The ticket for the next slot.
-pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 /// What the last slot came to, for the radio's task: `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;

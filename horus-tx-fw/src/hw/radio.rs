@@ -49,12 +49,14 @@ use stm32f4xx_hal::{
 };
 
 use super::{
-    cycle_timer::ARMED,
     dma::{self, Direction, Transfer},
     gpio::{self, Pull, Speed},
     HORUS_TELEMETRY,
 };
 use crate::board::{CHIP_SELECT, IRQ, MISO, MOSI, SCK, SPI_IN, SPI_OUT};
+
+/// The ticket for the next slot.
+pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile. Who may use the SPI when is
