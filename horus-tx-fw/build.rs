@@ -1,5 +1,5 @@
 //! Puts `memory.x` where the linker looks for it, and nowhere else: two firmwares share one target directory. Links the
-//! firmware with the word that holds the image's CRC.
+//! firmware with the word that holds the image's CRC. Makes the table of the tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -14,5 +14,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("cargo:rerun-if-changed=memory.x");
     println!("cargo:rerun-if-changed=build.rs");
+    let application = fs::read_to_string("src/main.rs")?;
+    fs::write(out.join("each_task.rs"), firmware_common::task_table::each_task(&application))?;
+    println!("cargo:rerun-if-changed=src/main.rs");
     Ok(())
 }

@@ -1,15 +1,18 @@
 //! Firmware of the DPR. This file is the table of tasks; what they do is in the library, the registers are in `hw`, and
 //! pins, vectors and channels are in `board`.
 //!
-//! | priority | task | when | has to be through within |
-//! |---|---|---|---|
-//! | 5 | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
-//! | 5 | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
-//! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
-//! | 3 | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
-//! | 2 | `scrub` | a buffer was read | 10 ms |
-//! | 1 | `port` | a transaction has brought something; an image was published | 10 ms |
-//! | 0 | `idle` | nothing else wants to run | 100 ms |
+//! | task | when | has to be through within |
+//! |---|---|---|
+//! | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
+//! | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
+//! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
+//! | `scrub` | a buffer was read | 10 ms |
+//! | `port` | a transaction has brought something; an image was published | 10 ms |
+//! | `idle` | nothing else wants to run | 100 ms |
+//!
+//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
+//! table in [`dpr_fw::task`].
 //!
 //! Where the bounds come from: after 10 µs the flight controller may select again; 40 µs are two bytes on air, and a
 //! task that verifies an object early takes about 30 (the front end's FIFO holds what arrives meanwhile); 0.1 ms is
@@ -68,10 +71,7 @@ mod app {
         patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
     };
-    use nrf52840_hal::{
-        pac::Interrupt,
-        wdt::{handles::Hdl0, WatchdogHandle},
-    };
+    use nrf52840_hal::wdt::{handles::Hdl0, WatchdogHandle};
     use profile::{
         map::{Map, PortArea},
         ResetReason,
@@ -79,6 +79,7 @@ mod app {
     use rtic::Mutex;
     use st25r3916::{Listener, ListenerConfig, ReadMode, Short};
 
+    use crate::board;
     use crate::hw::{
         self, AreaBuffer, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiDoorbell, SsiPort,
         DPR_TELEMETRY as TELEMETRY,
@@ -187,7 +188,7 @@ mod app {
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
         // The first image, before anything is heard.
-        rtic::pend(Interrupt::SWI0_EGU0);
+        board::call(Task::commit);
         (
             Shared {
                 rotation,
@@ -244,7 +245,7 @@ mod app {
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
-                    Consequence::Withdraw => rtic::pend(Interrupt::SWI0_EGU0),
+                    Consequence::Withdraw => board::call(Task::commit),
                     Consequence::Stop(cause, detail) => {
                         let stop = Stop::new(cause, 0, detail);
                         safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
@@ -276,7 +277,7 @@ mod app {
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
         cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);
-        CHECK_IN.check_in(const { Task::named("ssi_end") });
+        CHECK_IN.check_in(Task::ssi_end);
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
@@ -284,14 +285,14 @@ mod app {
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
-        CHECK_IN.check_in(const { Task::named("ssi_pause") });
+        CHECK_IN.check_in(Task::ssi_pause);
     }
 
     /// A transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_spi") });
+        CHECK_IN.check_in(Task::rf_spi);
     }
 
     /// The front end's IRQ has risen.
@@ -299,14 +300,14 @@ mod app {
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_irq") });
+        CHECK_IN.check_in(Task::rf_irq);
     }
 
     /// A wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_timer") });
+        CHECK_IN.check_in(Task::rf_timer);
     }
 
     fn receive(
@@ -318,11 +319,11 @@ mod app {
             Call::None => {}
             Call::Prepare => {
                 PREPARE.store(true, Ordering::Relaxed);
-                rtic::pend(Interrupt::SWI0_EGU0);
+                board::call(Task::commit);
             }
             Call::Handed => {
-                rtic::pend(Interrupt::SWI0_EGU0);
-                rtic::pend(Interrupt::SWI1_EGU1);
+                board::call(Task::commit);
+                board::call(Task::scrub);
             }
         }
     }
@@ -332,7 +333,7 @@ mod app {
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
-        CHECK_IN.check_in(const { Task::named("commit") });
+        CHECK_IN.check_in(Task::commit);
     }
 
     /// No frame came in time: what was valid must not stay readable.
@@ -341,7 +342,7 @@ mod app {
         cx.shared.committing.deadline.clear();
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
-        CHECK_IN.check_in(const { Task::named("deadline") });
+        CHECK_IN.check_in(Task::deadline);
     }
 
     fn publish(
@@ -387,7 +388,7 @@ mod app {
         deadline.set(commit.deadline_us());
         outbox.prepare();
         TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-        rtic::pend(Interrupt::SWI1_EGU1);
+        board::call(Task::scrub);
     }
 
     /// Buffers were read or replaced: scrubs them, then asks the other tasks for their signs of life, once a cycle.
@@ -395,7 +396,7 @@ mod app {
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
-        CHECK_IN.check_in(const { Task::named("scrub") });
+        CHECK_IN.check_in(Task::scrub);
         // With five receivers a cycle has two frames, and one call a cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
@@ -403,21 +404,13 @@ mod app {
         }
         *cx.local.asked_us = now_us;
         // What has come of frames needs no call.
-        for (task, vector) in const {
-            [
-                (Task::named("rf_spi"), Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0),
-                (Task::named("rf_irq"), Interrupt::GPIOTE),
-                (Task::named("rf_timer"), Interrupt::TIMER0),
-                (Task::named("commit"), Interrupt::SWI0_EGU0),
-                (Task::named("deadline"), Interrupt::TIMER1),
-            ]
-        } {
+        for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
             if !CHECK_IN.has_checked_in(task) {
-                rtic::pend(vector);
+                board::call(task);
             }
         }
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        rtic::pend(Interrupt::SWI2_EGU2);
+        board::call(Task::port);
     }
 
     /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
@@ -453,7 +446,7 @@ mod app {
         TELEMETRY.access_violations.set(port.access_violations());
         TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
         TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
-        CHECK_IN.check_in(const { Task::named("port") });
+        CHECK_IN.check_in(Task::port);
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 }

@@ -13,6 +13,7 @@
 //! | [`safe_state`] | what a panic or a fault does: enter the board's safe state, log once, wait for the watchdog |
 //! | [`start`] | the first instructions: reset flags, watchdog, and the code that runs from RAM |
 //! | [`start_test`] | the test of the RAM before anything is stored in it |
+//! | `task_table` | the table of tasks, from the attributes in `main.rs` |
 #![cfg_attr(not(test), no_std)]
 #![deny(unsafe_code)]
 
@@ -28,3 +29,5 @@ pub mod patrol;
 pub mod safe_state;
 pub mod start;
 pub mod start_test;
+#[cfg(not(target_os = "none"))]
+pub mod task_table;

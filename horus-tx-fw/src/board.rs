@@ -2,23 +2,23 @@
 //!
 //! NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
 //!
-//! | use | peripheral | pins | DMA | vectors |
-//! |---|---|---|---|---|
-//! | front end, clocked in | SPI1 | MISO PA6 | DMA2 stream 0 channel 3 | DMA2_STREAM0 |
-//! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 | DMA2_STREAM3 |
-//! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – | EXTI3 |
-//! | front end's waits | TIM5 | – | – | TIM5 |
-//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – | – |
-//! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
-//! | calls of tasks of lower priority | CAN1 and CAN2, which stay off | – | – | CAN1 TX, RX0, RX1; CAN2 TX, RX0 |
-//! | receivers | see [`RECEIVER_PORTS`] | | | |
+//! | use | peripheral | pins | DMA |
+//! |---|---|---|---|
+//! | front end, clocked in | SPI1 | MISO PA6 | DMA2 stream 0 channel 3 |
+//! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 |
+//! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – |
+//! | front end's waits | TIM5 | – | – |
+//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – |
+//! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – |
+//! | calls of tasks of lower priority | vectors of CAN1 and CAN2, which stay off | – | – |
+//! | receivers | see [`RECEIVER_PORTS`] | | |
 //!
 //! Streams and channels are those of RM0090 "DMA controller", DMA1 and DMA2 request mapping (tables 42 and 43).
 //!
 //! # To add or move a receiver
 //!
 //! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's vectors also have to be those of the
-//! receiver's tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row does not
+//! receiver's tasks in `main.rs`; each of those looks its row up by its own vector, and one that is in no row does not
 //! compile. Nothing else names a receiver's hardware.
 //!
 //! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
@@ -28,7 +28,7 @@ use horus_tx_fw::{
     configuration::Interface,
     source::Vector,
     state_inputs::INPUTS,
-    task::{calls_for_sign_of_life, TASKS},
+    task::{Task, TASKS},
     timing,
 };
 use profile::MAX_RECEIVERS;
@@ -37,32 +37,25 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
+macro_rules! vectors {
+    ($($name:ident $vector:ident)*) => {
+        [$(Interrupt::$vector),*]
+    };
+}
+
 /// The vectors of the tasks, in the order of [`TASKS`].
-const TASK_VECTORS: [Interrupt; TASKS.len()] = [
-    Interrupt::TIM2,
-    Interrupt::DMA2_STREAM0,
-    Interrupt::DMA2_STREAM3,
-    Interrupt::EXTI3,
-    Interrupt::TIM5,
-    Interrupt::CAN1_TX,
-    Interrupt::CAN1_RX0,
-    Interrupt::CAN2_RX0,
-    Interrupt::CAN2_TX,
-    Interrupt::USART2,
-    Interrupt::DMA1_STREAM5,
-    Interrupt::I2C2_EV,
-    Interrupt::I2C2_ER,
-    Interrupt::DMA1_STREAM2,
-    Interrupt::TIM4,
-    Interrupt::DMA2_STREAM5,
-    Interrupt::DMA2_STREAM6,
-    Interrupt::TIM3,
-    Interrupt::UART5,
-    Interrupt::DMA1_STREAM0,
-    Interrupt::UART7,
-    Interrupt::DMA1_STREAM3,
-    Interrupt::CAN1_RX1,
-];
+const TASK_VECTORS: [Interrupt; TASKS.len()] = horus_tx_fw::each_task!(vectors);
+
+/// The vector of `task`.
+pub(crate) const fn vector_of(task: Task) -> Interrupt {
+    TASK_VECTORS[task as usize]
+}
+
+/// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
+#[inline(always)]
+pub(crate) fn call(task: Task) {
+    rtic::pend(vector_of(task));
+}
 
 /// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
 pub(crate) fn task_of(exception: u16) -> &'static str {
@@ -73,11 +66,7 @@ pub(crate) fn task_of(exception: u16) -> &'static str {
 
 /// Calls every task that hardware alone calls otherwise, so that it checks in.
 pub(crate) fn ask_for_signs_of_life() {
-    for (place, vector) in TASK_VECTORS.into_iter().enumerate() {
-        if calls_for_sign_of_life(place) {
-            rtic::pend(vector);
-        }
-    }
+    Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
 
 /// A GPIO port.
@@ -361,12 +350,13 @@ impl Hardware {
     }
 }
 
-/// The receiver, from 0, one of whose vectors `vector` is, and what it means. To be evaluated at compile time.
+/// The receiver, from 0, one of whose vectors is that of `task`, and what it means. To be evaluated at compile time.
 ///
 /// # Panics
 ///
 /// If it is no receiver's, or more than one's.
-pub(crate) const fn source_of(vector: Interrupt) -> (usize, Vector) {
+pub(crate) const fn source_of(task: Task) -> (usize, Vector) {
+    let vector = vector_of(task);
     let mut found = None;
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {

@@ -2,21 +2,24 @@
 //!
 //! # Tasks
 //!
-//! | priority | task | vector | what arrives |
-//! |---|---|---|---|
-//! | NMI | in `hw::clock` | NMI | the external clock has failed |
-//! | 16 | in `hw::supply` | PVD | the supply falls |
-//! | 5 | `slot` | TIM2 | the tick; a frame's slot |
-//! | 4 | `rf_spi`, `rf_spi_error` | DMA2 stream 0, 3 | an SPI transfer has ended, or failed |
-//! | 4 | `rf_irq` | EXTI3 | the ST25R3916's interrupt request |
-//! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
-//! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
-//! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
-//! | 3 | `vote` | CAN2_RX0 | a cycle's first slot (from `rf_slot`) |
-//! | 2 | `gnss_tick` | CAN2_TX | a cycle's first slot (from `rf_slot`): every receiver's source is served |
-//! | 2 | `gnss*` | UARTs, I2C2, their DMA and SPI5's, TIM3, TIM4 | an event of a source: see `hw::gnss` |
-//! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
-//! | 0 | `idle` | – | – |
+//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
+//! table in [`horus_tx_fw::task`].
+//!
+//! | task | what arrives |
+//! |---|---|
+//! | NMI, in `hw::clock` | the external clock has failed |
+//! | PVD, in `hw::supply` | the supply falls |
+//! | `slot` | the tick; a frame's slot |
+//! | `rf_spi`, `rf_spi_error` | an SPI transfer has ended, or failed |
+//! | `rf_irq` | the ST25R3916's interrupt request |
+//! | `rf_timer` | a wait of the poller machine is over |
+//! | `rf_slot` | a slot has passed (from `slot`) |
+//! | `cycle` | the tick (from `slot`) |
+//! | `vote` | a cycle's first slot (from `rf_slot`) |
+//! | `gnss_tick` | a cycle's first slot (from `rf_slot`): every receiver's source is served |
+//! | `gnss*` | an event of a source: see `hw::gnss` |
+//! | `parse` | bytes (from `gnss*`) |
+//! | `idle` | – |
 //!
 //! # Deadlines
 //!
@@ -92,10 +95,10 @@ mod app {
         RECEIVERS,
     };
     use st25r3916::PollerConfig;
-    use stm32f4xx_hal::{pac::Interrupt, watchdog::IndependentWatchdog};
+    use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
     use crate::{
-        board,
+        board::{self, source_of},
         hw::{
             self, buffers,
             cycle_timer::{self, CycleEvent, CycleTimer},
@@ -317,24 +320,24 @@ mod app {
     #[task(binds = TIM2, priority = 5, local = [timer])]
     fn slot(cx: slot::Context) {
         match cx.local.timer.interrupt() {
-            CycleEvent::Slot => rtic::pend(Interrupt::CAN1_TX),
-            CycleEvent::Tick => rtic::pend(Interrupt::CAN1_RX0),
+            CycleEvent::Slot => board::call(Task::rf_slot),
+            CycleEvent::Tick => board::call(Task::cycle),
         }
-        CHECK_IN.check_in(const { Task::named("slot") });
+        CHECK_IN.check_in(Task::slot);
         settle();
     }
 
     #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter])]
     fn rf_spi(mut cx: rf_spi::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
-        CHECK_IN.check_in(const { Task::named("rf_spi") });
+        CHECK_IN.check_in(Task::rf_spi);
         settle();
     }
 
     #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter])]
     fn rf_spi_error(mut cx: rf_spi_error::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
-        CHECK_IN.check_in(const { Task::named("rf_spi_error") });
+        CHECK_IN.check_in(Task::rf_spi_error);
         settle();
     }
 
@@ -344,7 +347,7 @@ mod app {
             transmitter.port().clear_pending_irq();
             transmitter.poll();
         });
-        CHECK_IN.check_in(const { Task::named("rf_irq") });
+        CHECK_IN.check_in(Task::rf_irq);
         settle();
     }
 
@@ -354,7 +357,7 @@ mod app {
             transmitter.port().clear_pending_timer();
             transmitter.poll();
         });
-        CHECK_IN.check_in(const { Task::named("rf_timer") });
+        CHECK_IN.check_in(Task::rf_timer);
         settle();
     }
 
@@ -363,12 +366,12 @@ mod app {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
                 // Not at the tick: a division, or an access to a slow bus, would hold the slot's interrupt up.
-                rtic::pend(Interrupt::CAN2_RX0);
-                rtic::pend(Interrupt::CAN2_TX);
+                board::call(Task::vote);
+                board::call(Task::gnss_tick);
             }
             cx.shared.transmitter.lock(|transmitter| transmitter.slot(slot));
         }
-        CHECK_IN.check_in(const { Task::named("rf_slot") });
+        CHECK_IN.check_in(Task::rf_slot);
         settle();
     }
 
@@ -380,7 +383,7 @@ mod app {
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
-        CHECK_IN.check_in(const { Task::named("cycle") });
+        CHECK_IN.check_in(Task::cycle);
         settle();
     }
 
@@ -391,7 +394,7 @@ mod app {
         cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
         hw::reset::keep_exclusions(cycle.excluded());
         cycle_timer::cycle_ended(tick);
-        CHECK_IN.check_in(const { Task::named("vote") });
+        CHECK_IN.check_in(Task::vote);
         settle();
     }
 
@@ -400,16 +403,16 @@ mod app {
         for line in cx.shared.lines {
             line.poll();
         }
-        rtic::pend(Interrupt::CAN1_RX1);
+        board::call(Task::parse);
         board::ask_for_signs_of_life();
-        CHECK_IN.check_in(const { Task::named("gnss_tick") });
+        CHECK_IN.check_in(Task::gnss_tick);
         settle();
     }
 
     fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
             if line.interrupt(vector) {
-                rtic::pend(Interrupt::CAN1_RX1);
+                board::call(Task::parse);
             }
         }
         CHECK_IN.check_in(task);
@@ -420,75 +423,55 @@ mod app {
 
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
-        serve(const { Task::named("gnss1") }, cx.shared.lines, const { board::source_of(Interrupt::USART2) });
+        serve(Task::gnss1, cx.shared.lines, const { source_of(Task::gnss1) });
     }
     #[task(binds = DMA1_STREAM5, priority = 2, shared = [lines])]
     fn gnss1_ring(cx: gnss1_ring::Context) {
-        serve(
-            const { Task::named("gnss1_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM5) },
-        );
+        serve(Task::gnss1_ring, cx.shared.lines, const { source_of(Task::gnss1_ring) });
     }
     #[task(binds = I2C2_EV, priority = 2, shared = [lines])]
     fn gnss2(cx: gnss2::Context) {
-        serve(const { Task::named("gnss2") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_EV) });
+        serve(Task::gnss2, cx.shared.lines, const { source_of(Task::gnss2) });
     }
     #[task(binds = I2C2_ER, priority = 2, shared = [lines])]
     fn gnss2_error(cx: gnss2_error::Context) {
-        serve(const { Task::named("gnss2_error") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_ER) });
+        serve(Task::gnss2_error, cx.shared.lines, const { source_of(Task::gnss2_error) });
     }
     #[task(binds = DMA1_STREAM2, priority = 2, shared = [lines])]
     fn gnss2_read(cx: gnss2_read::Context) {
-        serve(
-            const { Task::named("gnss2_read") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM2) },
-        );
+        serve(Task::gnss2_read, cx.shared.lines, const { source_of(Task::gnss2_read) });
     }
     #[task(binds = TIM4, priority = 2, shared = [lines])]
     fn gnss2_step(cx: gnss2_step::Context) {
-        serve(const { Task::named("gnss2_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM4) });
+        serve(Task::gnss2_step, cx.shared.lines, const { source_of(Task::gnss2_step) });
     }
     #[task(binds = DMA2_STREAM5, priority = 2, shared = [lines])]
     fn gnss3(cx: gnss3::Context) {
-        serve(const { Task::named("gnss3") }, cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM5) });
+        serve(Task::gnss3, cx.shared.lines, const { source_of(Task::gnss3) });
     }
     #[task(binds = DMA2_STREAM6, priority = 2, shared = [lines])]
     fn gnss3_error(cx: gnss3_error::Context) {
-        serve(
-            const { Task::named("gnss3_error") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA2_STREAM6) },
-        );
+        serve(Task::gnss3_error, cx.shared.lines, const { source_of(Task::gnss3_error) });
     }
     #[task(binds = TIM3, priority = 2, shared = [lines])]
     fn gnss3_step(cx: gnss3_step::Context) {
-        serve(const { Task::named("gnss3_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM3) });
+        serve(Task::gnss3_step, cx.shared.lines, const { source_of(Task::gnss3_step) });
     }
     #[task(binds = UART5, priority = 2, shared = [lines])]
     fn gnss4(cx: gnss4::Context) {
-        serve(const { Task::named("gnss4") }, cx.shared.lines, const { board::source_of(Interrupt::UART5) });
+        serve(Task::gnss4, cx.shared.lines, const { source_of(Task::gnss4) });
     }
     #[task(binds = DMA1_STREAM0, priority = 2, shared = [lines])]
     fn gnss4_ring(cx: gnss4_ring::Context) {
-        serve(
-            const { Task::named("gnss4_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM0) },
-        );
+        serve(Task::gnss4_ring, cx.shared.lines, const { source_of(Task::gnss4_ring) });
     }
     #[task(binds = UART7, priority = 2, shared = [lines])]
     fn gnss5(cx: gnss5::Context) {
-        serve(const { Task::named("gnss5") }, cx.shared.lines, const { board::source_of(Interrupt::UART7) });
+        serve(Task::gnss5, cx.shared.lines, const { source_of(Task::gnss5) });
     }
     #[task(binds = DMA1_STREAM3, priority = 2, shared = [lines])]
     fn gnss5_ring(cx: gnss5_ring::Context) {
-        serve(
-            const { Task::named("gnss5_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM3) },
-        );
+        serve(Task::gnss5_ring, cx.shared.lines, const { source_of(Task::gnss5_ring) });
     }
 
     #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
@@ -524,9 +507,9 @@ mod app {
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);
         }
         if more {
-            rtic::pend(Interrupt::CAN1_RX1);
+            board::call(Task::parse);
         }
-        CHECK_IN.check_in(const { Task::named("parse") });
+        CHECK_IN.check_in(Task::parse);
         settle();
     }
 }
