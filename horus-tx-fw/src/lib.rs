@@ -24,6 +24,7 @@
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
 //! | [`exclusions`] | which receivers stay excluded over a reset |
 //! | [`integrity`] | what a change of memory leads to, and when it is found |
+//! | [`idle`] | when memory is looked at, and what is logged when |
 //! | [`protection`] | what the memory protection unit opens |
 //! | [`reset`] | why the processor started |
 //! | [`task`] | which tasks have to check in before the watchdog is fed |
@@ -41,6 +42,7 @@ pub mod configuration;
 pub mod cycle;
 pub mod ddc;
 pub mod exclusions;
+pub mod idle;
 pub mod integrity;
 pub mod protection;
 pub mod receiver;

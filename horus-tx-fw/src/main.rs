@@ -77,12 +77,13 @@ mod app {
         image,
         last_stop::{self, Cause, Stop},
         mpu,
-        patrol::{self, Pace, PartMemory, Patrol, MOST_SLICES},
+        patrol::{self, PartMemory, Patrol},
         safe_state, start_test,
     };
     use horus_tx_fw::{
         configuration::{self, Configuration},
         cycle::{Cycle, Start},
+        idle::{Journal, Message, Slices},
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
         reset,
@@ -242,77 +243,49 @@ mod app {
 
     #[idle(local = [watchdog, patrol, memory], shared = [transmitter])]
     fn idle(mut cx: idle::Context) -> ! {
-        let mut reported = 0;
-        let mut fault = None;
-        let mut told = [(0, 0, 0); RECEIVERS];
+        let mut journal = Journal::new();
         let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
-        let mut pace = Pace::new(now_us());
-        let mut due = 0;
+        let mut slices = Slices::new(now_us());
         loop {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
             // Most interrupts have nothing else for this loop: they cost it this question.
-            due = (due + pace.due(now_us())).min(MOST_SLICES);
-            if due == 0 || !cycle_timer::is_quiet() {
+            if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
             }
-            while due > 0 && cycle_timer::is_quiet() {
-                due -= 1;
+            while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
                     let stop = Stop::new(cause, 0, detail);
                     safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
                 }
             }
-            fault = fault.or_else(|| cx.shared.transmitter.lock(Transmitter::take_fault));
-            if let Some(what) = fault {
-                if cycle_timer::when_quiet(|| defmt::warn!("radio: {}", what)) {
-                    fault = None;
-                }
+            let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
+            let second = cycle_timer::tick() / 100;
+            journal.write(take_fault, second, &HORUS_TELEMETRY, |message| cycle_timer::when_quiet(|| log(message)));
+        }
+    }
+
+    fn log(message: Message) {
+        match message {
+            Message::Radio(fault) => defmt::warn!("radio: {}", fault),
+            Message::Configuration { receiver, standing } => {
+                defmt::info!("GPS{=usize}: {=str}", receiver + 1, configuration::name(standing));
             }
-            for (index, told) in told.iter_mut().enumerate() {
-                let source = &HORUS_TELEMETRY.sources[index];
-                let standing = source.configuration.get();
-                if told.0 != standing
-                    && cycle_timer::when_quiet(|| {
-                        defmt::info!("GPS{=usize}: {=str}", index + 1, configuration::name(standing));
-                    })
-                {
-                    told.0 = standing;
-                }
-            }
-            let seconds = cycle_timer::tick() / 100;
-            if seconds != reported {
+            Message::Second => {
                 let t = &HORUS_TELEMETRY;
-                if cycle_timer::when_quiet(|| {
-                    defmt::info!(
-                        "{=u32} sent, {=u32} skipped, {=u32} faults, fill {=u32} cycles",
-                        t.frames_sent.get(),
-                        t.frames_skipped.get(),
-                        t.rf_faults.get(),
-                        t.worst_fill_cycles.get()
-                    );
-                }) {
-                    reported = seconds;
-                }
-                for (index, told) in told.iter_mut().enumerate() {
-                    let source = &HORUS_TELEMETRY.sources[index];
-                    let (recoveries, timed_out) = (source.recoveries.get(), source.timed_out.get());
-                    if (told.1, told.2) != (recoveries, timed_out)
-                        && cycle_timer::when_quiet(|| {
-                            defmt::warn!(
-                                "GPS{=usize}: {=u32} recoveries, {=u32} timed out",
-                                index + 1,
-                                recoveries,
-                                timed_out
-                            );
-                        })
-                    {
-                        (told.1, told.2) = (recoveries, timed_out);
-                    }
-                }
+                defmt::info!(
+                    "{=u32} sent, {=u32} skipped, {=u32} faults, fill {=u32} cycles",
+                    t.frames_sent.get(),
+                    t.frames_skipped.get(),
+                    t.rf_faults.get(),
+                    t.worst_fill_cycles.get()
+                );
+            }
+            Message::Bus { receiver, recoveries, timed_out } => {
+                defmt::warn!("GPS{=usize}: {=u32} recoveries, {=u32} timed out", receiver + 1, recoveries, timed_out);
             }
         }
     }
