@@ -48,10 +48,8 @@ mod app {
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
     use dpr_fw::{
-        commit::Commit,
-        intake,
-        integrity::{self, Consequence, ImageCheck, Integrity, Judge, Shown},
-        link::Health,
+        intake::{Intake, Notices},
+        integrity::{self, Consequence, ImageCheck, Integrity, Judge},
         port::{
             areas::{Areas, PortEnd, AREAS},
             Health as PortHealth, Port, Prepared,
@@ -72,10 +70,7 @@ mod app {
         safe_state, start_test,
     };
     use nrf52840_hal::wdt::{handles::Hdl0, WatchdogHandle};
-    use profile::{
-        map::{Map, PortArea},
-        ResetReason,
-    };
+    use profile::map::{Map, PortArea};
     use rtic::Mutex;
     use st25r3916::{Listener, ListenerConfig, ReadMode, Short};
 
@@ -94,20 +89,17 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// The RFID side has called for an image to be prepared, since a frame arrives. Without that `commit` and
-    /// `deadline` prepare none: what is written until the next frame is to be in it.
-    static PREPARE: AtomicBool = AtomicBool::new(false);
+    /// The RFID side has called for an image to be prepared.
+    static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
     /// The tasks are asked for their signs of life once a cycle: not sooner than this after the last time, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
     /// What `commit` and `deadline`, of the same priority, share.
     pub struct Committing {
-        commit: Commit<RECEIVERS>,
+        intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
         deadline: Deadline,
-        started: bool,
-        reset_reason: ResetReason,
     }
 
     #[shared]
@@ -177,13 +169,8 @@ mod app {
         }
         TELEMETRY.last_stop.set(last_stop::code());
         let receiver = Receiver::start(Listener::new(LISTENER), board.rf);
-        let committing = Committing {
-            commit: Commit::new(),
-            filling: None,
-            deadline: board.deadline,
-            started: false,
-            reset_reason: board.reset_reason,
-        };
+        let intake = Intake::new(board.reset_reason);
+        let committing = Committing { intake, filling: None, deadline: board.deadline };
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
@@ -318,7 +305,7 @@ mod app {
         match receiver.serve::<RECEIVERS>(rotation, front_end, &TELEMETRY) {
             Call::None => {}
             Call::Prepare => {
-                PREPARE.store(true, Ordering::Relaxed);
+                FRAME_ARRIVES.store(true, Ordering::Relaxed);
                 board::call(Task::commit);
             }
             Call::Handed => {
@@ -353,42 +340,18 @@ mod app {
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
-        let prepare = PREPARE.swap(false, Ordering::Relaxed);
-        let Committing { commit, filling, deadline, started, reset_reason } = committing;
-        let front_end = front_end.lock(|state| *state);
-        let health = Health {
-            ram_fault: [&TELEMETRY.scrub_faults, &TELEMETRY.image_faults, &TELEMETRY.ram_errors]
-                .iter()
-                .any(|faults| faults.get() > 0),
-            front_end_fault: front_end.is_out_of_order(),
-            no_field: front_end.senses_no_field(),
-            flash_fault: INTEGRITY.flash_fault(),
-            reset_reason: *reset_reason,
-            access_violations: TELEMETRY.access_violations.get(),
-            uplink_rejected: TELEMETRY.uplink_rejected.get() != 0,
+        let notices = Notices {
+            frame_arrives: FRAME_ARRIVES.swap(false, Ordering::Relaxed),
+            front_end: front_end.lock(|state| *state),
+            integrity: &INTEGRITY,
+            shown: hw::ShownImage,
         };
+        let Committing { intake, filling, deadline } = committing;
         let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
-        let mut called_for = !core::mem::replace(started, true);
-        if called_for {
-            commit.begin(hw::now_us(), &health, &mut outbox);
+        if intake.serve(rotation, &notices, &mut outbox, deadline) {
+            TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
+            board::call(Task::scrub);
         }
-        let before = TELEMETRY.publications.get();
-        called_for |= intake::take_in(commit, rotation, hw::now_us, &health, &mut outbox, &TELEMETRY);
-        // What was just published replaces what is shown.
-        let replaced = TELEMETRY.publications.get() != before;
-        if INTEGRITY.take_withdrawal(hw::ShownImage.generation()) && !replaced {
-            called_for |= commit.withdraw(hw::now_us(), &health, &mut outbox);
-        }
-        if !called_for {
-            if prepare {
-                commit.prepare(&mut outbox);
-            }
-            return;
-        }
-        deadline.set(commit.deadline_us());
-        outbox.prepare();
-        TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-        board::call(Task::scrub);
     }
 
     /// Buffers were read or replaced: scrubs them, then asks the other tasks for their signs of life, once a cycle.
