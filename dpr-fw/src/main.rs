@@ -52,11 +52,11 @@ mod app {
         integrity::{self, Consequence, ImageCheck, Integrity, Judge},
         port::{
             areas::{Areas, PortEnd, AREAS},
-            Health as PortHealth, Port, Prepared,
+            Diagnostics, Prepared, WritePort,
         },
         protection,
         publish::{Mailbox, Outbox, Server},
-        rf::{Call, FrameInfo, FrontEnd, Receiver},
+        rf::{Call, FrameInfo, FrontEnd, Reception},
         ssi::{ReceiveArea, SignOfLife, RECEIVE_BYTES},
         task::Task,
         triple::{self, Filling, Rotation, IMAGES, RECEIVE_BUFFERS},
@@ -109,7 +109,7 @@ mod app {
         prepared: Prepared<&'static mut PortArea>,
         front_end: FrontEnd,
         #[lock_free]
-        receiver: Receiver<RfPort>,
+        receiver: Reception<RfPort>,
         #[lock_free]
         committing: Committing,
     }
@@ -118,7 +118,7 @@ mod app {
     struct Local {
         ssi: SsiPort,
         server: Server<{ Map::<RECEIVERS>::LEN }>,
-        port: Port,
+        port: WritePort,
         areas: PortEnd<'static, AreaBuffer>,
         spare: &'static mut PortArea,
         rf_edge: RfEdge,
@@ -153,8 +153,8 @@ mod app {
         let (area, ssi_end, areas, found_in_areas) = cx.local.ssi_areas.split(cx.local.ssi_rx.each_mut());
         TELEMETRY.scrubbed(found_in_areas);
         let [ready, spare] = cx.local.port_areas.each_mut();
-        let mut port = Port::new();
-        port.prepare(&PortHealth::default(), 0, ready);
+        let mut port = WritePort::new();
+        port.prepare(&Diagnostics::default(), 0, ready);
         TELEMETRY.ram_errors.add(u32::from(start_test::take().fault().is_some()));
         let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: (area, ssi_end) };
         let board = hw::init(&mut core, cx.device, memory, filling);
@@ -168,7 +168,7 @@ mod app {
             hw::log_stop("the last stop", &stop);
         }
         TELEMETRY.last_stop.set(last_stop::code());
-        let receiver = Receiver::start(Listener::new(LISTENER), board.rf);
+        let receiver = Reception::start(Listener::new(LISTENER), board.rf);
         let intake = Intake::new(board.reset_reason);
         let committing = Committing { intake, filling: None, deadline: board.deadline };
         let mut memory = PartMemory::take();
@@ -298,7 +298,7 @@ mod app {
     }
 
     fn receive(
-        receiver: &mut Receiver<RfPort>,
+        receiver: &mut Reception<RfPort>,
         rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         front_end: impl Mutex<T = FrontEnd>,
     ) {
@@ -390,7 +390,7 @@ mod app {
         }
         let publications = TELEMETRY.publications.get();
         changed |= core::mem::replace(prepared_for, publications) != publications;
-        let health = PortHealth {
+        let diagnostics = Diagnostics {
             too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
             integrity_faults: TELEMETRY.image_faults.get(),
             flash_passes: TELEMETRY.flash_passes.get(),
@@ -403,7 +403,7 @@ mod app {
             changed = true;
         }
         if changed {
-            port.prepare(&health, hw::now_us(), spare);
+            port.prepare(&diagnostics, hw::now_us(), spare);
             cx.shared.prepared.lock(|prepared| prepared.exchange(spare));
         }
         TELEMETRY.access_violations.set(port.access_violations());

@@ -288,7 +288,7 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 }
 
 /// What a fault's status register tells, in words.
-fn told(cause: Cause, cfsr: u32) -> &'static str {
+fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
         // Why the frame could not be written is told by the access before it, if there was one.
         Cause::MemoryProtection => {
@@ -325,7 +325,7 @@ impl fmt::Display for Stop {
         if !self.cause.is_fault() {
             return write!(f, " ({:#x})", self.detail);
         }
-        write!(f, ", {}", told(self.cause, self.detail))?;
+        write!(f, ", {}", fault_in_words(self.cause, self.detail))?;
         if let Some(address) = self.address {
             write!(f, " at {address:#010x}")?;
         }

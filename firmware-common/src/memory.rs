@@ -1,4 +1,4 @@
-//! Memory as the linker has laid it out, word by word: the image in flash, code in RAM, guard words, RAM in use.
+//! Memory as the linker has laid it out, word by word: the program in flash, code in RAM, guard words, RAM in use.
 //!
 //! Everything here is a load or a store of one word at an address between two symbols of the linker script. Loads are
 //! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
@@ -117,16 +117,16 @@ pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
     start..start + size_of_val(object) as u32
 }
 
-/// The image in flash: from the vector table up to its CRC.
+/// The program in flash: from the vector table up to its CRC.
 #[must_use]
-pub fn image() -> Range<u32> {
-    address!(__vector_table)..address!(__image_crc)
+pub fn program() -> Range<u32> {
+    address!(__vector_table)..address!(__program_crc)
 }
 
-/// The word behind the image, which holds its CRC.
+/// The word behind the program, which holds its CRC.
 #[must_use]
 pub fn stored_crc() -> u32 {
-    load(address!(__image_crc))
+    load(address!(__program_crc))
 }
 
 /// Whether `len` bytes from `address` on are whole words of the stack.

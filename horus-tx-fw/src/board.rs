@@ -71,7 +71,7 @@ pub(crate) fn ask_for_signs_of_life() {
 
 /// A GPIO port.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Port {
+pub(crate) enum GpioPort {
     A,
     B,
     C,
@@ -83,7 +83,7 @@ pub(crate) enum Port {
 /// A pin, from 0 to 15 of its port.
 #[derive(Clone, Copy)]
 pub(crate) struct Pin {
-    pub(crate) port: Port,
+    pub(crate) port: GpioPort,
     pub(crate) number: u8,
 }
 
@@ -116,7 +116,7 @@ pub(crate) struct Stream {
 
 /// Where the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). High for
 /// the last [`timing::TICK_PULSE_TICKS`] of each cycle; it falls with the tick.
-pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: Port::B, number: 10 }, function: 1 };
+pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::B, number: 10 }, function: 1 };
 
 // ---- State
 
@@ -131,20 +131,20 @@ pub(crate) struct InputPair {
 /// What tells HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
 /// D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
-    InputPair { active: Pin { port: Port::E, number: 2 }, inactive: Pin { port: Port::E, number: 4 } },
-    InputPair { active: Pin { port: Port::E, number: 5 }, inactive: Pin { port: Port::E, number: 6 } },
-    InputPair { active: Pin { port: Port::D, number: 3 }, inactive: Pin { port: Port::D, number: 4 } },
+    InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
+    InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
+    InputPair { active: Pin { port: GpioPort::D, number: 3 }, inactive: Pin { port: GpioPort::D, number: 4 } },
 ];
 
 // ---- Front end
 
 /// The front end's SPI: SPI1.
-pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 5 }, function: 5 };
-pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 6 }, function: 5 };
-pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 7 }, function: 5 };
-pub(crate) const CHIP_SELECT: Pin = Pin { port: Port::D, number: 14 };
+pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
+pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
+pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
+pub(crate) const CHIP_SELECT: Pin = Pin { port: GpioPort::D, number: 14 };
 /// The front end's interrupt request, rising. Its number is also that of its EXTI line: vector EXTI3.
-pub(crate) const IRQ: Pin = Pin { port: Port::A, number: 3 };
+pub(crate) const IRQ: Pin = Pin { port: GpioPort::A, number: 3 };
 /// What the SPI clocks in.
 pub(crate) const SPI_IN: Stream = Stream { dma: Dma::Two, number: 0, channel: 3 };
 /// What the SPI clocks out.
@@ -221,7 +221,7 @@ pub(crate) enum Hardware {
     Spi(SpiPort),
 }
 
-const fn pin(port: Port, number: u8, function: u8) -> AlternatePin {
+const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
@@ -240,8 +240,8 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
             registers: || pac::USART2::ptr().cast(),
             enable: pac::USART2::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::D, 6, 7),
-            tx: pin(Port::D, 5, 7),
+            rx: pin(GpioPort::D, 6, 7),
+            tx: pin(GpioPort::D, 5, 7),
             stream: Stream { dma: Dma::One, number: 5, channel: 4 },
             uart_vector: Interrupt::USART2,
             stream_vector: Interrupt::DMA1_STREAM5,
@@ -253,8 +253,8 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
             registers: pac::I2C2::ptr,
             enable: pac::I2C2::enable,
             bus_hz: timing::APB1_HZ,
-            scl: pin(Port::F, 1, 4),
-            sda: pin(Port::F, 0, 4),
+            scl: pin(GpioPort::F, 1, 4),
+            sda: pin(GpioPort::F, 0, 4),
             stream: Stream { dma: Dma::One, number: 2, channel: 7 },
             timer: Timer { registers: pac::TIM4::ptr, enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
             event_vector: Interrupt::I2C2_EV,
@@ -267,10 +267,10 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
         hardware: Hardware::Spi(SpiPort {
             registers: pac::SPI5::ptr,
             enable: pac::SPI5::enable,
-            sck: pin(Port::F, 7, 5),
-            miso: pin(Port::F, 8, 5),
-            mosi: pin(Port::F, 9, 5),
-            chip_select: Pin { port: Port::E, number: 3 },
+            sck: pin(GpioPort::F, 7, 5),
+            miso: pin(GpioPort::F, 8, 5),
+            mosi: pin(GpioPort::F, 9, 5),
+            chip_select: Pin { port: GpioPort::E, number: 3 },
             stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
             stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
             timer: Timer { registers: pac::TIM3::ptr, enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
@@ -284,8 +284,8 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
             registers: pac::UART5::ptr,
             enable: pac::UART5::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::D, 2, 8),
-            tx: pin(Port::C, 12, 8),
+            rx: pin(GpioPort::D, 2, 8),
+            tx: pin(GpioPort::C, 12, 8),
             stream: Stream { dma: Dma::One, number: 0, channel: 4 },
             uart_vector: Interrupt::UART5,
             stream_vector: Interrupt::DMA1_STREAM0,
@@ -297,8 +297,8 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
             registers: pac::UART7::ptr,
             enable: pac::UART7::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::E, 7, 8),
-            tx: pin(Port::E, 8, 8),
+            rx: pin(GpioPort::E, 7, 8),
+            tx: pin(GpioPort::E, 8, 8),
             stream: Stream { dma: Dma::One, number: 3, channel: 5 },
             uart_vector: Interrupt::UART7,
             stream_vector: Interrupt::DMA1_STREAM3,

@@ -200,7 +200,7 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
 
 /// One receiver's object at `now` ms.
 fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
-    let Solution { heard, position, attitude, acceleration } = solution;
+    let Solution { last_heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
     let located = position.valid & current;
     let oriented = attitude.pace.is_current(now);
@@ -210,7 +210,7 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_position_valid(located)
         .with_attitude_valid(attitude.valid & oriented)
         .with_acceleration_valid(acceleration.valid & moved)
-        .with_heard(heard.within(now, HEARD_MS))
+        .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
     // Both are worked out whichever it is, since a branch would take longer for a receiver that has said something.

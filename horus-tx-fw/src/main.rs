@@ -40,14 +40,14 @@
 //! The vectors of CAN1 and CAN2 belong to peripherals that stay off; they are how a task of higher priority
 //! calls one of lower priority without a queue, and so without a lock.
 //!
-//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and an
-//! image that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
+//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and a
+//! program that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
 //! watchdog resets the part.
 //!
 //! # Start
 //!
 //! Reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level, oscillator,
-//! voltage detector, comparison of the image with its CRC, then front end, receivers and cycle. The comparison comes
+//! voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The comparison comes
 //! after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16 MHz before, of the
 //! watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -74,11 +74,10 @@ mod app {
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
-        image,
         last_stop::{self, Cause, Stop},
         mpu,
         patrol::{self, PartMemory, Patrol},
-        safe_state, start_test,
+        program, safe_state, start_test,
     };
     use horus_tx_fw::{
         configuration::{self, Configuration},
@@ -176,7 +175,7 @@ mod app {
             let stop = Stop::new(Cause::Ram, 0, address);
             safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
         }
-        let found = image::compare();
+        let found = program::compare();
         if !found.is_intact() {
             safe_state::enter(
                 hw::safe_state,
@@ -222,7 +221,7 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // Nothing of the image is shut: what is null on this part is not where flash is.
+        // Nothing of the program is shut: what is null on this part is not where flash is.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);

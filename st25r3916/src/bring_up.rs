@@ -48,7 +48,7 @@ const BACK_OFF_STEPS: u8 = 7;
 /// What the receiver of a poller does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Receiver {
+pub enum ReceiverMode {
     /// `rx_en` = 0: the receiver is off, so "writes, never listens" holds in the chip itself.
     #[default]
     Off,
@@ -60,7 +60,7 @@ pub enum Receiver {
 /// What the chip is brought up as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
-    Poller(Receiver),
+    Poller(ReceiverMode),
     Listener,
 }
 
@@ -72,8 +72,8 @@ impl Role {
             Self::Listener => LISTENER_MODE,
         };
         let operation = match self {
-            Self::Poller(Receiver::Off) => reg::OP_EN | reg::OP_TX_EN,
-            Self::Poller(Receiver::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
+            Self::Poller(ReceiverMode::Off) => reg::OP_EN | reg::OP_TX_EN,
+            Self::Poller(ReceiverMode::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
             Self::Listener => reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR,
         };
         [operation, mode, rate]
@@ -173,7 +173,7 @@ const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGU
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
 /// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's
-/// receiver is off, but what its registers say should not depend on that, and [`Receiver::OnMasked`] switches it on.
+/// receiver is off, but what its registers say should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
     &[
@@ -611,8 +611,8 @@ impl BringUp {
         let on = Short::new([command::WRITE | reg::OPERATION_CONTROL, operation]);
         match (self.index, self.role) {
             (0, _) => Operation::Send(on),
-            (1, Role::Poller(Receiver::Off)) => Operation::Skip,
-            (1, Role::Poller(Receiver::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
+            (1, Role::Poller(ReceiverMode::Off)) => Operation::Skip,
+            (1, Role::Poller(ReceiverMode::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
             (1, Role::Listener) => Operation::Send(command::CLEAR_FIFO),
             (2, Role::Listener) => Operation::Send(command::UNMASK_RECEIVE_DATA),
             (2, Role::Poller(_)) | (3, Role::Listener) => Operation::Verify,
@@ -666,7 +666,7 @@ mod tests {
 
     #[test]
     fn the_roles_settings_agree_with_what_is_checked_in_operation() {
-        for role in [Role::Poller(Receiver::Off), Role::Poller(Receiver::OnMasked), Role::Listener] {
+        for role in [Role::Poller(ReceiverMode::Off), Role::Poller(ReceiverMode::OnMasked), Role::Listener] {
             for variant in [Variant::A, Variant::B] {
                 let mode = role.settings(variant).iter().find(|setting| setting.address == reg::MODE).unwrap();
                 assert_eq!(mode.values, &role.configuration()[1..]);

@@ -254,7 +254,7 @@ pub mod poller;
 pub mod register;
 mod status;
 
-pub use bring_up::Receiver;
+pub use bring_up::ReceiverMode;
 pub use listener::{
     Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
 };

@@ -74,7 +74,7 @@
 //! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
 //! and leaves the field on.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Receiver, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, ReceiverMode, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -115,7 +115,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
     /// Receiver off, or on and masked.
-    pub receiver: Receiver,
+    pub receiver: ReceiverMode,
     /// When a frame was sent, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: it took more than the frame
     /// has.
     pub check_left_over: bool,
@@ -128,7 +128,7 @@ impl PollerConfig {
     /// Receiver off, all checks on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { receiver: Receiver::Off, check_left_over: true, check_field: true }
+        Self { receiver: ReceiverMode::Off, check_left_over: true, check_field: true }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, image check, supply, clocks, everything below; the safe state |
+//! | `mod.rs` | start-up: debug port, program check, supply, clocks, everything below; the safe state |
 //! | `start_up.rs` | the first instructions: reset reasons and watchdog |
 //! | `time.rs` | the µs counter, the deadline of the next frame |
 //! | `integrity.rs` | the image that the SSI streams, as the idle loop looks at it |
@@ -66,9 +66,8 @@ use dpr_fw::{
 };
 use dpr_fw::{ImageMemory, ReceiveMemory};
 use firmware_common::{
-    image,
     last_stop::{Cause, Stop},
-    mpu, safe_state, start,
+    mpu, program, safe_state, start,
 };
 use nrf52840_hal::{
     pac::{self, interrupt},
@@ -171,7 +170,7 @@ static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// What it holds once the firmware has run.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures everything. An image that is not the one that was built ends in the safe state, before any pin is an
+/// Configures everything. A program that is not the one that was built ends in the safe state, before any pin is an
 /// output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
@@ -189,7 +188,7 @@ pub(crate) fn init(
     let reset_reason = reset::reason(start::reset_flags(), ram_kept);
 
     p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
-    let flash = image::compare();
+    let flash = program::compare();
     if !flash.is_intact() {
         safe_state::enter(
             safe_state,

@@ -222,7 +222,7 @@ impl Port for RfPort {
     }
 }
 
-impl rf::Port for RfPort {
+impl rf::FrontEndPort for RfPort {
     type Buffer = ReceiveBuffer;
 
     fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {

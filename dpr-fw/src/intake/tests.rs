@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use firmware_common::{image::Comparison, patrol::Slice};
+use firmware_common::{patrol::Slice, program::Comparison};
 use profile::{
     map::{Map, PortArea},
     LinkStatus, LinkStatusBits,

@@ -46,7 +46,7 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the image that the
+/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the program that the
 /// memory protection unit has shut; `apart` is RAM that others than the processor read or write, but for the log.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
@@ -59,7 +59,7 @@ pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     #[cfg(not(feature = "hot"))]
     let (code, code_load) = (0..0, 0);
     Layout {
-        image: memory::image(),
+        program: memory::program(),
         shut_end,
         code,
         code_load,

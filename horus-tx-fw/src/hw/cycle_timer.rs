@@ -11,7 +11,7 @@
 //! from its compare value to the update. So whoever watches the board from outside sees the tick and not what the
 //! processor makes of it. The pin rests low until the timer runs, since the counter then stands at 0.
 //!
-//! Between `Port::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
+//! Between `FrontEndPort::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
