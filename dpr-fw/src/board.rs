@@ -44,27 +44,7 @@ use nrf52840_hal::{
     ppi::{self, ConfigurablePpi, Ppi},
 };
 
-macro_rules! vectors {
-    ($($name:ident $vector:ident)*) => {
-        [$(Interrupt::$vector),*]
-    };
-}
-
-/// The vectors of the tasks, in the order of [`TASKS`].
-const TASK_VECTORS: [Interrupt; TASKS.len()] = dpr_fw::each_task!(vectors);
-
-/// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
-#[inline(always)]
-pub(crate) fn call(task: Task) {
-    rtic::pend(TASK_VECTORS[task as usize]);
-}
-
-/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
-pub(crate) fn task_of(exception: u16) -> &'static str {
-    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
-    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
-    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
-}
+dpr_fw::each_task!(firmware_common::task_vectors);
 
 /// The SSI's chip select in port 1: P1.04.
 pub(crate) const SSI_SELECT_PIN: u8 = 4;

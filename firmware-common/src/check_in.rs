@@ -49,6 +49,28 @@ macro_rules! task_table {
     };
 }
 
+/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary, where `Task`, `TASKS` and `Interrupt` are in scope.
+#[macro_export]
+macro_rules! task_vectors {
+    ($($name:ident $vector:ident)*) => {
+        /// The vectors of the tasks, in the order of [`TASKS`].
+        const TASK_VECTORS: [Interrupt; TASKS.len()] = [$(Interrupt::$vector),*];
+
+        /// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
+        #[inline(always)]
+        pub(crate) fn call(task: Task) {
+            rtic::pend(TASK_VECTORS[task as usize]);
+        }
+
+        /// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
+        pub(crate) fn task_of(exception: u16) -> &'static str {
+            let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
+            let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
+            task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
+        }
+    };
+}
+
 /// The most tasks that a firmware can have.
 const MOST: usize = 32;
 

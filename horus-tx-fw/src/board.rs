@@ -37,32 +37,7 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
-macro_rules! vectors {
-    ($($name:ident $vector:ident)*) => {
-        [$(Interrupt::$vector),*]
-    };
-}
-
-/// The vectors of the tasks, in the order of [`TASKS`].
-const TASK_VECTORS: [Interrupt; TASKS.len()] = horus_tx_fw::each_task!(vectors);
-
-/// The vector of `task`.
-pub(crate) const fn vector_of(task: Task) -> Interrupt {
-    TASK_VECTORS[task as usize]
-}
-
-/// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
-#[inline(always)]
-pub(crate) fn call(task: Task) {
-    rtic::pend(vector_of(task));
-}
-
-/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
-pub(crate) fn task_of(exception: u16) -> &'static str {
-    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
-    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
-    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
-}
+horus_tx_fw::each_task!(firmware_common::task_vectors);
 
 /// Calls every task that hardware alone calls otherwise, so that it checks in.
 pub(crate) fn ask_for_signs_of_life() {
@@ -356,7 +331,7 @@ impl Hardware {
 ///
 /// If it is no receiver's, or more than one's.
 pub(crate) const fn source_of(task: Task) -> (usize, Vector) {
-    let vector = vector_of(task);
+    let vector = TASK_VECTORS[task as usize];
     let mut found = None;
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {
