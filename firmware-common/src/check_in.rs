@@ -49,7 +49,8 @@ macro_rules! task_table {
     };
 }
 
-/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary, where `Task`, `TASKS` and `Interrupt` are in scope.
+/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary, where `Task`, `TASKS` and `Interrupt` are in
+/// scope.
 #[macro_export]
 macro_rules! task_vectors {
     ($($name:ident $vector:ident)*) => {

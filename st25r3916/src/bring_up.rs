@@ -172,8 +172,8 @@ const IO_3V: Setting = Setting::a(
 const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_MANUAL]);
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
-/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's
-/// receiver is off, but what its registers say should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
+/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's receiver
+/// is off, but what its registers say should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
     &[
