@@ -1,4 +1,4 @@
-//! Puts this board's memory map where the linker finds it.
+//! Puts this board's memory map where the linker finds it, and makes the table of the tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -9,9 +9,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rerun-if-changed={script}");
     }
     println!("cargo:rustc-link-search={}", out.display());
-    // The word behind the image for its CRC; firmware-common has the script.
+    // The word behind the program for its CRC; firmware-common has the script.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
-        println!("cargo:rustc-link-arg-bins=-Timage_crc.x");
+        println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }
+    let application = fs::read_to_string("src/main.rs")?;
+    fs::write(out.join("each_task.rs"), firmware_common::task_table::each_task(&application))?;
+    println!("cargo:rerun-if-changed=src/main.rs");
     Ok(())
 }

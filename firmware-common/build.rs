@@ -1,10 +1,10 @@
-//! Puts the linker scripts of the image's CRC and of the guard words where the firmwares' linker finds them.
+//! Puts the linker scripts of the program's CRC and of the guard words where the firmwares' linker finds them.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    for script in ["image_crc.x", "guards.x"] {
+    for script in ["program_crc.x", "guards.x"] {
         fs::copy(script, out.join(script))?;
         println!("cargo::rerun-if-changed={script}");
     }

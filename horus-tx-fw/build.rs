@@ -1,5 +1,5 @@
 //! Puts `memory.x` where the linker looks for it, and nowhere else: two firmwares share one target directory. Links the
-//! firmware with the word that holds the image's CRC.
+//! firmware with the word that holds the program's CRC. Makes the table of the tasks.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
@@ -7,12 +7,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    // The word for the image's CRC; `firmware-common` puts the script where the linker looks for it. On the host the
+    // The word for the program's CRC; `firmware-common` puts the script where the linker looks for it. On the host the
     // binary is only a sentence that says what it is.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
-        println!("cargo:rustc-link-arg-bins=-Timage_crc.x");
+        println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }
     println!("cargo:rerun-if-changed=memory.x");
     println!("cargo:rerun-if-changed=build.rs");
+    let application = fs::read_to_string("src/main.rs")?;
+    fs::write(out.join("each_task.rs"), firmware_common::task_table::each_task(&application))?;
+    println!("cargo:rerun-if-changed=src/main.rs");
     Ok(())
 }

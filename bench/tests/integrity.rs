@@ -131,7 +131,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects_until_it_is_as_it_wa
     run(&mut node, 40 * MS);
     // The bit is in the vector table, which the memory protection unit shuts: in a vector that no interrupt uses.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
-    let last = Upset::Flash { address: address(&node, "__image_crc") - 4, bit: 30 };
+    let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
     let mut cycle = 1;
     for upset in [table, last] {
@@ -292,13 +292,13 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
 #[test]
 fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_and_is_named() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
-    for symbol in ["__image_crc"].into_iter().chain(guards) {
+    for symbol in ["__program_crc"].into_iter().chain(guards) {
         let Some(mut node) = boards::horus() else { return };
         let before = said(&run_horus(&mut node, 55 * MS));
         assert_eq!((before.memory_fault(), before.reset_reason()), (false, Some(ResetReason::PowerOn)), "{symbol}");
         let at = address(&node, symbol);
         let (upset, cause, within) = match symbol {
-            "__image_crc" => {
+            "__program_crc" => {
                 (Upset::Flash { address: at - 4, bit: 1 }, Cause::Flash, u64::from(horus::FLASH_DETECT_US) * US)
             }
             _ => (Upset::Ram { address: at + 4, bit: 31 }, Cause::GuardWord, u64::from(horus::GUARD_DETECT_US) * US),

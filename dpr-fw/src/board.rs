@@ -16,17 +16,17 @@
 //! | SSI CSN | P1.04 | D3 | in, pulled up |
 //! | FRESH | P1.05 | D4 | out |
 //!
-//! | peripheral | use | vector, task |
+//! | peripheral | use | task |
 //! |---|---|---|
-//! | SPIM0 | front end | `SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0`, `rf_spi` |
-//! | SPIS1 | SSI | `SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1`, `ssi_end` |
-//! | GPIOTE channel 0 | rising edge of the front end's IRQ | `GPIOTE`, `rf_irq` |
+//! | SPIM0 | front end | `rf_spi` |
+//! | SPIS1 | SSI | `ssi_end` |
+//! | GPIOTE channel 0 | rising edge of the front end's IRQ | `rf_irq` |
 //! | GPIOTE channel 1 | FRESH | – |
-//! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `TIMER0`, `rf_timer` |
-//! | TIMER1 | the deadline of the next frame | `TIMER1`, `deadline` |
+//! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `rf_timer` |
+//! | TIMER1 | the deadline of the next frame | `deadline` |
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
-//! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `TIMER3`, `ssi_pause` |
-//! | SWI0, SWI1, SWI2 | calls of `commit`, `scrub` and `port` | `SWI0_EGU0`, `SWI1_EGU1`, `SWI2_EGU2` |
+//! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `ssi_pause` |
+//! | SWI0, SWI1, SWI2 | calls from other tasks | `commit`, `scrub`, `port` |
 //! | WDT | watchdog | – |
 //!
 //! | PPI channel | event | task |
@@ -36,7 +36,7 @@
 //! | 2 | TIMER2 COMPARE\[1\] | SPIS1 ACQUIRE |
 //! | 3 | TIMER2 COMPARE\[2\] | GPIOTE CLR\[1\] |
 
-use dpr_fw::task::TASKS;
+use dpr_fw::task::{Task, TASKS};
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
     gpiote::{Gpiote, TaskOutPolarity},
@@ -44,25 +44,7 @@ use nrf52840_hal::{
     ppi::{self, ConfigurablePpi, Ppi},
 };
 
-/// The vectors of the tasks, in the order of [`TASKS`].
-const TASK_VECTORS: [Interrupt; TASKS.len()] = [
-    Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1,
-    Interrupt::TIMER3,
-    Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0,
-    Interrupt::GPIOTE,
-    Interrupt::TIMER0,
-    Interrupt::SWI0_EGU0,
-    Interrupt::TIMER1,
-    Interrupt::SWI1_EGU1,
-    Interrupt::SWI2_EGU2,
-];
-
-/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
-pub(crate) fn task_of(exception: u16) -> &'static str {
-    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
-    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
-    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
-}
+dpr_fw::each_task!(firmware_common::task_vectors);
 
 /// The SSI's chip select in port 1: P1.04.
 pub(crate) const SSI_SELECT_PIN: u8 = 4;

@@ -9,16 +9,110 @@
 
 use core::borrow::BorrowMut;
 
+use profile::ResetReason;
 use rtic_core::Mutex;
 
 use crate::{
     commit::{Commit, Frame, Images},
+    integrity::{Integrity, Shown},
     link::Health,
-    rf::FrameInfo,
+    publish::{Doorbell, ImageBuffer, Mailbox, Outbox},
+    rf::{FrameInfo, FrontEnd},
     telemetry::Telemetry,
     triple::{Memory, Rotation},
     ReceiveMemory,
 };
+
+/// The DPR's µs counter, and the timer that calls the task `deadline` by it.
+pub trait Timer {
+    /// The counter.
+    fn now_us(&self) -> u32;
+    /// Calls when the counter has the value `at_us`, or at once if it has passed.
+    fn set(&mut self, at_us: u32);
+}
+
+/// What other tasks have left for these two.
+#[derive(Clone, Copy, Debug)]
+pub struct Notices<'a, S> {
+    /// A frame arrives: its image is to be prepared. Without that none is, since what is written over the SSI until the
+    /// next frame is to be in it.
+    pub frame_arrives: bool,
+    /// The state of the front end.
+    pub front_end: FrontEnd,
+    /// What was found by the idle loop.
+    pub integrity: &'a Integrity,
+    /// The image that the flight controller reads.
+    pub shown: S,
+}
+
+/// What the tasks `commit` and `deadline` share, for a profile of `N` receivers.
+#[derive(Clone, Copy, Debug)]
+pub struct Intake<const N: usize> {
+    commit: Commit<N>,
+    started: bool,
+    reset_reason: ResetReason,
+}
+
+impl<const N: usize> Intake<N> {
+    /// Of a DPR that started for `reset_reason`.
+    #[must_use]
+    pub const fn new(reset_reason: ResetReason) -> Self {
+        Self { commit: Commit::new(), started: false, reset_reason }
+    }
+
+    /// Serves a call of either task: the first image at the first one, the frames that wait, the deadline, and what the
+    /// idle loop wants withdrawn. Then the timer is set anew and the next image is begun. Whether there was anything of
+    /// that; otherwise an image is prepared at most.
+    pub fn serve<B, I, M, D, S>(
+        &mut self,
+        rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
+        notices: &Notices<'_, S>,
+        outbox: &mut Outbox<'_, M, I, D>,
+        timer: &mut impl Timer,
+    ) -> bool
+    where
+        B: Memory + BorrowMut<ReceiveMemory>,
+        I: ImageBuffer,
+        M: Mutex<T = Mailbox<I>>,
+        D: Doorbell,
+        S: Shown,
+    {
+        let telemetry = outbox.telemetry;
+        let health = self.health(notices, telemetry);
+        let mut called_for = !core::mem::replace(&mut self.started, true);
+        if called_for {
+            self.commit.begin(timer.now_us(), &health, outbox);
+        }
+        let before = telemetry.publications.get();
+        called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
+        // What was just published replaces what is shown.
+        let replaced = telemetry.publications.get() != before;
+        if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
+            called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);
+        }
+        if called_for {
+            timer.set(self.commit.deadline_us());
+            outbox.prepare();
+        } else if notices.frame_arrives {
+            self.commit.prepare(outbox);
+        }
+        called_for
+    }
+
+    fn health<S>(&self, notices: &Notices<'_, S>, telemetry: &Telemetry) -> Health {
+        Health {
+            ram_fault: [&telemetry.scrub_faults, &telemetry.image_faults, &telemetry.ram_errors]
+                .iter()
+                .any(|faults| faults.get() > 0),
+            front_end_fault: notices.front_end.is_out_of_order(),
+            no_field: notices.front_end.senses_no_field(),
+            flash_fault: notices.integrity.flash_fault(),
+            reset_reason: self.reset_reason,
+            access_violations: telemetry.access_violations.get(),
+            uplink_rejected: telemetry.uplink_rejected.get() != 0,
+        }
+    }
+}
 
 /// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
 /// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`]. Whether there was a frame or the
@@ -57,3 +151,6 @@ pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     telemetry.frames_missed.set(missed);
     called_for
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,15 +1,18 @@
 //! Firmware of the DPR. This file is the table of tasks; what they do is in the library, the registers are in `hw`, and
 //! pins, vectors and channels are in `board`.
 //!
-//! | priority | task | when | has to be through within |
-//! |---|---|---|---|
-//! | 5 | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
-//! | 5 | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
-//! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
-//! | 3 | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
-//! | 2 | `scrub` | a buffer was read | 10 ms |
-//! | 1 | `port` | a transaction has brought something; an image was published | 10 ms |
-//! | 0 | `idle` | nothing else wants to run | 100 ms |
+//! | task | when | has to be through within |
+//! |---|---|---|
+//! | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
+//! | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
+//! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
+//! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
+//! | `scrub` | a buffer was read | 10 ms |
+//! | `port` | a transaction has brought something; an image was published | 10 ms |
+//! | `idle` | nothing else wants to run | 100 ms |
+//!
+//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
+//! table in [`dpr_fw::task`].
 //!
 //! Where the bounds come from: after 10 µs the flight controller may select again; 40 µs are two bytes on air, and a
 //! task that verifies an object early takes about 30 (the front end's FIFO holds what arrives meanwhile); 0.1 ms is
@@ -38,9 +41,6 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
-
-#[cfg(target_os = "none")]
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
@@ -48,17 +48,15 @@ mod app {
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
     use dpr_fw::{
-        commit::Commit,
-        intake,
-        integrity::{self, Consequence, ImageCheck, Integrity, Judge, Shown},
-        link::Health,
+        intake::{Intake, Notices},
+        integrity::{self, Consequence, ImageCheck, Integrity, Judge},
         port::{
             areas::{Areas, PortEnd, AREAS},
-            Health as PortHealth, Port, Prepared,
+            Diagnostics, Prepared, WritePort,
         },
         protection,
         publish::{Mailbox, Outbox, Server},
-        rf::{Call, FrameInfo, FrontEnd, Receiver},
+        rf::{Call, FrameInfo, FrontEnd, Reception},
         ssi::{ReceiveArea, SignOfLife, RECEIVE_BYTES},
         task::Task,
         triple::{self, Filling, Rotation, IMAGES, RECEIVE_BUFFERS},
@@ -68,20 +66,15 @@ mod app {
         check_in::CheckIn,
         last_stop::{self, Stop},
         memory, mpu,
-        patrol::{ram::APART, Pace, PartMemory, Patrol},
+        patrol::{self, ram::APART, Pace, PartMemory, Patrol},
         safe_state, start_test,
     };
-    use nrf52840_hal::{
-        pac::Interrupt,
-        wdt::{handles::Hdl0, WatchdogHandle},
-    };
-    use profile::{
-        map::{Map, PortArea},
-        ResetReason,
-    };
+    use nrf52840_hal::wdt::{handles::Hdl0, WatchdogHandle};
+    use profile::map::{Map, PortArea};
     use rtic::Mutex;
     use st25r3916::{Listener, ListenerConfig, ReadMode, Short};
 
+    use crate::board;
     use crate::hw::{
         self, AreaBuffer, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiDoorbell, SsiPort,
         DPR_TELEMETRY as TELEMETRY,
@@ -96,20 +89,17 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// The RFID side has called for an image to be prepared, since a frame arrives. Without that `commit` and
-    /// `deadline` prepare none: what is written until the next frame is to be in it.
-    static PREPARE: AtomicBool = AtomicBool::new(false);
+    /// The RFID side has called for an image to be prepared.
+    static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
     /// The tasks are asked for their signs of life once a cycle: not sooner than this after the last time, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
     /// What `commit` and `deadline`, of the same priority, share.
     pub struct Committing {
-        commit: Commit<RECEIVERS>,
+        intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
         deadline: Deadline,
-        started: bool,
-        reset_reason: ResetReason,
     }
 
     #[shared]
@@ -119,7 +109,7 @@ mod app {
         prepared: Prepared<&'static mut PortArea>,
         front_end: FrontEnd,
         #[lock_free]
-        receiver: Receiver<RfPort>,
+        receiver: Reception<RfPort>,
         #[lock_free]
         committing: Committing,
     }
@@ -128,7 +118,7 @@ mod app {
     struct Local {
         ssi: SsiPort,
         server: Server<{ Map::<RECEIVERS>::LEN }>,
-        port: Port,
+        port: WritePort,
         areas: PortEnd<'static, AreaBuffer>,
         spare: &'static mut PortArea,
         rf_edge: RfEdge,
@@ -163,8 +153,8 @@ mod app {
         let (area, ssi_end, areas, found_in_areas) = cx.local.ssi_areas.split(cx.local.ssi_rx.each_mut());
         TELEMETRY.scrubbed(found_in_areas);
         let [ready, spare] = cx.local.port_areas.each_mut();
-        let mut port = Port::new();
-        port.prepare(&PortHealth::default(), 0, ready);
+        let mut port = WritePort::new();
+        port.prepare(&Diagnostics::default(), 0, ready);
         TELEMETRY.ram_errors.add(u32::from(start_test::take().fault().is_some()));
         let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: (area, ssi_end) };
         let board = hw::init(&mut core, cx.device, memory, filling);
@@ -175,22 +165,17 @@ mod app {
             defmt::Debug2Format(&board.debug_port)
         );
         if let Some(stop) = last_stop::take() {
-            crate::log_stop("the last stop", &stop);
+            hw::log_stop("the last stop", &stop);
         }
         TELEMETRY.last_stop.set(last_stop::code());
-        let receiver = Receiver::start(Listener::new(LISTENER), board.rf);
-        let committing = Committing {
-            commit: Commit::new(),
-            filling: None,
-            deadline: board.deadline,
-            started: false,
-            reset_reason: board.reset_reason,
-        };
+        let receiver = Reception::start(Listener::new(LISTENER), board.rf);
+        let intake = Intake::new(board.reset_reason);
+        let committing = Committing { intake, filling: None, deadline: board.deadline };
         let mut memory = PartMemory::take();
-        let patrol = Patrol::new(memory::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
+        let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
         // The first image, before anything is heard.
-        rtic::pend(Interrupt::SWI0_EGU0);
+        board::call(Task::commit);
         (
             Shared {
                 rotation,
@@ -247,10 +232,10 @@ mod app {
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
-                    Consequence::Withdraw => rtic::pend(Interrupt::SWI0_EGU0),
+                    Consequence::Withdraw => board::call(Task::commit),
                     Consequence::Stop(cause, detail) => {
                         let stop = Stop::new(cause, 0, detail);
-                        safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                        safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
                     }
                 }
             }
@@ -279,7 +264,7 @@ mod app {
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
         cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);
-        CHECK_IN.check_in(const { Task::named("ssi_end") });
+        CHECK_IN.check_in(Task::ssi_end);
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
@@ -287,14 +272,14 @@ mod app {
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
-        CHECK_IN.check_in(const { Task::named("ssi_pause") });
+        CHECK_IN.check_in(Task::ssi_pause);
     }
 
     /// A transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_spi") });
+        CHECK_IN.check_in(Task::rf_spi);
     }
 
     /// The front end's IRQ has risen.
@@ -302,30 +287,30 @@ mod app {
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_irq") });
+        CHECK_IN.check_in(Task::rf_irq);
     }
 
     /// A wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(const { Task::named("rf_timer") });
+        CHECK_IN.check_in(Task::rf_timer);
     }
 
     fn receive(
-        receiver: &mut Receiver<RfPort>,
+        receiver: &mut Reception<RfPort>,
         rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         front_end: impl Mutex<T = FrontEnd>,
     ) {
         match receiver.serve::<RECEIVERS>(rotation, front_end, &TELEMETRY) {
             Call::None => {}
             Call::Prepare => {
-                PREPARE.store(true, Ordering::Relaxed);
-                rtic::pend(Interrupt::SWI0_EGU0);
+                FRAME_ARRIVES.store(true, Ordering::Relaxed);
+                board::call(Task::commit);
             }
             Call::Handed => {
-                rtic::pend(Interrupt::SWI0_EGU0);
-                rtic::pend(Interrupt::SWI1_EGU1);
+                board::call(Task::commit);
+                board::call(Task::scrub);
             }
         }
     }
@@ -335,7 +320,7 @@ mod app {
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
-        CHECK_IN.check_in(const { Task::named("commit") });
+        CHECK_IN.check_in(Task::commit);
     }
 
     /// No frame came in time: what was valid must not stay readable.
@@ -344,7 +329,7 @@ mod app {
         cx.shared.committing.deadline.clear();
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
-        CHECK_IN.check_in(const { Task::named("deadline") });
+        CHECK_IN.check_in(Task::deadline);
     }
 
     fn publish(
@@ -355,42 +340,18 @@ mod app {
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
-        let prepare = PREPARE.swap(false, Ordering::Relaxed);
-        let Committing { commit, filling, deadline, started, reset_reason } = committing;
-        let front_end = front_end.lock(|state| *state);
-        let health = Health {
-            ram_fault: [&TELEMETRY.scrub_faults, &TELEMETRY.image_faults, &TELEMETRY.ram_errors]
-                .iter()
-                .any(|faults| faults.get() > 0),
-            front_end_fault: front_end.is_out_of_order(),
-            no_field: front_end.senses_no_field(),
-            flash_fault: INTEGRITY.flash_fault(),
-            reset_reason: *reset_reason,
-            access_violations: TELEMETRY.access_violations.get(),
-            uplink_rejected: TELEMETRY.uplink_rejected.get() != 0,
+        let notices = Notices {
+            frame_arrives: FRAME_ARRIVES.swap(false, Ordering::Relaxed),
+            front_end: front_end.lock(|state| *state),
+            integrity: &INTEGRITY,
+            shown: hw::ShownImage,
         };
+        let Committing { intake, filling, deadline } = committing;
         let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
-        let mut called_for = !core::mem::replace(started, true);
-        if called_for {
-            commit.begin(hw::now_us(), &health, &mut outbox);
+        if intake.serve(rotation, &notices, &mut outbox, deadline) {
+            TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
+            board::call(Task::scrub);
         }
-        let before = TELEMETRY.publications.get();
-        called_for |= intake::take_in(commit, rotation, hw::now_us, &health, &mut outbox, &TELEMETRY);
-        // What was just published replaces what is shown.
-        let replaced = TELEMETRY.publications.get() != before;
-        if INTEGRITY.take_withdrawal(hw::ShownImage.generation()) && !replaced {
-            called_for |= commit.withdraw(hw::now_us(), &health, &mut outbox);
-        }
-        if !called_for {
-            if prepare {
-                commit.prepare(&mut outbox);
-            }
-            return;
-        }
-        deadline.set(commit.deadline_us());
-        outbox.prepare();
-        TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-        rtic::pend(Interrupt::SWI1_EGU1);
     }
 
     /// Buffers were read or replaced: scrubs them, then asks the other tasks for their signs of life, once a cycle.
@@ -398,7 +359,7 @@ mod app {
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
-        CHECK_IN.check_in(const { Task::named("scrub") });
+        CHECK_IN.check_in(Task::scrub);
         // With five receivers a cycle has two frames, and one call a cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
@@ -406,21 +367,13 @@ mod app {
         }
         *cx.local.asked_us = now_us;
         // What has come of frames needs no call.
-        for (task, vector) in const {
-            [
-                (Task::named("rf_spi"), Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0),
-                (Task::named("rf_irq"), Interrupt::GPIOTE),
-                (Task::named("rf_timer"), Interrupt::TIMER0),
-                (Task::named("commit"), Interrupt::SWI0_EGU0),
-                (Task::named("deadline"), Interrupt::TIMER1),
-            ]
-        } {
+        for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
             if !CHECK_IN.has_checked_in(task) {
-                rtic::pend(vector);
+                board::call(task);
             }
         }
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        rtic::pend(Interrupt::SWI2_EGU2);
+        board::call(Task::port);
     }
 
     /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
@@ -437,7 +390,7 @@ mod app {
         }
         let publications = TELEMETRY.publications.get();
         changed |= core::mem::replace(prepared_for, publications) != publications;
-        let health = PortHealth {
+        let diagnostics = Diagnostics {
             too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
             integrity_faults: TELEMETRY.image_faults.get(),
             flash_passes: TELEMETRY.flash_passes.get(),
@@ -450,13 +403,13 @@ mod app {
             changed = true;
         }
         if changed {
-            port.prepare(&health, hw::now_us(), spare);
+            port.prepare(&diagnostics, hw::now_us(), spare);
             cx.shared.prepared.lock(|prepared| prepared.exchange(spare));
         }
         TELEMETRY.access_violations.set(port.access_violations());
         TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
         TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
-        CHECK_IN.check_in(const { Task::named("port") });
+        CHECK_IN.check_in(Task::port);
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 }

@@ -2,10 +2,10 @@
 //!
 //! # Design
 //!
-//! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`Port`] starts SPI transfers by EasyDMA
-//! and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ pin
-//! risen, timer elapsed. All three call [`Receiver::serve`], and the cyclic check-in that pends the task repairs what a
-//! lost edge of the IRQ pin could have left waiting.
+//! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`FrontEndPort`] starts SPI transfers by
+//! EasyDMA and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ
+//! pin risen, timer elapsed. All three call [`Reception::serve`], and the cyclic check-in that pends the task repairs
+//! what a lost edge of the IRQ pin could have left waiting.
 //!
 //! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives it into
 //! the byte before the place where the data go: for the first read that is the last of the [`LEAD`] bytes, for later
@@ -14,15 +14,15 @@
 //!
 //! # Buffers
 //!
-//! [`Receiver::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. A buffer in
+//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. A buffer in
 //! which a frame was begun that is not delivered is replaced by a clean one as well: no frame is ever received into a
 //! buffer that holds bytes of another.
 //!
 //! # The end of a frame
 //!
 //! A frame's end is the rising edge of the IRQ pin (I_rxe), whose instant the hardware captures
-//! ([`Port::irq_edge_us`]). It does not depend on when the processor looks, nor on whether the interrupt was read in a
-//! status read that the edge caused or in one that a time-out had caused before it.
+//! ([`FrontEndPort::irq_edge_us`]). It does not depend on when the processor looks, nor on whether the interrupt was
+//! read in a status read that the edge caused or in one that a time-out had caused before it.
 
 use rtic_core::Mutex;
 use st25r3916::{
@@ -50,7 +50,7 @@ pub const RESUME_AFTER_US: u32 = 80;
 
 /// The hardware that the executor needs, with the receive buffer that is being written. A response is without the byte
 /// under a read command.
-pub trait Port: executor::Port {
+pub trait FrontEndPort: executor::Port {
     /// A receive buffer.
     type Buffer: Memory;
 
@@ -133,12 +133,12 @@ pub enum Call {
 
 /// What the RFID tasks do.
 #[derive(Debug)]
-pub struct Receiver<P> {
+pub struct Reception<P> {
     executor: Executor<Listener, P>,
     early: Early,
 }
 
-impl<P: Port> Receiver<P> {
+impl<P: FrontEndPort> Reception<P> {
     /// Makes the first step of the front end's bring-up.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
@@ -237,7 +237,7 @@ impl<P: Port> Receiver<P> {
 }
 
 /// A frame was begun in the receive buffer that will not be delivered: goes on with a clean one.
-fn replace_buffer<P: Port>(
+fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
     telemetry: &Telemetry,

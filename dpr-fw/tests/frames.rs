@@ -9,7 +9,7 @@ use dpr_fw::{
     commit::{Commit, Images},
     intake,
     link::Health,
-    rf::{self, Call, FrameInfo, FrontEnd, Receiver, LEAD, RESUME_AFTER_US},
+    rf::{self, Call, FrameInfo, FrontEnd, Reception, LEAD, RESUME_AFTER_US},
     telemetry::Telemetry,
     triple::{self, Filling, Rotation},
     ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVE_WORDS,
@@ -216,7 +216,7 @@ impl Port for SimPort {
     }
 }
 
-impl rf::Port for SimPort {
+impl rf::FrontEndPort for SimPort {
     type Buffer = Buffer;
 
     fn exchange(&mut self, with: impl FnOnce(Filling<Buffer>) -> Filling<Buffer>) {
@@ -257,7 +257,7 @@ impl Images for Album {
 /// The DPR for `N` receivers.
 struct Dpr<const N: usize> {
     world: Rc<RefCell<World>>,
-    receiver: Receiver<SimPort>,
+    receiver: Reception<SimPort>,
     rotation: Rotation<Buffer, FrameInfo>,
     front_end: FrontEnd,
     front_ends: Vec<FrontEnd>,
@@ -294,7 +294,7 @@ impl<const N: usize> Dpr<N> {
         let config = ListenerConfig { read_mode, ..ListenerConfig::new() };
         let mut dpr = Self {
             world,
-            receiver: Receiver::start(Listener::new(config), port),
+            receiver: Reception::start(Listener::new(config), port),
             rotation,
             front_end: FrontEnd::Starting,
             front_ends: vec![],

@@ -10,30 +10,6 @@ use core::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-/// The place of the task called `name` in a table of names and vectors.
-///
-/// # Panics
-///
-/// If there is none: as a constant it does not compile then.
-#[must_use]
-pub const fn place_of(name: &str, table: &[(&str, &str)]) -> u32 {
-    const fn is_same(one: &[u8], other: &[u8]) -> bool {
-        let mut nth = 0;
-        while nth < one.len() && nth < other.len() && one[nth] == other[nth] {
-            nth += 1;
-        }
-        nth == one.len() && nth == other.len()
-    }
-    let mut place = 0;
-    while place < table.len() {
-        if is_same(table[place].0.as_bytes(), name.as_bytes()) {
-            return place as u32;
-        }
-        place += 1;
-    }
-    panic!("no task of this name")
-}
-
 /// The tasks of a firmware that have to check in.
 pub trait Task: Copy {
     /// How many there are, at most 32.
@@ -41,6 +17,59 @@ pub trait Task: Copy {
 
     /// The number of this one, below [`Task::COUNT`].
     fn number(self) -> u32;
+}
+
+/// Makes `TASKS` and `Task` of the names and vectors of a firmware's tasks.
+#[macro_export]
+macro_rules! task_table {
+    ($($name:ident $vector:ident)*) => {
+        /// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench
+        /// shows, by name.
+        pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
+
+        /// A task, by the name of its function. Each has to check in.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(non_camel_case_types)]
+        pub enum Task {
+            $(#[doc = concat!("Bound to ", stringify!($vector), ".")] $name),*
+        }
+
+        impl Task {
+            /// All of them.
+            pub const ALL: [Self; TASKS.len()] = [$(Self::$name),*];
+        }
+
+        impl $crate::check_in::Task for Task {
+            const COUNT: u32 = TASKS.len() as u32;
+
+            fn number(self) -> u32 {
+                self as u32
+            }
+        }
+    };
+}
+
+/// Makes `TASK_VECTORS`, `call` and `task_of` in a firmware's binary, where `Task`, `TASKS` and `Interrupt` are in
+/// scope.
+#[macro_export]
+macro_rules! task_vectors {
+    ($($name:ident $vector:ident)*) => {
+        /// The vectors of the tasks, in the order of [`TASKS`].
+        const TASK_VECTORS: [Interrupt; TASKS.len()] = [$(Interrupt::$vector),*];
+
+        /// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
+        #[inline(always)]
+        pub(crate) fn call(task: Task) {
+            rtic::pend(TASK_VECTORS[task as usize]);
+        }
+
+        /// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
+        pub(crate) fn task_of(exception: u16) -> &'static str {
+            let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
+            let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
+            task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
+        }
+    };
 }
 
 /// The most tasks that a firmware can have.
@@ -128,18 +157,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_task_is_found_by_its_whole_name() {
-        let table = [("rf", "A"), ("rf_slot", "B"), ("slot", "C")];
-        assert_eq!(["rf", "rf_slot", "slot"].map(|name| place_of(name, &table)), [0, 1, 2]);
-    }
-
-    #[test]
-    #[should_panic(expected = "no task of this name")]
-    fn a_name_that_no_task_has_is_refused() {
-        let _ = place_of("rf_", &[("rf", "A"), ("rf_slot", "B")]);
-    }
-
     #[derive(Clone, Copy)]
     struct Many(u32);
 
@@ -157,5 +174,18 @@ mod tests {
         assert!(!list.complete());
         list.check_in(Many(31));
         assert!(list.complete());
+    }
+
+    #[allow(unreachable_pub)]
+    mod two {
+        crate::task_table! { slot TIM2 slot_irq GPIOTE }
+    }
+
+    #[test]
+    fn the_table_has_each_task_in_its_place() {
+        use two::{Task as Two, TASKS};
+        assert_eq!(TASKS, [("slot", "TIM2"), ("slot_irq", "GPIOTE")]);
+        assert_eq!(Two::ALL.map(Task::number), [0, 1]);
+        assert_eq!((Two::ALL, Two::COUNT), ([Two::slot, Two::slot_irq], 2));
     }
 }

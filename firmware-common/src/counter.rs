@@ -55,6 +55,30 @@ impl Counter {
     }
 }
 
+/// Makes a structure of counters, all zero at start, with their names in their order in memory.
+#[macro_export]
+macro_rules! counters {
+    ($(#[$doc_of:meta])* pub struct $of:ident { $($(#[$doc:meta])* $name:ident,)* }) => {
+        $(#[$doc_of])*
+        #[derive(Debug, Default)]
+        #[repr(C)]
+        pub struct $of {
+            $($(#[$doc])* pub $name: $crate::counter::Counter,)*
+        }
+
+        impl $of {
+            /// Names of the counters, in their order in memory.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name),)*];
+
+            /// All zero.
+            #[must_use]
+            pub const fn new() -> Self {
+                Self { $($name: $crate::counter::Counter::new(),)* }
+            }
+        }
+    };
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

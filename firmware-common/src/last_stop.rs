@@ -24,80 +24,62 @@ use core::{
     sync::atomic::{AtomicBool, AtomicU32, Ordering},
 };
 
-/// What made the firmware stop itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Cause {
+macro_rules! causes {
+    ($($(#[$doc:meta])* $cause:ident = $number:literal, $name:literal;)*) => {
+        /// What made the firmware stop itself.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum Cause {
+            $($(#[$doc])* $cause = $number,)*
+        }
+
+        impl Cause {
+            const ALL: [Self; [$($number),*].len()] = [$(Self::$cause),*];
+
+            /// The cause in words.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$cause => $name,)*
+                }
+            }
+        }
+    };
+}
+
+causes! {
     /// The memory protection unit has refused an access ([`mpu`](crate::mpu)).
-    MemoryProtection = 1,
+    MemoryProtection = 1, "memory protection";
     /// The bus has refused an access: nothing is there, or its clock is off.
-    BusFault = 2,
+    BusFault = 2, "bus fault";
     /// An instruction that cannot be executed: undefined, unaligned, a division by zero, a wrong state.
-    UsageFault = 3,
+    UsageFault = 3, "usage fault";
     /// A HardFault that none of the three explains: a vector that could not be read, a debug event.
-    HardFault = 4,
+    HardFault = 4, "hard fault";
     /// A panic. The detail is its line.
-    Panic = 5,
+    Panic = 5, "panic";
     /// An exception or interrupt that has no task. The detail is its interrupt number.
-    NoTask = 6,
-    /// The image in flash is no longer the one that was built. The detail is the CRC found.
-    Flash = 7,
+    NoTask = 6, "interrupt without a task";
+    /// The program in flash is no longer the one that was built. The detail is the CRC found.
+    Flash = 7, "flash changed";
     /// Code that runs in RAM differs from its load image in flash. The detail is the address.
-    CodeInRam = 8,
+    CodeInRam = 8, "code in RAM changed";
     /// A guard word around the statics or at the end of the stack has changed. The detail is the guard's number.
-    GuardWord = 9,
+    GuardWord = 9, "guard word changed";
     /// The external clock has failed (HORUS).
-    Clock = 10,
+    Clock = 10, "external clock failed";
     /// An oscillator or PLL has not become ready in its time at the start.
-    ClockStart = 11,
+    ClockStart = 11, "clock did not start";
     /// RAM that is in use does not hold what is written. The detail is the address, 0 if it was not tested at the
     /// start.
-    Ram = 12,
+    Ram = 12, "RAM faulty";
     /// The supply is below what the part needs. The detail is the threshold, mV.
-    Supply = 13,
+    Supply = 13, "supply too low";
     /// The reset below the lowest supply is not set (HORUS). The detail is the level in the option bytes.
-    BrownOutLevel = 14,
+    BrownOutLevel = 14, "brown-out reset not set";
 }
 
 impl Cause {
-    const ALL: [Self; 14] = [
-        Self::MemoryProtection,
-        Self::BusFault,
-        Self::UsageFault,
-        Self::HardFault,
-        Self::Panic,
-        Self::NoTask,
-        Self::Flash,
-        Self::CodeInRam,
-        Self::GuardWord,
-        Self::Clock,
-        Self::ClockStart,
-        Self::Ram,
-        Self::Supply,
-        Self::BrownOutLevel,
-    ];
-
-    /// The cause in words.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::MemoryProtection => "memory protection",
-            Self::BusFault => "bus fault",
-            Self::UsageFault => "usage fault",
-            Self::HardFault => "hard fault",
-            Self::Panic => "panic",
-            Self::NoTask => "interrupt without a task",
-            Self::Flash => "flash changed",
-            Self::CodeInRam => "code in RAM changed",
-            Self::GuardWord => "guard word changed",
-            Self::Clock => "external clock failed",
-            Self::ClockStart => "clock did not start",
-            Self::Ram => "RAM faulty",
-            Self::Supply => "supply too low",
-            Self::BrownOutLevel => "brown-out reset not set",
-        }
-    }
-
     /// Whether what was stored in memory did not read as it was written: flash, code in RAM, a guard word, RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
@@ -288,7 +270,7 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 }
 
 /// What a fault's status register tells, in words.
-fn told(cause: Cause, cfsr: u32) -> &'static str {
+fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
         // Why the frame could not be written is told by the access before it, if there was one.
         Cause::MemoryProtection => {
@@ -325,7 +307,7 @@ impl fmt::Display for Stop {
         if !self.cause.is_fault() {
             return write!(f, " ({:#x})", self.detail);
         }
-        write!(f, ", {}", told(self.cause, self.detail))?;
+        write!(f, ", {}", fault_in_words(self.cause, self.detail))?;
         if let Some(address) = self.address {
             write!(f, " at {address:#010x}")?;
         }

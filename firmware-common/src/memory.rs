@@ -1,4 +1,4 @@
-//! Memory as the linker has laid it out, word by word: the image in flash, code in RAM, guard words, RAM in use.
+//! Memory as the linker has laid it out, word by word: the program in flash, code in RAM, guard words, RAM in use.
 //!
 //! Everything here is a load or a store of one word at an address between two symbols of the linker script. Loads are
 //! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
@@ -6,8 +6,6 @@
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
-
-use crate::patrol::{ram::APART, Layout};
 
 /// The address of a linker symbol.
 macro_rules! address {
@@ -18,6 +16,7 @@ macro_rules! address {
         &raw const $symbol as u32
     }};
 }
+pub(crate) use address;
 
 /// The word at `address`, which must be one of the part's memory and open to loads.
 #[must_use]
@@ -60,8 +59,8 @@ pub(crate) fn store(address: u32, word: u32) {
 }
 
 /// Inverts the word of RAM at `address` and the one behind it and restores them; the bits that did not read as they
-/// were written. All interrupts are masked meanwhile, which takes [`MASKED_CYCLES`](crate::patrol::ram::MASKED_CYCLES)
-/// at most; see [`patrol::ram`](crate::patrol::ram) for the order of the accesses.
+/// were written. All interrupts are masked meanwhile; see [`patrol::ram`](crate::patrol::ram) for how long, and for the
+/// order of the accesses.
 pub(crate) fn exercise(address: u32) -> u32 {
     let wrong: u32;
     // SAFETY: both words are RAM, which the caller's layout says. Nothing sees them inverted: interrupts are masked,
@@ -118,27 +117,16 @@ pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
     start..start + size_of_val(object) as u32
 }
 
-/// The log's control block and buffer, which a debug probe reads and writes: `defmt-rtt` has one channel.
-fn log() -> [Range<u32>; 2] {
-    /// SEGGER's layout: 16 bytes of name, two counts, and a channel of six words, of which the second is the buffer's
-    /// address and the third its size.
-    const BLOCK: u32 = 48;
-    const BUFFER: u32 = 28;
-    let block = address!(_SEGGER_RTT);
-    let buffer = load(block + BUFFER);
-    [block..block + BLOCK, buffer..buffer + load(block + BUFFER + 4)]
-}
-
-/// The image in flash: from the vector table up to its CRC.
+/// The program in flash: from the vector table up to its CRC.
 #[must_use]
-pub fn image() -> Range<u32> {
-    address!(__vector_table)..address!(__image_crc)
+pub fn program() -> Range<u32> {
+    address!(__vector_table)..address!(__program_crc)
 }
 
-/// The word behind the image, which holds its CRC.
+/// The word behind the program, which holds its CRC.
 #[must_use]
 pub fn stored_crc() -> u32 {
-    load(address!(__image_crc))
+    load(address!(__program_crc))
 }
 
 /// Whether `len` bytes from `address` on are whole words of the stack.
@@ -147,33 +135,4 @@ pub fn is_stack(address: u32, len: u32) -> bool {
     let end = address!(_stack_end);
     let (offset, size) = (address.wrapping_sub(end), address!(_stack_start) - end);
     address.is_multiple_of(4) && offset < size && size - offset >= len
-}
-
-/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the image that the
-/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, but for the log.
-#[must_use]
-pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
-    let mut all = [const { 0..0 }; APART];
-    for (to, from) in all.iter_mut().zip(apart.into_iter().chain(log())) {
-        *to = from;
-    }
-    #[cfg(feature = "hot")]
-    let (code, code_load) = (address!(__shot)..address!(__ehot), address!(__sihot));
-    #[cfg(not(feature = "hot"))]
-    let (code, code_load) = (0..0, 0);
-    Layout {
-        image: image(),
-        shut_end,
-        code,
-        code_load,
-        guards: [
-            address!(_stack_end),
-            address!(__guard_data),
-            address!(__guard_bss),
-            address!(__guard_uninit),
-            address!(__guard_end),
-        ],
-        used: address!(__ram_start)..address!(__ram_end),
-        apart: all,
-    }
 }

@@ -123,7 +123,7 @@ macro_rules! install_safe_state {
         }
 
         /// Logs `stop` in words; `$before` comes first.
-        fn log_stop(before: &str, stop: &$crate::last_stop::Stop) {
+        pub(crate) fn log_stop(before: &str, stop: &$crate::last_stop::Stop) {
             defmt::error!(
                 "{=str}: {}; {=str}; task {=str}; code {=u32:#010x}",
                 before,

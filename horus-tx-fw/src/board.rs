@@ -2,23 +2,23 @@
 //!
 //! NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
 //!
-//! | use | peripheral | pins | DMA | vectors |
-//! |---|---|---|---|---|
-//! | front end, clocked in | SPI1 | MISO PA6 | DMA2 stream 0 channel 3 | DMA2_STREAM0 |
-//! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 | DMA2_STREAM3 |
-//! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – | EXTI3 |
-//! | front end's waits | TIM5 | – | – | TIM5 |
-//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – | – |
-//! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
-//! | calls of tasks of lower priority | CAN1 and CAN2, which stay off | – | – | CAN1 TX, RX0, RX1; CAN2 TX, RX0 |
-//! | receivers | see [`RECEIVER_PORTS`] | | | |
+//! | use | peripheral | pins | DMA |
+//! |---|---|---|---|
+//! | front end, clocked in | SPI1 | MISO PA6 | DMA2 stream 0 channel 3 |
+//! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 |
+//! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – |
+//! | front end's waits | TIM5 | – | – |
+//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – |
+//! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – |
+//! | calls of tasks of lower priority | vectors of CAN1 and CAN2, which stay off | – | – |
+//! | receivers | see [`RECEIVER_PORTS`] | | |
 //!
 //! Streams and channels are those of RM0090 "DMA controller", DMA1 and DMA2 request mapping (tables 42 and 43).
 //!
 //! # To add or move a receiver
 //!
 //! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's vectors also have to be those of the
-//! receiver's tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row does not
+//! receiver's tasks in `main.rs`; each of those looks its row up by its own vector, and one that is in no row does not
 //! compile. Nothing else names a receiver's hardware.
 //!
 //! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
@@ -28,7 +28,7 @@ use horus_tx_fw::{
     configuration::Interface,
     source::Vector,
     state_inputs::INPUTS,
-    task::{calls_for_sign_of_life, TASKS},
+    task::{Task, TASKS},
     timing,
 };
 use profile::MAX_RECEIVERS;
@@ -37,54 +37,16 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
-use crate::hw::registers::Registers;
-
-/// The vectors of the tasks, in the order of [`TASKS`].
-const TASK_VECTORS: [Interrupt; TASKS.len()] = [
-    Interrupt::TIM2,
-    Interrupt::DMA2_STREAM0,
-    Interrupt::DMA2_STREAM3,
-    Interrupt::EXTI3,
-    Interrupt::TIM5,
-    Interrupt::CAN1_TX,
-    Interrupt::CAN1_RX0,
-    Interrupt::CAN2_RX0,
-    Interrupt::CAN2_TX,
-    Interrupt::USART2,
-    Interrupt::DMA1_STREAM5,
-    Interrupt::I2C2_EV,
-    Interrupt::I2C2_ER,
-    Interrupt::DMA1_STREAM2,
-    Interrupt::TIM4,
-    Interrupt::DMA2_STREAM5,
-    Interrupt::DMA2_STREAM6,
-    Interrupt::TIM3,
-    Interrupt::UART5,
-    Interrupt::DMA1_STREAM0,
-    Interrupt::UART7,
-    Interrupt::DMA1_STREAM3,
-    Interrupt::CAN1_RX1,
-];
-
-/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
-pub(crate) fn task_of(exception: u16) -> &'static str {
-    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
-    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
-    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
-}
+horus_tx_fw::each_task!(firmware_common::task_vectors);
 
 /// Calls every task that hardware alone calls otherwise, so that it checks in.
 pub(crate) fn ask_for_signs_of_life() {
-    for (place, vector) in TASK_VECTORS.into_iter().enumerate() {
-        if calls_for_sign_of_life(place) {
-            rtic::pend(vector);
-        }
-    }
+    Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
 
 /// A GPIO port.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Port {
+pub(crate) enum GpioPort {
     A,
     B,
     C,
@@ -96,7 +58,7 @@ pub(crate) enum Port {
 /// A pin, from 0 to 15 of its port.
 #[derive(Clone, Copy)]
 pub(crate) struct Pin {
-    pub(crate) port: Port,
+    pub(crate) port: GpioPort,
     pub(crate) number: u8,
 }
 
@@ -129,7 +91,7 @@ pub(crate) struct Stream {
 
 /// Where the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). High for
 /// the last [`timing::TICK_PULSE_TICKS`] of each cycle; it falls with the tick.
-pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: Port::B, number: 10 }, function: 1 };
+pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::B, number: 10 }, function: 1 };
 
 // ---- State
 
@@ -144,20 +106,20 @@ pub(crate) struct InputPair {
 /// What tells HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
 /// D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
-    InputPair { active: Pin { port: Port::E, number: 2 }, inactive: Pin { port: Port::E, number: 4 } },
-    InputPair { active: Pin { port: Port::E, number: 5 }, inactive: Pin { port: Port::E, number: 6 } },
-    InputPair { active: Pin { port: Port::D, number: 3 }, inactive: Pin { port: Port::D, number: 4 } },
+    InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
+    InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
+    InputPair { active: Pin { port: GpioPort::D, number: 3 }, inactive: Pin { port: GpioPort::D, number: 4 } },
 ];
 
 // ---- Front end
 
 /// The front end's SPI: SPI1.
-pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 5 }, function: 5 };
-pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 6 }, function: 5 };
-pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: Port::A, number: 7 }, function: 5 };
-pub(crate) const CHIP_SELECT: Pin = Pin { port: Port::D, number: 14 };
+pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
+pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
+pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
+pub(crate) const CHIP_SELECT: Pin = Pin { port: GpioPort::D, number: 14 };
 /// The front end's interrupt request, rising. Its number is also that of its EXTI line: vector EXTI3.
-pub(crate) const IRQ: Pin = Pin { port: Port::A, number: 3 };
+pub(crate) const IRQ: Pin = Pin { port: GpioPort::A, number: 3 };
 /// What the SPI clocks in.
 pub(crate) const SPI_IN: Stream = Stream { dma: Dma::Two, number: 0, channel: 3 };
 /// What the SPI clocks out.
@@ -168,7 +130,7 @@ pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3
 /// A one-shot timer of 16 bits, of those that count at [`timing::TIMER_HZ`] (APB1's).
 #[derive(Clone, Copy)]
 pub(crate) struct Timer {
-    pub(crate) timer: Registers<tim3::RegisterBlock>,
+    pub(crate) registers: fn() -> *const tim3::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     pub(crate) vector: Interrupt,
 }
@@ -176,7 +138,7 @@ pub(crate) struct Timer {
 /// A receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
 pub(crate) struct UartPort {
     /// The UART's registers. A USART's begin with the same ones and have one more at the end, which is not used.
-    pub(crate) uart: Registers<uart4::RegisterBlock>,
+    pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus the UART is on, from which its baud rate is derived, Hz.
@@ -195,7 +157,7 @@ pub(crate) struct UartPort {
 
 /// A receiver on I2C (u-blox' DDC). Pull-ups are outside.
 pub(crate) struct DdcPort {
-    pub(crate) i2c: Registers<i2c1::RegisterBlock>,
+    pub(crate) registers: fn() -> *const i2c1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus the peripheral is on, Hz: a whole number of MHz.
     pub(crate) bus_hz: u32,
@@ -212,7 +174,7 @@ pub(crate) struct DdcPort {
 
 /// A receiver on SPI, mode 0 at [`timing::GNSS_SPI_HZ`].
 pub(crate) struct SpiPort {
-    pub(crate) spi: Registers<spi1::RegisterBlock>,
+    pub(crate) registers: fn() -> *const spi1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     pub(crate) sck: AlternatePin,
     pub(crate) miso: AlternatePin,
@@ -234,7 +196,7 @@ pub(crate) enum Hardware {
     Spi(SpiPort),
 }
 
-const fn pin(port: Port, number: u8, function: u8) -> AlternatePin {
+const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
@@ -250,11 +212,11 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::USART2::ptr().cast()),
+            registers: || pac::USART2::ptr().cast(),
             enable: pac::USART2::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::D, 6, 7),
-            tx: pin(Port::D, 5, 7),
+            rx: pin(GpioPort::D, 6, 7),
+            tx: pin(GpioPort::D, 5, 7),
             stream: Stream { dma: Dma::One, number: 5, channel: 4 },
             uart_vector: Interrupt::USART2,
             stream_vector: Interrupt::DMA1_STREAM5,
@@ -263,13 +225,13 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 125,
         hardware: Hardware::Ddc(DdcPort {
-            i2c: Registers::at(pac::I2C2::ptr()),
+            registers: pac::I2C2::ptr,
             enable: pac::I2C2::enable,
             bus_hz: timing::APB1_HZ,
-            scl: pin(Port::F, 1, 4),
-            sda: pin(Port::F, 0, 4),
+            scl: pin(GpioPort::F, 1, 4),
+            sda: pin(GpioPort::F, 0, 4),
             stream: Stream { dma: Dma::One, number: 2, channel: 7 },
-            timer: Timer { timer: Registers::at(pac::TIM4::ptr()), enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
+            timer: Timer { registers: pac::TIM4::ptr, enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
             event_vector: Interrupt::I2C2_EV,
             error_vector: Interrupt::I2C2_ER,
             stream_vector: Interrupt::DMA1_STREAM2,
@@ -278,15 +240,15 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 200,
         hardware: Hardware::Spi(SpiPort {
-            spi: Registers::at(pac::SPI5::ptr()),
+            registers: pac::SPI5::ptr,
             enable: pac::SPI5::enable,
-            sck: pin(Port::F, 7, 5),
-            miso: pin(Port::F, 8, 5),
-            mosi: pin(Port::F, 9, 5),
-            chip_select: Pin { port: Port::E, number: 3 },
+            sck: pin(GpioPort::F, 7, 5),
+            miso: pin(GpioPort::F, 8, 5),
+            mosi: pin(GpioPort::F, 9, 5),
+            chip_select: Pin { port: GpioPort::E, number: 3 },
             stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
             stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
-            timer: Timer { timer: Registers::at(pac::TIM3::ptr()), enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
+            timer: Timer { registers: pac::TIM3::ptr, enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
             in_vector: Interrupt::DMA2_STREAM5,
             out_vector: Interrupt::DMA2_STREAM6,
         }),
@@ -294,11 +256,11 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 40,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::UART5::ptr().cast()),
+            registers: pac::UART5::ptr,
             enable: pac::UART5::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::D, 2, 8),
-            tx: pin(Port::C, 12, 8),
+            rx: pin(GpioPort::D, 2, 8),
+            tx: pin(GpioPort::C, 12, 8),
             stream: Stream { dma: Dma::One, number: 0, channel: 4 },
             uart_vector: Interrupt::UART5,
             stream_vector: Interrupt::DMA1_STREAM0,
@@ -307,11 +269,11 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
         hardware: Hardware::Uart(UartPort {
-            uart: Registers::at(pac::UART7::ptr().cast()),
+            registers: pac::UART7::ptr,
             enable: pac::UART7::enable,
             bus_hz: timing::APB1_HZ,
-            rx: pin(Port::E, 7, 8),
-            tx: pin(Port::E, 8, 8),
+            rx: pin(GpioPort::E, 7, 8),
+            tx: pin(GpioPort::E, 8, 8),
             stream: Stream { dma: Dma::One, number: 3, channel: 5 },
             uart_vector: Interrupt::UART7,
             stream_vector: Interrupt::DMA1_STREAM3,
@@ -363,12 +325,13 @@ impl Hardware {
     }
 }
 
-/// The receiver, from 0, one of whose vectors `vector` is, and what it means. To be evaluated at compile time.
+/// The receiver, from 0, one of whose vectors is that of `task`, and what it means. To be evaluated at compile time.
 ///
 /// # Panics
 ///
 /// If it is no receiver's, or more than one's.
-pub(crate) const fn source_of(vector: Interrupt) -> (usize, Vector) {
+pub(crate) const fn source_of(task: Task) -> (usize, Vector) {
+    let vector = TASK_VECTORS[task as usize];
     let mut found = None;
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {

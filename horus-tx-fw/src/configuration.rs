@@ -238,7 +238,7 @@ pub struct Configuration {
     standing: Standing,
     /// Intact messages so far, and when the last of them came, ms.
     messages: u32,
-    heard: Option<u32>,
+    last_heard: Option<u32>,
 }
 
 impl Configuration {
@@ -252,7 +252,7 @@ impl Configuration {
             unanswered: 0,
             standing: Standing::NotYet,
             messages: 0,
-            heard: None,
+            last_heard: None,
         }
     }
 
@@ -267,10 +267,10 @@ impl Configuration {
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
-            self.heard = Some(now);
+            self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
             // Forgotten, lest the clock's wrap make it look young.
-            self.heard = None;
+            self.last_heard = None;
         }
         match self.state {
             State::Awaiting(step, sent) => self.await_answer(step, sent, now, answer),
@@ -293,7 +293,7 @@ impl Configuration {
 
     /// For how long nothing intact has come, ms.
     fn silent_for(&self, now: u32) -> u32 {
-        self.heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
+        self.last_heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
     }
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {

@@ -27,21 +27,15 @@ use core::hint::select_unpredictable;
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
     GpsObject, GpsStatus, GpsValues, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues,
-    ResetReason, ABSENT_F32, ABSENT_F64, CYCLE_MS,
+    ResetReason, ABSENT_F32, ABSENT_F64,
 };
 
 use crate::{
     clock::Source,
     receiver::{Solution, HEARD_MS},
     state_inputs::{Levels, StateInputs, INPUTS},
+    timing::timestamp,
 };
-
-/// The time of tick `tick`, ms since the start: every tick is 10 ms after the one before it. The
-/// milliseconds and the ticks wrap together, so the step is 10 there as well.
-#[must_use]
-pub const fn timestamp(tick: u32) -> u32 {
-    tick.wrapping_mul(CYCLE_MS)
-}
 
 /// What a start of HORUS was like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -206,7 +200,7 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
 
 /// One receiver's object at `now` ms.
 fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
-    let Solution { heard, position, attitude, acceleration } = solution;
+    let Solution { last_heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
     let located = position.valid & current;
     let oriented = attitude.pace.is_current(now);
@@ -216,7 +210,7 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_position_valid(located)
         .with_attitude_valid(attitude.valid & oriented)
         .with_acceleration_valid(acceleration.valid & moved)
-        .with_heard(heard.within(now, HEARD_MS))
+        .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
     // Both are worked out whichever it is, since a branch would take longer for a receiver that has said something.

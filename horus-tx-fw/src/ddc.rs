@@ -38,7 +38,7 @@
 
 use core::ops::Range;
 
-use crate::source::{Backlog, Busy, Message};
+use crate::source::{Backlog, Busy, Message, RING};
 
 /// The port's address, 7 bits.
 pub const ADDRESS: u8 = 0x42;
@@ -50,6 +50,8 @@ const WAITING: u8 = 0xFD;
 /// The most bytes of the stream that are read in one cycle: at 27 µs each 6.9 ms, which leaves 2.7 ms for a receiver
 /// that stretches the clock, and 25.6 kB/s in all. A receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const MOST: usize = 256;
+
+const _: () = assert!(RING >= 2 * MOST);
 
 /// How long each level of a recovery lasts, µs: so 50 kHz, for which every I2C device is fast enough.
 pub const STEP_US: u16 = 10;

@@ -38,7 +38,7 @@ const RAM_BYTES: u32 = 32 * 1024;
 /// A slice may have to wait for the quiet part of the next cycle.
 const WAIT_US: u32 = 1_000 * CYCLE_MS;
 
-/// From a flip in flash to the field being off, µs, at most: two passes over the image's whole budget.
+/// From a flip in flash to the field being off, µs, at most: two passes over the program's whole budget.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + WAIT_US;
 
 /// From the change of a guard word to the field being off, µs.
@@ -62,7 +62,7 @@ pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_common::image::Comparison;
+    use firmware_common::program::Comparison;
 
     #[test]
     fn changed_flash_and_guard_words_and_faulty_ram_are_causes_to_stop() {

@@ -24,6 +24,7 @@
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
 //! | [`exclusions`] | which receivers stay excluded over a reset |
 //! | [`integrity`] | what a change of memory leads to, and when it is found |
+//! | [`idle`] | when memory is looked at, and what is logged when |
 //! | [`protection`] | what the memory protection unit opens |
 //! | [`reset`] | why the processor started |
 //! | [`task`] | which tasks have to check in before the watchdog is fed |
@@ -32,8 +33,7 @@
 //! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks over it (`main.rs`), a table of
 //! pins, DMA streams, vectors and clocks (`board.rs`: add a receiver interface there), and the registers behind those
 //! (`hw/`). `unsafe` code is in `hw/` alone, file by file where its heading says so; `main.rs` denies it everywhere
-//! else. What the two macros that `main.rs` invokes expand to, RTIC's and `firmware_common::install_safe_state!`, is
-//! theirs.
+//! else. What RTIC's macro expands to is its own.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -42,6 +42,7 @@ pub mod configuration;
 pub mod cycle;
 pub mod ddc;
 pub mod exclusions;
+pub mod idle;
 pub mod integrity;
 pub mod protection;
 pub mod receiver;

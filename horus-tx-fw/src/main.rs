@@ -2,21 +2,24 @@
 //!
 //! # Tasks
 //!
-//! | priority | task | vector | what arrives |
-//! |---|---|---|---|
-//! | NMI | in `hw::clock` | NMI | the external clock has failed |
-//! | 16 | in `hw::supply` | PVD | the supply falls |
-//! | 5 | `slot` | TIM2 | the tick; a frame's slot |
-//! | 4 | `rf_spi`, `rf_spi_error` | DMA2 stream 0, 3 | an SPI transfer has ended, or failed |
-//! | 4 | `rf_irq` | EXTI3 | the ST25R3916's interrupt request |
-//! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
-//! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
-//! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
-//! | 3 | `vote` | CAN2_RX0 | a cycle's first slot (from `rf_slot`) |
-//! | 2 | `gnss_tick` | CAN2_TX | a cycle's first slot (from `rf_slot`): every receiver's source is served |
-//! | 2 | `gnss*` | UARTs, I2C2, their DMA and SPI5's, TIM3, TIM4 | an event of a source: see `hw::gnss` |
-//! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
-//! | 0 | `idle` | – | – |
+//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
+//! table in [`horus_tx_fw::task`].
+//!
+//! | task | what arrives |
+//! |---|---|
+//! | NMI, in `hw::clock` | the external clock has failed |
+//! | PVD, in `hw::supply` | the supply falls |
+//! | `slot` | the tick; a frame's slot |
+//! | `rf_spi`, `rf_spi_error` | an SPI transfer has ended, or failed |
+//! | `rf_irq` | the ST25R3916's interrupt request |
+//! | `rf_timer` | a wait of the poller machine is over |
+//! | `rf_slot` | a slot has passed (from `slot`) |
+//! | `cycle` | the tick (from `slot`) |
+//! | `vote` | a cycle's first slot (from `rf_slot`) |
+//! | `gnss_tick` | a cycle's first slot (from `rf_slot`): every receiver's source is served |
+//! | `gnss*` | an event of a source: see `hw::gnss` |
+//! | `parse` | bytes (from `gnss*`) |
+//! | `idle` | – |
 //!
 //! # Deadlines
 //!
@@ -37,14 +40,14 @@
 //! The vectors of CAN1 and CAN2 belong to peripherals that stay off; they are how a task of higher priority
 //! calls one of lower priority without a queue, and so without a lock.
 //!
-//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and an
-//! image that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
+//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and a
+//! program that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
 //! watchdog resets the part.
 //!
 //! # Start
 //!
 //! Reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level, oscillator,
-//! voltage detector, comparison of the image with its CRC, then front end, receivers and cycle. The comparison comes
+//! voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The comparison comes
 //! after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16 MHz before, of the
 //! watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -65,24 +68,21 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
-
-#[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::{asm, peripheral::DWT};
     use defmt_rtt as _;
     use firmware_common::{
         check_in::CheckIn,
-        image,
         last_stop::{self, Cause, Stop},
-        memory, mpu,
-        patrol::{Pace, PartMemory, Patrol, MOST_SLICES},
-        safe_state, start_test,
+        mpu,
+        patrol::{self, PartMemory, Patrol},
+        program, safe_state, start_test,
     };
     use horus_tx_fw::{
         configuration::{self, Configuration},
         cycle::{Cycle, Start},
+        idle::{Journal, Message, Slices},
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
         reset,
@@ -95,12 +95,12 @@ mod app {
         RECEIVERS,
     };
     use st25r3916::PollerConfig;
-    use stm32f4xx_hal::{pac::Interrupt, watchdog::IndependentWatchdog};
+    use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
     use crate::{
-        board,
+        board::{self, source_of},
         hw::{
-            self,
+            self, buffers,
             cycle_timer::{self, CycleEvent, CycleTimer},
             gnss::{self, GnssLine},
             radio::Radio,
@@ -162,7 +162,7 @@ mod app {
                 hw::safe_state,
                 || stop,
                 |stop| {
-                    crate::log_stop("flash HORUS by `cargo xtask flash horus`, which sets the brown-out level", stop);
+                    hw::log_stop("flash HORUS by `cargo xtask flash horus`, which sets the brown-out level", stop);
                 },
             );
         }
@@ -173,9 +173,9 @@ mod app {
 
         if let Some(address) = start_test::take().fault() {
             let stop = Stop::new(Cause::Ram, 0, address);
-            safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+            safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
         }
-        let found = image::compare();
+        let found = program::compare();
         if !found.is_intact() {
             safe_state::enter(
                 hw::safe_state,
@@ -212,7 +212,7 @@ mod app {
         let excluded = hw::reset::kept_exclusions(reason);
         let mut cycle = Cycle::after(Start { clock, reason, excluded });
         if let Some(stop) = stopped {
-            crate::log_stop("the last stop", &stop);
+            hw::log_stop("the last stop", &stop);
             if stop.cause.is_memory_fault() {
                 cycle.found_memory_fault();
             }
@@ -221,8 +221,8 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // Nothing of the image is shut: what is null on this part is not where flash is.
-        let layout = memory::layout(0, hw::shared_memory());
+        // Nothing of the program is shut: what is null on this part is not where flash is.
+        let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
@@ -242,77 +242,49 @@ mod app {
 
     #[idle(local = [watchdog, patrol, memory], shared = [transmitter])]
     fn idle(mut cx: idle::Context) -> ! {
-        let mut reported = 0;
-        let mut fault = None;
-        let mut told = [(0, 0, 0); RECEIVERS];
+        let mut journal = Journal::new();
         let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
-        let mut pace = Pace::new(now_us());
-        let mut due = 0;
+        let mut slices = Slices::new(now_us());
         loop {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
             // Most interrupts have nothing else for this loop: they cost it this question.
-            due = (due + pace.due(now_us())).min(MOST_SLICES);
-            if due == 0 || !cycle_timer::is_quiet() {
+            if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
             }
-            while due > 0 && cycle_timer::is_quiet() {
-                due -= 1;
+            while slices.take(cycle_timer::is_quiet) {
                 let slice = cx.local.patrol.slice(cx.local.memory);
                 if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
                     let stop = Stop::new(cause, 0, detail);
-                    safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                    safe_state::enter(hw::safe_state, || stop, |stop| hw::log_stop("memory", stop));
                 }
             }
-            fault = fault.or_else(|| cx.shared.transmitter.lock(Transmitter::take_fault));
-            if let Some(what) = fault {
-                if cycle_timer::when_quiet(|| defmt::warn!("radio: {}", what)) {
-                    fault = None;
-                }
+            let take_fault = || cx.shared.transmitter.lock(Transmitter::take_fault);
+            let second = cycle_timer::tick() / 100;
+            journal.write(take_fault, second, &HORUS_TELEMETRY, |message| cycle_timer::when_quiet(|| log(message)));
+        }
+    }
+
+    fn log(message: Message) {
+        match message {
+            Message::Radio(fault) => defmt::warn!("radio: {}", fault),
+            Message::Configuration { receiver, standing } => {
+                defmt::info!("GPS{=usize}: {=str}", receiver + 1, configuration::name(standing));
             }
-            for (index, told) in told.iter_mut().enumerate() {
-                let source = &HORUS_TELEMETRY.sources[index];
-                let standing = source.configuration.get();
-                if told.0 != standing
-                    && cycle_timer::when_quiet(|| {
-                        defmt::info!("GPS{=usize}: {=str}", index + 1, configuration::name(standing));
-                    })
-                {
-                    told.0 = standing;
-                }
-            }
-            let seconds = cycle_timer::tick() / 100;
-            if seconds != reported {
+            Message::Second => {
                 let t = &HORUS_TELEMETRY;
-                if cycle_timer::when_quiet(|| {
-                    defmt::info!(
-                        "{=u32} sent, {=u32} skipped, {=u32} faults, fill {=u32} cycles",
-                        t.frames_sent.get(),
-                        t.frames_skipped.get(),
-                        t.rf_faults.get(),
-                        t.worst_fill_cycles.get()
-                    );
-                }) {
-                    reported = seconds;
-                }
-                for (index, told) in told.iter_mut().enumerate() {
-                    let source = &HORUS_TELEMETRY.sources[index];
-                    let (recoveries, timed_out) = (source.recoveries.get(), source.timed_out.get());
-                    if (told.1, told.2) != (recoveries, timed_out)
-                        && cycle_timer::when_quiet(|| {
-                            defmt::warn!(
-                                "GPS{=usize}: {=u32} recoveries, {=u32} timed out",
-                                index + 1,
-                                recoveries,
-                                timed_out
-                            );
-                        })
-                    {
-                        (told.1, told.2) = (recoveries, timed_out);
-                    }
-                }
+                defmt::info!(
+                    "{=u32} sent, {=u32} skipped, {=u32} faults, fill {=u32} cycles",
+                    t.frames_sent.get(),
+                    t.frames_skipped.get(),
+                    t.rf_faults.get(),
+                    t.worst_fill_cycles.get()
+                );
+            }
+            Message::Bus { receiver, recoveries, timed_out } => {
+                defmt::warn!("GPS{=usize}: {=u32} recoveries, {=u32} timed out", receiver + 1, recoveries, timed_out);
             }
         }
     }
@@ -320,24 +292,24 @@ mod app {
     #[task(binds = TIM2, priority = 5, local = [timer])]
     fn slot(cx: slot::Context) {
         match cx.local.timer.interrupt() {
-            CycleEvent::Slot => rtic::pend(Interrupt::CAN1_TX),
-            CycleEvent::Tick => rtic::pend(Interrupt::CAN1_RX0),
+            CycleEvent::Slot => board::call(Task::rf_slot),
+            CycleEvent::Tick => board::call(Task::cycle),
         }
-        CHECK_IN.check_in(const { Task::named("slot") });
+        CHECK_IN.check_in(Task::slot);
         settle();
     }
 
     #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter])]
     fn rf_spi(mut cx: rf_spi::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
-        CHECK_IN.check_in(const { Task::named("rf_spi") });
+        CHECK_IN.check_in(Task::rf_spi);
         settle();
     }
 
     #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter])]
     fn rf_spi_error(mut cx: rf_spi_error::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
-        CHECK_IN.check_in(const { Task::named("rf_spi_error") });
+        CHECK_IN.check_in(Task::rf_spi_error);
         settle();
     }
 
@@ -347,7 +319,7 @@ mod app {
             transmitter.port().clear_pending_irq();
             transmitter.poll();
         });
-        CHECK_IN.check_in(const { Task::named("rf_irq") });
+        CHECK_IN.check_in(Task::rf_irq);
         settle();
     }
 
@@ -357,7 +329,7 @@ mod app {
             transmitter.port().clear_pending_timer();
             transmitter.poll();
         });
-        CHECK_IN.check_in(const { Task::named("rf_timer") });
+        CHECK_IN.check_in(Task::rf_timer);
         settle();
     }
 
@@ -366,12 +338,12 @@ mod app {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
                 // Not at the tick: a division, or an access to a slow bus, would hold the slot's interrupt up.
-                rtic::pend(Interrupt::CAN2_RX0);
-                rtic::pend(Interrupt::CAN2_TX);
+                board::call(Task::vote);
+                board::call(Task::gnss_tick);
             }
             cx.shared.transmitter.lock(|transmitter| transmitter.slot(slot));
         }
-        CHECK_IN.check_in(const { Task::named("rf_slot") });
+        CHECK_IN.check_in(Task::rf_slot);
         settle();
     }
 
@@ -383,7 +355,7 @@ mod app {
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
-        CHECK_IN.check_in(const { Task::named("cycle") });
+        CHECK_IN.check_in(Task::cycle);
         settle();
     }
 
@@ -394,7 +366,7 @@ mod app {
         cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
         hw::reset::keep_exclusions(cycle.excluded());
         cycle_timer::cycle_ended(tick);
-        CHECK_IN.check_in(const { Task::named("vote") });
+        CHECK_IN.check_in(Task::vote);
         settle();
     }
 
@@ -403,16 +375,16 @@ mod app {
         for line in cx.shared.lines {
             line.poll();
         }
-        rtic::pend(Interrupt::CAN1_RX1);
+        board::call(Task::parse);
         board::ask_for_signs_of_life();
-        CHECK_IN.check_in(const { Task::named("gnss_tick") });
+        CHECK_IN.check_in(Task::gnss_tick);
         settle();
     }
 
     fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
             if line.interrupt(vector) {
-                rtic::pend(Interrupt::CAN1_RX1);
+                board::call(Task::parse);
             }
         }
         CHECK_IN.check_in(task);
@@ -423,75 +395,55 @@ mod app {
 
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
-        serve(const { Task::named("gnss1") }, cx.shared.lines, const { board::source_of(Interrupt::USART2) });
+        serve(Task::gnss1, cx.shared.lines, const { source_of(Task::gnss1) });
     }
     #[task(binds = DMA1_STREAM5, priority = 2, shared = [lines])]
     fn gnss1_ring(cx: gnss1_ring::Context) {
-        serve(
-            const { Task::named("gnss1_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM5) },
-        );
+        serve(Task::gnss1_ring, cx.shared.lines, const { source_of(Task::gnss1_ring) });
     }
     #[task(binds = I2C2_EV, priority = 2, shared = [lines])]
     fn gnss2(cx: gnss2::Context) {
-        serve(const { Task::named("gnss2") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_EV) });
+        serve(Task::gnss2, cx.shared.lines, const { source_of(Task::gnss2) });
     }
     #[task(binds = I2C2_ER, priority = 2, shared = [lines])]
     fn gnss2_error(cx: gnss2_error::Context) {
-        serve(const { Task::named("gnss2_error") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_ER) });
+        serve(Task::gnss2_error, cx.shared.lines, const { source_of(Task::gnss2_error) });
     }
     #[task(binds = DMA1_STREAM2, priority = 2, shared = [lines])]
     fn gnss2_read(cx: gnss2_read::Context) {
-        serve(
-            const { Task::named("gnss2_read") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM2) },
-        );
+        serve(Task::gnss2_read, cx.shared.lines, const { source_of(Task::gnss2_read) });
     }
     #[task(binds = TIM4, priority = 2, shared = [lines])]
     fn gnss2_step(cx: gnss2_step::Context) {
-        serve(const { Task::named("gnss2_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM4) });
+        serve(Task::gnss2_step, cx.shared.lines, const { source_of(Task::gnss2_step) });
     }
     #[task(binds = DMA2_STREAM5, priority = 2, shared = [lines])]
     fn gnss3(cx: gnss3::Context) {
-        serve(const { Task::named("gnss3") }, cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM5) });
+        serve(Task::gnss3, cx.shared.lines, const { source_of(Task::gnss3) });
     }
     #[task(binds = DMA2_STREAM6, priority = 2, shared = [lines])]
     fn gnss3_error(cx: gnss3_error::Context) {
-        serve(
-            const { Task::named("gnss3_error") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA2_STREAM6) },
-        );
+        serve(Task::gnss3_error, cx.shared.lines, const { source_of(Task::gnss3_error) });
     }
     #[task(binds = TIM3, priority = 2, shared = [lines])]
     fn gnss3_step(cx: gnss3_step::Context) {
-        serve(const { Task::named("gnss3_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM3) });
+        serve(Task::gnss3_step, cx.shared.lines, const { source_of(Task::gnss3_step) });
     }
     #[task(binds = UART5, priority = 2, shared = [lines])]
     fn gnss4(cx: gnss4::Context) {
-        serve(const { Task::named("gnss4") }, cx.shared.lines, const { board::source_of(Interrupt::UART5) });
+        serve(Task::gnss4, cx.shared.lines, const { source_of(Task::gnss4) });
     }
     #[task(binds = DMA1_STREAM0, priority = 2, shared = [lines])]
     fn gnss4_ring(cx: gnss4_ring::Context) {
-        serve(
-            const { Task::named("gnss4_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM0) },
-        );
+        serve(Task::gnss4_ring, cx.shared.lines, const { source_of(Task::gnss4_ring) });
     }
     #[task(binds = UART7, priority = 2, shared = [lines])]
     fn gnss5(cx: gnss5::Context) {
-        serve(const { Task::named("gnss5") }, cx.shared.lines, const { board::source_of(Interrupt::UART7) });
+        serve(Task::gnss5, cx.shared.lines, const { source_of(Task::gnss5) });
     }
     #[task(binds = DMA1_STREAM3, priority = 2, shared = [lines])]
     fn gnss5_ring(cx: gnss5_ring::Context) {
-        serve(
-            const { Task::named("gnss5_ring") },
-            cx.shared.lines,
-            const { board::source_of(Interrupt::DMA1_STREAM3) },
-        );
+        serve(Task::gnss5_ring, cx.shared.lines, const { source_of(Task::gnss5_ring) });
     }
 
     #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
@@ -499,7 +451,7 @@ mod app {
         let mut more = false;
         let now = cycle_timer::now_ms();
         for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
-            let ring = gnss::ring(index);
+            let ring = buffers::ring(index);
             let written = ring.written();
             let span = reader.take(written, RING, BYTES_PER_CALL);
             let mut bytes = [0; BYTES_PER_CALL];
@@ -522,14 +474,14 @@ mod app {
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
                 // One that finds no room goes unanswered, and is sent again.
-                gnss::outbox(index).put(&message);
+                buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);
         }
         if more {
-            rtic::pend(Interrupt::CAN1_RX1);
+            board::call(Task::parse);
         }
-        CHECK_IN.check_in(const { Task::named("parse") });
+        CHECK_IN.check_in(Task::parse);
         settle();
     }
 }

@@ -3,7 +3,7 @@
 //! | addresses | what | start | tasks |
 //! |---|---|---|---|
 //! | 0x0000_0000 | null page, where flash is mirrored | – | – |
-//! | 0x0800_0000 to 112 KiB | flash: the image and its budget | read, execute | read, execute |
+//! | 0x0800_0000 to 112 KiB | flash: the program and its budget | read, execute | read, execute |
 //! | 0x1000_0000 | CCM RAM, not used | – | – |
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
@@ -72,7 +72,7 @@ mod tests {
     use firmware_common::mpu::Access::{Execute, Read, Write};
 
     #[test]
-    fn the_null_page_is_shut_and_the_image_can_be_read_and_executed_but_not_written() {
+    fn the_null_page_is_shut_and_the_program_can_be_read_and_executed_but_not_written() {
         for access in [Read, Write, Execute] {
             for shut in [0, 0xFF, 0x07FF_FFFF, 0x0800_0000 + 112 * KIB, 0x1000_0000] {
                 assert!(!TASKS.allows(shut, access) && !START.allows(shut, access), "{access:?} {shut:#x}");

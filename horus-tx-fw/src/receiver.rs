@@ -266,7 +266,7 @@ pub struct Acceleration {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Solution {
     /// When it last said anything intact.
-    pub heard: Stamp,
+    pub last_heard: Stamp,
     /// From NAV-PVT.
     pub position: Position,
     /// From NAV-ATT.
@@ -355,7 +355,7 @@ impl Receiver {
                 }
                 Ok(message) => {
                     self.counts.messages = self.counts.messages.wrapping_add(1);
-                    self.solution.heard.set(arrived);
+                    self.solution.last_heard.set(arrived);
                     let answer = answer_of(&message);
                     let used = if answer.is_some() { ANSWER_LEN } else { self.solution.take(&message, arrived) };
                     self.answer = answer.or(self.answer);
@@ -389,7 +389,7 @@ impl Receiver {
 
 impl Solution {
     fn expire(&mut self, now: u32) {
-        self.heard.expire(now);
+        self.last_heard.expire(now);
         self.position.pace.arrived.expire(now);
         self.attitude.pace.arrived.expire(now);
         self.acceleration.pace.arrived.expire(now);

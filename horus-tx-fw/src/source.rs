@@ -17,7 +17,6 @@ use crate::ring::Span;
 pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
-const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TRANSFER);
 
 /// Whether what a polled receiver gives is as new as its arrival says.
 ///

@@ -23,7 +23,10 @@
 //!   so it is the bit rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
-use crate::{receiver::BUFFER, source::Backlog};
+use crate::{
+    receiver::BUFFER,
+    source::{Backlog, RING},
+};
 
 /// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all
 /// three messages at 25 Hz sends 4.6 kB/s.
@@ -38,7 +41,7 @@ pub const HOLD_US: u16 = 20;
 /// What is clocked when there is nothing to say.
 pub const FILLER: u8 = 0xFF;
 
-const _: () = assert!(TRANSFER.is_multiple_of(4));
+const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
 // At least 1 ms between two selections.
 const _: () = assert!(
     SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64

@@ -6,62 +6,37 @@
 use firmware_common::counter::Counter;
 use profile::MAX_RECEIVERS;
 
-/// What one receiver's line has carried.
-#[derive(Debug, Default)]
-#[repr(C)]
-pub struct Line {
-    /// Bytes the DMA has delivered.
-    pub bytes: Counter,
-    /// Bytes lost because the ring lapped its reader.
-    pub overruns: Counter,
-    /// Framing, noise and overrun errors the UART has reported.
-    pub uart_errors: Counter,
-    /// UBX messages with a valid checksum.
-    pub messages: Counter,
-    /// UBX messages with a wrong checksum.
-    pub damaged: Counter,
-    /// UBX messages longer than the parser's buffer, or with a field that their kind does not have.
-    pub unusable: Counter,
-    /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage.
-    pub skipped: Counter,
-}
-
-impl Line {
-    const fn new() -> Self {
-        Self {
-            bytes: Counter::new(),
-            overruns: Counter::new(),
-            uart_errors: Counter::new(),
-            messages: Counter::new(),
-            damaged: Counter::new(),
-            unusable: Counter::new(),
-            skipped: Counter::new(),
-        }
+firmware_common::counters! {
+    /// What one receiver's line has carried.
+    pub struct Line {
+        /// Bytes the DMA has delivered.
+        bytes,
+        /// Bytes lost because the ring lapped its reader.
+        overruns,
+        /// Framing, noise and overrun errors the UART has reported.
+        uart_errors,
+        /// UBX messages with a valid checksum.
+        messages,
+        /// UBX messages with a wrong checksum.
+        damaged,
+        /// UBX messages longer than the parser's buffer, or with a field that their kind does not have.
+        unusable,
+        /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage.
+        skipped,
     }
 }
 
-/// How one receiver's source does, and what the receiver has made of its configuration.
-#[derive(Debug, Default)]
-#[repr(C)]
-pub struct Source {
-    /// A [`Standing`](crate::configuration::Standing) as a number: not yet, taken, refused, unanswered. No count.
-    pub configuration: Counter,
-    /// Recoveries of an I2C bus, and times an SPI was set up anew.
-    pub recoveries: Counter,
-    /// Transactions that had not ended by the next tick.
-    pub timed_out: Counter,
-    /// Transactions that a receiver on I2C did not acknowledge, or that lost the bus.
-    pub refused: Counter,
-}
-
-impl Source {
-    const fn new() -> Self {
-        Self {
-            configuration: Counter::new(),
-            recoveries: Counter::new(),
-            timed_out: Counter::new(),
-            refused: Counter::new(),
-        }
+firmware_common::counters! {
+    /// How one receiver's source does, and what the receiver has made of its configuration.
+    pub struct Source {
+        /// A [`Standing`](crate::configuration::Standing) as a number: not yet, taken, refused, unanswered. No count.
+        configuration,
+        /// Recoveries of an I2C bus, and times an SPI was set up anew.
+        recoveries,
+        /// Transactions that had not ended by the next tick.
+        timed_out,
+        /// Transactions that a receiver on I2C did not acknowledge, or that lost the bus.
+        refused,
     }
 }
 

@@ -21,7 +21,7 @@
 use profile::air::{self, Place};
 use st25r3916::poller::{self, HEAD};
 
-use crate::{clock, cycle::timestamp, FRAMES, RECEIVERS};
+use crate::{clock, FRAMES, RECEIVERS};
 
 /// Core clock, Hz. 144 MHz divides into the 72 MHz and 9 MHz below and into whole microseconds, and
 /// stays clear of over-drive.
@@ -175,19 +175,26 @@ pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
 /// 17 kHz 0.33 ms, with margin 0.5 ms. A watchdog that is not fed after that goes on with [`FIRST_WATCHDOG_MS`].
 pub const WATCHDOG_UPDATE_CYCLES: u32 = clock::INTERNAL_HZ / 2_000;
 
-/// The longest that the comparison of the image with its CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a byte, and 20
-/// when each read of the CRC's table waits for the flash; an image has at most the 96 KiB of its budget. An image of
-/// 45 KB takes 4.4 to 6.3 ms. On the internal oscillator's 16 MHz, before the PLL is on, it would take 40 ms.
-pub const IMAGE_CHECK_MAX_MS: u32 = (96 * 1024 * 20_u32).div_ceil(CORE_HZ / 1_000);
+/// The longest that the comparison of the program with its CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a byte, and
+/// 20 when each read of the CRC's table waits for the flash; a program has at most the 96 KiB of its budget. A program
+/// of 45 KB takes 4.4 to 6.3 ms. On the internal oscillator's 16 MHz, before the PLL is on, it would take 40 ms.
+pub const PROGRAM_CHECK_MAX_MS: u32 = (96 * 1024 * 20_u32).div_ceil(CORE_HZ / 1_000);
 
 // What the start waits for takes at most two thirds of the watchdog's shortest time: a missing external clock, then the
-// comparison of the image. The PLL's lock time, 0.3 ms, and the rest of the start are nothing beside it.
-const _: () = assert!(3 * (clock::START_MAX_MS + IMAGE_CHECK_MAX_MS) <= 2 * WATCHDOG_SHORTEST_MS);
+// comparison of the program. The PLL's lock time, 0.3 ms, and the rest of the start are nothing beside it.
+const _: () = assert!(3 * (clock::START_MAX_MS + PROGRAM_CHECK_MAX_MS) <= 2 * WATCHDOG_SHORTEST_MS);
 
 /// Whether a log message may begin when the cycle timer reads `count`.
 #[must_use]
 pub const fn quiet(count: u32) -> bool {
     count >= QUIET_FROM_US * TICKS_PER_US && count < QUIET_UNTIL_US * TICKS_PER_US
+}
+
+/// The time of tick `tick`, ms since the start: every tick is 10 ms after the one before it. The milliseconds and the
+/// ticks wrap together, so the step is 10 there as well.
+#[must_use]
+pub const fn timestamp(tick: u32) -> u32 {
+    tick.wrapping_mul(profile::CYCLE_MS)
 }
 
 /// Milliseconds since the first tick's cycle began, wraps, from what was read in this order: the number of ticks

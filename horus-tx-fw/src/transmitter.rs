@@ -77,7 +77,7 @@ pub struct Slot {
 }
 
 /// The hardware a transmitter works with: the executor's, which loads from a profile, and the slot's ticket.
-pub trait Port: executor::Port {
+pub trait FrontEndPort: executor::Port {
     /// Makes `profile` the one that is loaded from. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
     /// Makes these bytes of the profile the frame that is loaded.
@@ -116,7 +116,7 @@ pub struct Transmitter<'a, P> {
     fault: Option<Fault>,
 }
 
-impl<'a, P: Port> Transmitter<'a, P> {
+impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     /// Begins the chip's bring-up.
     pub fn start(config: PollerConfig, telemetry: &'a Telemetry, port: P) -> Self {
         let mut transmitter = Self {

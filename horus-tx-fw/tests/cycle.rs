@@ -4,9 +4,10 @@ mod ubx;
 
 use horus_tx_fw::{
     clock::Source,
-    cycle::{timestamp, Cycle, Start},
+    cycle::{Cycle, Start},
     receiver::{Receiver, Solution},
     state_inputs::{Levels, INPUTS, SAMPLES_TO_TAKE},
+    timing::timestamp,
     transmitter::Ticket,
 };
 use profile::{

@@ -143,7 +143,7 @@ proptest! {
         bytes[bit / 8] ^= 1 << (bit % 8);
         let receiver = fed(&[bytes, vec![0; BUFFER + BYTES_PER_CALL]].concat());
         prop_assert!(!receiver.solution().position.valid);
-        prop_assert!(!receiver.solution().heard.within(0, u32::MAX / 2));
+        prop_assert!(!receiver.solution().last_heard.within(0, u32::MAX / 2));
     }
 }
 
@@ -165,9 +165,9 @@ fn nmea_and_damage_are_passed_over_and_counted() {
 fn zeros_behind_a_sync_do_not_tell_that_a_receiver_is_heard() {
     let receiver = fed(&[0xB5, 0x62, 0, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!((receiver.counts().messages, receiver.counts().damaged), (0, 1));
-    assert!(!receiver.solution().heard.within(0, HEARD_MS));
+    assert!(!receiver.solution().last_heard.within(0, HEARD_MS));
     // A message of a kind that is not used tells it.
-    assert!(fed(&message(1, 0x35, &[0; 8])).solution().heard.within(0, HEARD_MS));
+    assert!(fed(&message(1, 0x35, &[0; 8])).solution().last_heard.within(0, HEARD_MS));
 }
 
 #[test]
@@ -198,8 +198,8 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
             for now in (1_010..1_000 + GAP_MS + 100).step_by(10) {
                 receiver.receive(&[], now);
             }
-            let (messages, heard) = (receiver.counts().messages, receiver.solution().heard);
-            assert_eq!((messages, heard), (0, Receiver::new().solution().heard), "{cut} of {whole:02x?}");
+            let (messages, heard) = (receiver.counts().messages, receiver.solution().last_heard);
+            assert_eq!((messages, heard), (0, Receiver::new().solution().last_heard), "{cut} of {whole:02x?}");
         }
     }
 }
@@ -214,7 +214,7 @@ fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
         receiver.receive(&[], now);
         assert_eq!(receiver.solution().position.valid, now >= 1_000 + GAP_MS + 20, "at {now}");
     }
-    assert!(receiver.solution().heard.within(1_250, 250) && !receiver.solution().heard.within(1_251, 250));
+    assert!(receiver.solution().last_heard.within(1_250, 250) && !receiver.solution().last_heard.within(1_251, 250));
     assert_eq!(receiver.counts().skipped(), 6, "what is filled in is nobody's bytes");
 }
 
@@ -433,7 +433,7 @@ fn a_receiver_that_repeats_itself_ages_like_a_silent_one() {
         feed(&mut receiver, &NavPvt::at(100).bytes(), now);
     }
     let solution = receiver.solution();
-    assert!(solution.heard.within(5_000, 250), "it is heard");
+    assert!(solution.last_heard.within(5_000, 250), "it is heard");
     assert!(!solution.position.pace.is_current(5_000), "but says nothing new");
 }
 
@@ -444,7 +444,7 @@ fn a_receiver_silent_for_as_long_as_the_clock_takes_to_wrap_is_still_silent() {
     for minute in 1..80_000u32 {
         receiver.receive(&[], minute.wrapping_mul(60_000));
         let now = minute.wrapping_mul(60_000).wrapping_add(50);
-        assert!(!receiver.solution().heard.within(now, 250));
+        assert!(!receiver.solution().last_heard.within(now, 250));
         assert!(!receiver.solution().position.pace.is_current(now));
     }
 }

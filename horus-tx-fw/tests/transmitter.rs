@@ -2,10 +2,10 @@
 //! byte on the SPI.
 
 use horus_tx_fw::{
-    cycle::{timestamp, Cycle},
+    cycle::Cycle,
     receiver::Solution,
     telemetry::Telemetry,
-    timing::{payload, SLOT_US},
+    timing::{payload, timestamp, SLOT_US},
     transmitter::{self, Slot, Ticket, Transmitter},
     FRAMES, RECEIVERS,
 };
@@ -116,7 +116,7 @@ impl Port for Bench {
     }
 }
 
-impl transmitter::Port for Bench {
+impl transmitter::FrontEndPort for Bench {
     fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
         assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
         self.profile = profile.as_bytes().to_vec();

@@ -17,10 +17,7 @@
 use std::sync::Arc;
 
 use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
-use horus_tx_fw::{
-    cycle::{timestamp, Cycle},
-    receiver::Receiver,
-};
+use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
 /// How far off a right receiver is at most over ground, m; see above.

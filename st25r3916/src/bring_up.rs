@@ -27,7 +27,6 @@
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
-use crate::poller::Receiver;
 use crate::register as reg;
 use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
@@ -46,10 +45,22 @@ const BACK_OFF_US: u32 = 1_000;
 /// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
 
+/// The state of a poller's receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ReceiverMode {
+    /// `rx_en` = 0: the receiver is off, so the chip itself guarantees that the poller never listens.
+    #[default]
+    Off,
+    /// `rx_en` = 1 and the receive data masked (D0): I_txe confirms every frame, also on a chip that turns out not to
+    /// raise it with its receiver off.
+    OnMasked,
+}
+
 /// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
-    Poller(Receiver),
+    Poller(ReceiverMode),
     Listener,
 }
 
@@ -61,8 +72,8 @@ impl Role {
             Self::Listener => LISTENER_MODE,
         };
         let operation = match self {
-            Self::Poller(Receiver::Off) => reg::OP_EN | reg::OP_TX_EN,
-            Self::Poller(Receiver::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
+            Self::Poller(ReceiverMode::Off) => reg::OP_EN | reg::OP_TX_EN,
+            Self::Poller(ReceiverMode::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
             Self::Listener => reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR,
         };
         [operation, mode, rate]
@@ -162,7 +173,7 @@ const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGU
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
 /// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's receiver
-/// is off, but its register values should not depend on that, and [`Receiver::OnMasked`] switches it on.
+/// is off, but its register values should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
     &[
@@ -600,8 +611,8 @@ impl BringUp {
         let on = Short::new([command::WRITE | reg::OPERATION_CONTROL, operation]);
         match (self.index, self.role) {
             (0, _) => Operation::Send(on),
-            (1, Role::Poller(Receiver::Off)) => Operation::Skip,
-            (1, Role::Poller(Receiver::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
+            (1, Role::Poller(ReceiverMode::Off)) => Operation::Skip,
+            (1, Role::Poller(ReceiverMode::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
             (1, Role::Listener) => Operation::Send(command::CLEAR_FIFO),
             (2, Role::Listener) => Operation::Send(command::UNMASK_RECEIVE_DATA),
             (2, Role::Poller(_)) | (3, Role::Listener) => Operation::Verify,
@@ -655,7 +666,7 @@ mod tests {
 
     #[test]
     fn the_roles_settings_agree_with_what_is_checked_in_operation() {
-        for role in [Role::Poller(Receiver::Off), Role::Poller(Receiver::OnMasked), Role::Listener] {
+        for role in [Role::Poller(ReceiverMode::Off), Role::Poller(ReceiverMode::OnMasked), Role::Listener] {
             for variant in [Variant::A, Variant::B] {
                 let mode = role.settings(variant).iter().find(|setting| setting.address == reg::MODE).unwrap();
                 assert_eq!(mode.values, &role.configuration()[1..]);

@@ -252,11 +252,12 @@ pub mod poller;
 pub mod register;
 mod status;
 
+pub use bring_up::ReceiverMode;
 pub use listener::{
     Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
 };
 pub use machine::{Fault, Input, Short, Step, Transfer};
-pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState, Receiver, SendError};
+pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState, SendError};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;

@@ -74,7 +74,7 @@
 //! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause one and
 //! leaves the field on.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, ReceiverMode, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -110,24 +110,12 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     Some((needed_us - brought_us) as u32)
 }
 
-/// The state of a poller's receiver.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Receiver {
-    /// `rx_en` = 0: the receiver is off, so the chip itself guarantees that the poller never listens.
-    #[default]
-    Off,
-    /// `rx_en` = 1 and the receive data masked (D0): I_txe confirms every frame, also on a chip that turns out not to
-    /// raise it with its receiver off.
-    OnMasked,
-}
-
 /// The settings of a poller's bring-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
     /// Receiver off, or on and masked.
-    pub receiver: Receiver,
+    pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: more were loaded than the frame
     /// has.
     pub check_left_over: bool,
@@ -140,7 +128,7 @@ impl PollerConfig {
     /// The default has the receiver off and all checks on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { receiver: Receiver::Off, check_left_over: true, check_field: true }
+        Self { receiver: ReceiverMode::Off, check_left_over: true, check_field: true }
     }
 }
 

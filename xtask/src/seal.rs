@@ -1,9 +1,9 @@
 //! Writes an image's CRC into its ELF file, so that the firmware can check at start whether its flash is as built.
 //!
-//! The linker script `firmware-common/image_crc.x` reserves one word, section `.image_crc`, after everything that is
+//! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that is
 //! loaded into flash. [`seal`] writes the frame CRC of all bytes from the vector table up to that word into it, most
 //! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware compares
-//! it in `firmware_common::image`.
+//! it in `firmware_common::program`.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, SectionIndex};
 
 /// The section that holds the CRC.
-const CRC_SECTION: &str = ".image_crc";
+const CRC_SECTION: &str = ".program_crc";
 
 /// The section at which the CRC's range begins.
 const FIRST_SECTION: &str = ".vector_table";
@@ -53,7 +53,7 @@ pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
 ///
 /// # Errors
 ///
-/// It is not a 32-bit ELF file with a vector table and one word of `.image_crc` after everything else that is loaded.
+/// It is not a 32-bit ELF file with a vector table and one word of `.program_crc` after everything else that is loaded.
 pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     let (image, word) = layout(elf)?;
     let crc = profile::crc::frame(&image);
@@ -85,7 +85,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let find = |name: &str| -> Result<Loaded> {
         let (_, section): (SectionIndex, _) = sections
             .section_by_name(endian, name.as_bytes())
-            .with_context(|| format!("no section {name}: the firmware must be linked with image_crc.x"))?;
+            .with_context(|| format!("no section {name}: the firmware must be linked with program_crc.x"))?;
         let (offset, len) = (u64::from(section.sh_offset(endian)), u64::from(section.sh_size(endian)));
         let segment = loaded
             .iter()
@@ -122,7 +122,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_common::image::Comparison;
+    use firmware_common::program::Comparison;
 
     /// A section of the test's ELF file, which gets its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
@@ -226,7 +226,7 @@ mod tests {
         let mut elf = elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE)]);
         let before = elf.clone();
         let message = format!("{:#}", seal(&mut elf).unwrap_err());
-        assert!(message.contains(".image_crc") && message.contains("image_crc.x"), "{message}");
+        assert!(message.contains(".program_crc") && message.contains("program_crc.x"), "{message}");
         assert_eq!(elf, before);
     }
 

@@ -132,6 +132,8 @@ pub(crate) fn metadata() -> Result<serde_json::Value> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
     use super::*;
 
     #[test]
@@ -150,5 +152,89 @@ mod tests {
                 assert_eq!(outside, None, "{} must not depend on it", package["name"]);
             }
         }
+    }
+
+    /// Each module of the files in `folder` by its path, with its code: no tests, no comments.
+    fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
+        let of_file = |file: String| {
+            let within = file.strip_prefix(folder)?.strip_suffix(".rs").filter(|within| !within.ends_with("tests"))?;
+            let path = within.split('/').filter(|name| !["mod", "lib", "main"].contains(name)).map(str::to_owned);
+            let text = std::fs::read_to_string(root().join(&file)).unwrap();
+            let code: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap()).collect();
+            Some((path.collect(), code.join("\n").split("#[cfg(test)]\nmod tests {").next().unwrap().to_owned()))
+        };
+        tracked().unwrap().into_iter().filter_map(of_file).collect()
+    }
+
+    /// All paths in `code`, one for each name within braces.
+    fn paths(code: &str) -> Vec<Vec<&str>> {
+        let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
+        while let Some(first) = rest.chars().next() {
+            let name = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
+            let (token, behind) = rest.split_at(name.max(first.len_utf8()));
+            rest = behind.trim_start();
+            if name > 0 {
+                path.push(token);
+            }
+            if let Some(group) = rest.strip_prefix("::{").filter(|_| name > 0) {
+                (groups, rest) = ([groups, vec![path.clone()]].concat(), group.trim_start());
+            } else if let Some(more) = rest.strip_prefix("::").filter(|_| name > 0) {
+                rest = more;
+            } else {
+                if token == "}" {
+                    groups.pop();
+                }
+                all.push(std::mem::replace(&mut path, groups.last().cloned().unwrap_or_default()));
+            }
+        }
+        all
+    }
+
+    /// The arrows between modules of one folder that are in a circle, or lead to one. A folder is one module to those
+    /// beside it, and what a module takes from the one that it is in is no arrow.
+    fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
+        let mut arrows = BTreeSet::new();
+        for (module, code) in modules {
+            for path in paths(code).iter().filter(|path| ["crate", "super"].contains(&path[..].first().unwrap_or(&"")))
+            {
+                let ups = path.iter().take_while(|name| **name == "super").count();
+                let base = if ups == 0 { &[] } else { &module[..module.len().saturating_sub(ups)] };
+                let names = path[ups.max(1)..].iter().map(|name| (*name).to_owned());
+                let to: Vec<String> = base.iter().cloned().chain(names).collect();
+                let same = module.iter().zip(&to).take_while(|(one, other)| one == other).count();
+                if module.len() > same && to.len() > same && modules.keys().any(|it| it.starts_with(&to[..=same])) {
+                    arrows.insert((module[..=same].join("::"), to[..=same].join("::")));
+                }
+            }
+        }
+        while let Some(last) = arrows.iter().find(|(_, to)| arrows.iter().all(|(from, _)| from != to)).cloned() {
+            arrows.remove(&last);
+        }
+        arrows.into_iter().map(|(from, to)| format!("{from} > {to}")).collect()
+    }
+
+    #[test]
+    fn no_modules_of_a_firmware_import_each_other_in_a_circle() {
+        for folder in ["firmware-common", "dpr-fw", "horus-tx-fw", "horus-tx-fw/voter", "profile", "st25r3916"] {
+            assert_eq!(circles(&modules(&format!("{folder}/src/"))), BTreeSet::new(), "{folder}");
+        }
+    }
+
+    #[test]
+    fn a_circle_is_found_through_folders_and_braces() {
+        let circles_with = |last: &str| {
+            let modules = [
+                ("a", "use crate::{c, b::inner::{self, Thing}, Other};"),
+                ("b::inner", "use super::Thing; fn f() { super::other::go() }"),
+                ("b::other", "crate::c::call(); use super::super::c;"),
+                ("c", last),
+            ];
+            let owned = |path: &str| path.split("::").map(str::to_owned).collect();
+            circles(&modules.map(|(path, code)| (owned(path), code.to_owned())).into())
+        };
+        assert_eq!(circles_with("use core::a;"), BTreeSet::new());
+        let found = ["a > b", "a > c", "b > c", "c > a"].map(str::to_owned);
+        assert_eq!(circles_with("use crate::a;"), found.into());
+        assert!(circles_with("use crate::b::{x::{y}, other};").contains("c > b"));
     }
 }

@@ -171,7 +171,7 @@ impl Targets {
         // The stack grows down from its start.
         ram.push(node.register(13)..address("_stack_start")?);
         ram.retain(|range| !range.is_empty());
-        let flash = std::iter::once(address("__vector_table")?..address("__image_crc")? + 4).collect();
+        let flash = std::iter::once(address("__vector_table")?..address("__program_crc")? + 4).collect();
         Ok(Self { ram, flash })
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, image check, supply, clocks, everything below; the safe state |
+//! | `mod.rs` | start-up: debug port, program check, supply, clocks, everything below; the safe state |
 //! | `start_up.rs` | the first instructions: reset reasons and watchdog |
 //! | `time.rs` | the µs counter, the deadline of the next frame |
 //! | `integrity.rs` | the image that the SSI streams, as the idle loop looks at it |
@@ -66,9 +66,8 @@ use dpr_fw::{
 };
 use dpr_fw::{ImageMemory, ReceiveMemory};
 use firmware_common::{
-    image,
     last_stop::{Cause, Stop},
-    mpu, safe_state, start,
+    mpu, program, safe_state, start,
 };
 use nrf52840_hal::{
     pac::{self, interrupt},
@@ -83,6 +82,8 @@ pub(crate) use ssi::{SsiDoorbell, SsiPort};
 pub(crate) use time::{now_us, Deadline};
 
 use crate::board;
+
+firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
 /// The counters, for a debugger to find.
 #[no_mangle]
@@ -169,7 +170,7 @@ static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// What it holds once the firmware has run.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures everything. An image that is not the one that was built ends in the safe state, before any pin is an
+/// Configures everything. A program that is not the one that was built ends in the safe state, before any pin is an
 /// output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
@@ -187,7 +188,7 @@ pub(crate) fn init(
     let reset_reason = reset::reason(start::reset_flags(), ram_kept);
 
     p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
-    let flash = image::compare();
+    let flash = program::compare();
     if !flash.is_intact() {
         safe_state::enter(
             safe_state,
@@ -256,7 +257,7 @@ fn watch_supply(power: &pac::POWER) {
 
 fn stop_for_supply() -> ! {
     let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), POWER_FAIL_MV);
-    safe_state::enter(safe_state, stop, |stop| crate::log_stop("supply", stop))
+    safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
 /// The supply falls. Nothing else of CLOCK and POWER raises this interrupt.
@@ -271,11 +272,6 @@ pub(crate) fn safe_state() {
     if SsiDoorbell::is_enabled() {
         let _ = SsiDoorbell.request();
     }
-}
-
-/// What is at `address`, in words.
-pub(crate) fn area(address: u32) -> &'static str {
-    protection::area(address)
 }
 
 defmt::timestamp!("{=u32:us}", now_us());

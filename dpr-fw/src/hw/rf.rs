@@ -4,13 +4,11 @@ use core::sync::atomic::{compiler_fence, Ordering};
 
 use dpr_fw::{
     rf::{self, LEAD},
+    task::Task,
     triple::Filling,
 };
 use embedded_hal::digital::{InputPin, OutputPin};
-use nrf52840_hal::{
-    gpiote::Gpiote,
-    pac::{self, Interrupt},
-};
+use nrf52840_hal::{gpiote::Gpiote, pac};
 use st25r3916::{
     command,
     executor::{Failed, Port},
@@ -18,7 +16,7 @@ use st25r3916::{
 };
 
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
-use crate::board::{RfPins, EDGE_CAPTURE, WAIT_COMPARE};
+use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
 /// Polls for SPIM0 to stop: it does within the byte it is at, 1 µs.
 const STOP_POLLS: u32 = 1_000;
@@ -214,7 +212,7 @@ impl Port for RfPort {
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
             // Preempted for so long that the compare was missed: come back at once.
-            rtic::pend(Interrupt::TIMER0);
+            call(Task::rf_timer);
         }
     }
 
@@ -224,7 +222,7 @@ impl Port for RfPort {
     }
 }
 
-impl rf::Port for RfPort {
+impl rf::FrontEndPort for RfPort {
     type Buffer = ReceiveBuffer;
 
     fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {

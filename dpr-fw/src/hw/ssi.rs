@@ -13,12 +13,13 @@ use dpr_fw::{
     port::areas::{HandedOver, SsiEnd, Transaction},
     publish::{Doorbell, Events, Ssi, EXPIRY_AGAIN_US, EXPIRY_US},
     ssi::{Asked, SignOfLife, PAUSE_US, RECEIVE_BYTES},
+    task::Task,
     triple::{Filling, Received},
 };
-use nrf52840_hal::pac::{self, Interrupt};
+use nrf52840_hal::pac;
 
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
-use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
+use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
 
 /// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
 /// optocoupler of 1 Mbit/s.
@@ -46,7 +47,7 @@ impl SsiDoorbell {
     }
 
     fn call() {
-        rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+        call(Task::ssi_end);
     }
 
     /// The pause is over: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Called by the
@@ -68,7 +69,7 @@ impl SsiDoorbell {
         let is_selected = levels & 1 << SSI_SELECT_PIN == 0;
         if sign.is_due(DPR_TELEMETRY.ssi_transactions.get(), is_selected) {
             Self::call();
-            rtic::pend(Interrupt::TIMER3);
+            call(Task::ssi_pause);
         }
     }
 }
@@ -217,7 +218,7 @@ impl Ssi for SsiPort {
         // SAFETY: as above. It has stopped at the end of the pause before, or runs on.
         self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
-            rtic::pend(Interrupt::SWI2_EGU2);
+            call(Task::port);
         }
     }
 

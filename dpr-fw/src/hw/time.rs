@@ -1,5 +1,6 @@
 //! The µs counter (TIMER0) and the deadline of the next frame (TIMER1).
 
+use dpr_fw::intake::Timer;
 use nrf52840_hal::pac;
 
 use super::take_event;
@@ -46,8 +47,18 @@ impl Deadline {
         Self(timer)
     }
 
-    /// Calls the task when the counter ([`now_us`]) reaches `at_us`, or at once if it has.
-    pub(crate) fn set(&mut self, at_us: u32) {
+    /// Clears the interrupt of a deadline that has passed.
+    pub(crate) fn clear(&mut self) {
+        take_event!(self.0.events_compare[0]);
+    }
+}
+
+impl Timer for Deadline {
+    fn now_us(&self) -> u32 {
+        now_us()
+    }
+
+    fn set(&mut self, at_us: u32) {
         let left_us = at_us.wrapping_sub(now_us()).cast_signed();
         // The compare value first: were the task preempted after clearing the counter, a near value could be passed
         // before it is set, and the next match would be 71 minutes later. An interrupt too early does no harm. SAFETY:
@@ -55,10 +66,5 @@ impl Deadline {
         self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
         // SAFETY: task registers take 1.
         self.0.tasks_clear.write(|w| unsafe { w.bits(1) });
-    }
-
-    /// Clears the interrupt of a deadline that has passed.
-    pub(crate) fn clear(&mut self) {
-        take_event!(self.0.events_compare[0]);
     }
 }

@@ -1,10 +1,10 @@
 use super::*;
 use crate::accept::Early;
 use crate::commit::{testing::profile, Commit, Frame, Images};
-use crate::port::{Health as PortHealth, Port};
+use crate::port::{Diagnostics, WritePort};
 use crate::{link::Health, ImageMemory, IMAGE_WORDS};
 use core::cell::Cell;
-use firmware_common::image::Comparison;
+use firmware_common::program::Comparison;
 use profile::map::PortArea;
 use proptest::prelude::*;
 
@@ -55,7 +55,7 @@ impl Images for Album {
     }
     fn place_port<const N: usize>(&mut self) {
         let mut area = PortArea::EMPTY;
-        Port::new().prepare(&PortHealth::default(), 0, &mut area);
+        WritePort::new().prepare(&Diagnostics::default(), 0, &mut area);
         let image: &mut [u8] = bytemuck::cast_slice_mut(&mut self.0);
         image[Map::<N>::port_area()].copy_from_slice(area.as_bytes());
     }

@@ -16,8 +16,8 @@
 //! Port-Status and both uplinks are one [`PortArea`] of 192 bytes, which is sealed here, before the commit task needs
 //! it ([`Prepared`]). That task only copies it into the image that it publishes.
 //!
-//! A command acts on [`Port`] alone. Whatever is written, no object of HORUS changes, and Link-Status changes in its
-//! total of access violations and in its bit 7 (the last uplink was rejected) only.
+//! A command acts on [`WritePort`] alone. Whatever is written, no object of HORUS changes, and Link-Status changes in
+//! its total of access violations and in its bit 7 (the last uplink was rejected) only.
 
 pub mod areas;
 pub mod newer;
@@ -59,7 +59,7 @@ fn is_idle(bytes: &[u8]) -> bool {
 
 /// What other tasks know and Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Health {
+pub struct Diagnostics {
     /// Times the SSI task used its transactions up or dropped an object, since start, wrapping.
     pub too_many: u32,
     /// Faults that the round-the-clock check found in images.
@@ -123,7 +123,7 @@ struct SelfTest {
 
 /// The port task's state.
 #[derive(Clone, Copy, Debug)]
-pub struct Port {
+pub struct WritePort {
     clock: Clock,
     base_station: Slot<BaseStation>,
     flight_controller: Slot<FlightController>,
@@ -136,17 +136,17 @@ pub struct Port {
     violations: Violations,
     /// Of all kinds, since start.
     total: u32,
-    /// What of [`Health::too_many`] is counted.
+    /// What of [`Diagnostics::too_many`] is counted.
     too_many: u32,
 }
 
-impl Default for Port {
+impl Default for WritePort {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Port {
+impl WritePort {
     /// Nothing has come in.
     #[must_use]
     pub const fn new() -> Self {
@@ -167,8 +167,8 @@ impl Port {
     }
 
     /// Judges what a transaction brought, of which the first bytes of `area` came in, at `now_us` on the DPR's µs
-    /// counter. That must not go back from one call to the next, here and in [`Port::prepare`], and one of the two must
-    /// be called every 71 minutes. Whether it changed what Port-Status says.
+    /// counter. That must not go back from one call to the next, here and in [`WritePort::prepare`], and one of the two
+    /// must be called every 71 minutes. Whether it changed what Port-Status says.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
@@ -268,10 +268,10 @@ impl Port {
     }
 
     /// Seals Port-Status, and puts it and the uplinks that are fresh at `now_us` into `area`.
-    pub fn prepare(&mut self, health: &Health, now_us: u32, area: &mut PortArea) {
+    pub fn prepare(&mut self, diagnostics: &Diagnostics, now_us: u32, area: &mut PortArea) {
         self.clock.advance(now_us);
-        let more = health.too_many.wrapping_sub(self.too_many);
-        self.too_many = health.too_many;
+        let more = diagnostics.too_many.wrapping_sub(self.too_many);
+        self.too_many = diagnostics.too_many;
         self.refuse(Violation::TooMany, more);
 
         let now_us = self.clock.us();
@@ -284,7 +284,7 @@ impl Port {
             .with_self_test_running(self.self_test.running)
             .with_self_test_passed(self.self_test.passed == Some(true))
             .with_self_test_failed(self.self_test.passed == Some(false))
-            .with_buffers_out_of_use(health.buffers_out_of_use > 0);
+            .with_buffers_out_of_use(diagnostics.buffers_out_of_use > 0);
         let (last_command_timestamp, last_command) =
             self.last_command.map_or((0, 0), |(timestamp, command)| (timestamp, command.word()));
         let status = PortStatus::seal(
@@ -299,11 +299,11 @@ impl Port {
                 base_station_age_ms: saturated(base_station_ms),
                 flight_controller_age_ms: saturated(flight_controller_ms),
                 violations: self.violations,
-                integrity_faults: saturated(health.integrity_faults),
-                flash_passes: saturated(health.flash_passes),
-                stuck_bits: saturated(health.stuck_bits),
-                buffers_out_of_use: saturated(health.buffers_out_of_use),
-                last_stop: health.last_stop,
+                integrity_faults: saturated(diagnostics.integrity_faults),
+                flash_passes: saturated(diagnostics.flash_passes),
+                stuck_bits: saturated(diagnostics.stuck_bits),
+                buffers_out_of_use: saturated(diagnostics.buffers_out_of_use),
+                last_stop: diagnostics.last_stop,
             },
         );
         area.set_status(Writer::<Dpr>::claim(), status);

@@ -36,15 +36,15 @@ fn sealed(mut bytes: [u8; 64]) -> [u8; 64] {
 
 /// The port and a flight controller that writes.
 struct Bench {
-    port: Port,
+    port: WritePort,
     windows: Windows<MAP>,
     now_us: u32,
-    health: Health,
+    diagnostics: Diagnostics,
 }
 
 impl Bench {
     fn new() -> Self {
-        Self { port: Port::new(), windows: Windows::new(), now_us: 0, health: Health::default() }
+        Self { port: WritePort::new(), windows: Windows::new(), now_us: 0, diagnostics: Diagnostics::default() }
     }
 
     /// A transaction in which `mosi` is clocked in.
@@ -67,7 +67,7 @@ impl Bench {
 
     fn area(&mut self) -> PortArea {
         let mut area = PortArea::EMPTY;
-        self.port.prepare(&self.health, self.now_us, &mut area);
+        self.port.prepare(&self.diagnostics, self.now_us, &mut area);
         area
     }
 
@@ -235,10 +235,10 @@ fn a_transaction_counts_once_for_each_part_that_is_wrong() {
 #[test]
 fn what_the_ssi_task_refused_is_counted_as_too_many_once() {
     let mut bench = Bench::new();
-    bench.health.too_many = 3;
+    bench.diagnostics.too_many = 3;
     assert_eq!(bench.counted(), Some((Violation::TooMany, 3)));
     assert_eq!(bench.counted(), Some((Violation::TooMany, 3)));
-    bench.health.too_many = 5;
+    bench.diagnostics.too_many = 5;
     assert_eq!(bench.counted(), Some((Violation::TooMany, 5)));
 }
 
@@ -299,7 +299,7 @@ fn a_writer_that_was_silent_for_long_goes_on_where_it_was() {
 #[test]
 fn clear_counters_clears_what_the_port_counts_and_nothing_else() {
     let mut bench = Bench::new();
-    bench.health = Health {
+    bench.diagnostics = Diagnostics {
         too_many: 2,
         integrity_faults: 3,
         flash_passes: 4,
@@ -363,7 +363,7 @@ fn a_self_test_runs_until_its_result_comes_and_a_second_one_is_refused_meanwhile
 #[test]
 fn counters_of_faults_and_violations_stay_at_their_end() {
     let mut bench = Bench::new();
-    bench.health = Health {
+    bench.diagnostics = Diagnostics {
         too_many: 70_000,
         integrity_faults: 65_536,
         flash_passes: 65_535,

@@ -31,7 +31,7 @@ impl<B: Memory> Mailbox<B> {
     }
 
     /// The image to stream next, given the one streamed so far.
-    pub(super) fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, Taken) {
+    pub(crate) fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, Taken) {
         let (image, newer) = self.exchange.take(streamed);
         let announced = core::mem::take(&mut self.announced);
         (image, Taken { newer, announced })
@@ -52,7 +52,7 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
 
 /// What the SSI task took out of the mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Taken {
+pub(crate) struct Taken {
     /// The image is newer than the one streamed before.
     pub(super) newer: bool,
     /// FRESH has risen for it already.

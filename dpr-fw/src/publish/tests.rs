@@ -85,11 +85,11 @@ type Buffer = ImageMemory;
 struct Board {
     world: Rc<RefCell<World>>,
     mailbox: Rc<RefCell<Mailbox<Buffer>>>,
-    task: Rc<RefCell<Option<(Server<LEN>, Port)>>>,
+    task: Rc<RefCell<Option<(Server<LEN>, SsiModel)>>>,
     telemetry: Rc<Telemetry>,
 }
 
-struct Port {
+struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
@@ -173,7 +173,7 @@ impl Board {
             happenings: VecDeque::new(),
             newest_published: 0,
         }));
-        let port = Port {
+        let port = SsiModel {
             world: world.clone(),
             image: None,
             received: vec![],
@@ -289,13 +289,13 @@ impl Doorbell for Board {
     }
 }
 
-impl Port {
+impl SsiModel {
     fn point(&self) {
         self.board.as_ref().expect("on the board").point();
     }
 }
 
-impl Ssi for Port {
+impl Ssi for SsiModel {
     type Buffer = Buffer;
 
     fn take_events(&mut self) -> Events<'_> {

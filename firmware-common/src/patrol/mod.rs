@@ -31,10 +31,14 @@
 use core::ops::Range;
 
 pub mod guard;
+#[cfg(target_os = "none")]
+mod part;
 pub mod ram;
 
-use crate::image::Comparison;
+use crate::program::Comparison;
 use guard::Guards;
+#[cfg(target_os = "none")]
+pub use part::{layout, PartMemory};
 use ram::Walk;
 
 /// One slice is due every so many µs.
@@ -59,9 +63,9 @@ pub trait Memory {
 /// Where things are. All addresses are multiples of four.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// The image in flash: from the vector table to the word that holds its CRC, which is not included.
-    pub image: Range<u32>,
-    /// The image is shut to ordinary loads from its start up to here.
+    /// The program in flash: from the vector table to the word that holds its CRC, which is not included.
+    pub program: Range<u32>,
+    /// The program is shut to ordinary loads from its start up to here.
     pub shut_end: u32,
     /// Where code in RAM runs.
     pub code: Range<u32>,
@@ -87,7 +91,7 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The longest from a change of a bit of flash to the verdict, µs, for an image of `bytes`: two passes, each a
+    /// The longest from a change of a bit of flash to the verdict, µs, for a program of `bytes`: two passes, each a
     /// slice longer since it begins within one.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
@@ -165,12 +169,12 @@ impl Patrol {
     /// At the beginning of all passes. Writes the guard words, so to be called before anything can have changed them.
     pub fn new(layout: Layout, rate: Rate, memory: &mut impl Memory) -> Self {
         let guards = Guards::set(layout.guards, memory);
-        Self { flash_at: layout.image.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
+        Self { flash_at: layout.program.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
     }
 
     /// Begins the passes over flash and RAM anew.
     pub fn restart(&mut self) {
-        (self.flash_at, self.crc) = (self.layout.image.start, 0);
+        (self.flash_at, self.crc) = (self.layout.program.start, 0);
         self.ram.restart();
     }
 
@@ -185,19 +189,19 @@ impl Patrol {
     }
 
     fn flash(&mut self, memory: &impl Memory) -> Option<Comparison> {
-        let Layout { image, shut_end, .. } = &self.layout;
-        let end = self.flash_at.saturating_add(4 * self.rate.flash_words).min(image.end);
+        let Layout { program, shut_end, .. } = &self.layout;
+        let end = self.flash_at.saturating_add(4 * self.rate.flash_words).min(program.end);
         let words = (self.flash_at..end).step_by(4);
         self.crc = profile::crc::frame_of_words_after(
             self.crc,
             words.map(|at| if at < *shut_end { memory.load_shut(at) } else { memory.load(at) }),
         );
         self.flash_at = end;
-        if end < image.end {
+        if end < program.end {
             return None;
         }
-        let found = Comparison { computed: self.crc, expected: memory.load(image.end).swap_bytes() };
-        (self.flash_at, self.crc) = (image.start, 0);
+        let found = Comparison { computed: self.crc, expected: memory.load(program.end).swap_bytes() };
+        (self.flash_at, self.crc) = (program.start, 0);
         Some(found)
     }
 
@@ -217,39 +221,6 @@ impl Patrol {
             self.code_at += 4;
         }
         differs
-    }
-}
-
-/// The memory of the part.
-#[cfg(target_os = "none")]
-#[derive(Debug)]
-pub struct PartMemory(());
-
-#[cfg(target_os = "none")]
-impl PartMemory {
-    /// To be called once, by whoever runs in thread mode with no interrupt masked: the words are exercised there.
-    #[must_use]
-    pub fn take() -> Self {
-        Self(())
-    }
-}
-
-#[cfg(target_os = "none")]
-impl Memory for PartMemory {
-    fn load(&self, address: u32) -> u32 {
-        crate::memory::load(address)
-    }
-
-    fn load_shut(&self, address: u32) -> u32 {
-        crate::memory::load_shut(address)
-    }
-
-    fn store(&mut self, address: u32, word: u32) {
-        crate::memory::store(address, word);
-    }
-
-    fn exercise(&mut self, address: u32) -> u32 {
-        crate::memory::exercise(address)
     }
 }
 

@@ -2,8 +2,8 @@ use super::*;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
-const IMAGE: u32 = 0x0800_0000;
-const IMAGE_WORDS: u32 = 37;
+const PROGRAM: u32 = 0x0800_0000;
+const PROGRAM_WORDS: u32 = 37;
 const CODE: u32 = 0x0080_0000;
 const CODE_WORDS: u32 = 10;
 const USED: u32 = 0x2000_8000;
@@ -64,12 +64,12 @@ impl Ram {
 impl Memory for Ram {
     fn load(&self, address: u32) -> u32 {
         self.loads.set(self.loads.get() + 1);
-        assert!(!(IMAGE..IMAGE + 4 * SHUT).contains(&address), "this is shut: {address:#x}");
+        assert!(!(PROGRAM..PROGRAM + 4 * SHUT).contains(&address), "this is shut: {address:#x}");
         self.words.get(&address).copied().unwrap_or_else(|| panic!("nothing is at {address:#x}"))
     }
     fn load_shut(&self, address: u32) -> u32 {
         self.loads.set(self.loads.get() + 1);
-        assert!((IMAGE..IMAGE + 4 * SHUT).contains(&address), "this is not shut: {address:#x}");
+        assert!((PROGRAM..PROGRAM + 4 * SHUT).contains(&address), "this is not shut: {address:#x}");
         self.words[&address]
     }
     fn store(&mut self, address: u32, word: u32) {
@@ -117,27 +117,27 @@ fn apart() -> [Range<u32>; ram::APART] {
 
 fn layout() -> Layout {
     Layout {
-        image: IMAGE..IMAGE + 4 * IMAGE_WORDS,
-        shut_end: IMAGE + 4 * SHUT,
+        program: PROGRAM..PROGRAM + 4 * PROGRAM_WORDS,
+        shut_end: PROGRAM + 4 * SHUT,
         code: CODE..CODE + 4 * CODE_WORDS,
-        code_load: IMAGE + 4 * 12,
+        code_load: PROGRAM + 4 * 12,
         guards: GUARDS,
         used: USED..USED + 4 * USED_WORDS,
         apart: apart(),
     }
 }
 
-/// A sealed image with the code's load image in it, the code, and noise elsewhere.
+/// A sealed program with the code's load image in it, the code, and noise elsewhere.
 fn board() -> (Patrol, Ram) {
     let mut ram = Ram::default();
-    let image: Vec<u32> = (0..IMAGE_WORDS).map(|word| word.wrapping_mul(0x0123_4567) ^ 0xDEAD_BEEF).collect();
-    for (address, word) in (IMAGE..).step_by(4).zip(&image) {
+    let program: Vec<u32> = (0..PROGRAM_WORDS).map(|word| word.wrapping_mul(0x0123_4567) ^ 0xDEAD_BEEF).collect();
+    for (address, word) in (PROGRAM..).step_by(4).zip(&program) {
         ram.words.insert(address, *word);
     }
-    let crc = profile::crc::frame_of_words(image.iter().copied());
-    ram.words.insert(IMAGE + 4 * IMAGE_WORDS, crc.swap_bytes());
+    let crc = profile::crc::frame_of_words(program.iter().copied());
+    ram.words.insert(PROGRAM + 4 * PROGRAM_WORDS, crc.swap_bytes());
     for word in 0..CODE_WORDS {
-        ram.words.insert(CODE + 4 * word, image[12 + word as usize]);
+        ram.words.insert(CODE + 4 * word, program[12 + word as usize]);
     }
     for word in 0..USED_WORDS {
         ram.words.insert(USED + 4 * word, word.wrapping_mul(0x9E37_79B9));
@@ -167,7 +167,7 @@ fn sound_memory_passes_round_after_round_and_is_left_as_it_was() {
         passes += u32::from(slice.ram_pass.is_some());
         assert!(slice.ram_pass.is_none_or(|sound| sound));
     }
-    assert_eq!(flash, 500 / IMAGE_WORDS.div_ceil(RATE.flash_words));
+    assert_eq!(flash, 500 / PROGRAM_WORDS.div_ceil(RATE.flash_words));
     // 40 words in no more than 40 steps, seven a slice.
     assert!(passes >= 500 * RATE.ram_words / USED_WORDS, "{passes}");
     assert_eq!(ram.words, before);
@@ -186,15 +186,15 @@ fn a_pass_tests_every_word_in_use_but_those_left_out() {
 proptest! {
     #[test]
     fn a_bit_of_flash_is_found_in_time_wherever_and_whenever_it_flips(
-        word in 0..=IMAGE_WORDS, bit in 0_u32..32, after in 0_u32..40,
+        word in 0..=PROGRAM_WORDS, bit in 0_u32..32, after in 0_u32..40,
     ) {
         let (mut patrol, mut ram) = board();
         (0..after).for_each(|_| { patrol.slice(&mut ram); });
-        ram.flip(IMAGE + 4 * word, bit);
-        let most = slices(RATE.flash_detect_us(4 * IMAGE_WORDS));
+        ram.flip(PROGRAM + 4 * word, bit);
+        let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
         // Flash that is as it was passes again, with the pass that begins after that.
-        ram.flip(IMAGE + 4 * word, bit);
+        ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
 
@@ -257,7 +257,7 @@ proptest! {
 #[test]
 fn a_restart_begins_both_passes_anew() {
     let (mut patrol, mut ram) = board();
-    let flash = IMAGE_WORDS.div_ceil(RATE.flash_words);
+    let flash = PROGRAM_WORDS.div_ceil(RATE.flash_words);
     (0..flash - 1).for_each(|_| assert_eq!(patrol.slice(&mut ram).flash, None));
     patrol.restart();
     (0..flash - 1).for_each(|_| assert_eq!(patrol.slice(&mut ram).flash, None));
@@ -277,7 +277,7 @@ fn the_work_of_a_slice_does_not_depend_on_what_it_finds() {
         if broken {
             ram.flip(GUARDS[0], 3);
             ram.flip(CODE, 3);
-            ram.flip(IMAGE + 40, 3);
+            ram.flip(PROGRAM + 40, 3);
             ram.faults.push(Fault::Stuck { address: USED, bit: 1, level: true });
         }
         let mut counts = vec![];
@@ -295,8 +295,8 @@ fn the_patrol_checks_the_rest_without_code_in_ram() {
     let (_, mut ram) = board();
     let layout = Layout { code: 0..0, code_load: 0, used: USED..USED, ..layout() };
     let mut patrol = Patrol::new(layout, RATE, &mut ram);
-    let found = (0..IMAGE_WORDS).filter(|_| patrol.slice(&mut ram).flash.is_some_and(Comparison::is_intact)).count();
-    assert_eq!(found as u32, IMAGE_WORDS / IMAGE_WORDS.div_ceil(RATE.flash_words));
+    let found = (0..PROGRAM_WORDS).filter(|_| patrol.slice(&mut ram).flash.is_some_and(Comparison::is_intact)).count();
+    assert_eq!(found as u32, PROGRAM_WORDS / PROGRAM_WORDS.div_ceil(RATE.flash_words));
 }
 
 #[test]
@@ -318,7 +318,7 @@ fn slices_come_at_their_rate_however_often_idle_asks_and_what_was_missed_is_made
 #[test]
 fn times_to_detect_follow_from_the_rates() {
     // 37 words at 4 a slice are 10 slices; 10 at 3 are 4; 40 at 7 are 6.
-    assert_eq!(RATE.flash_detect_us(4 * IMAGE_WORDS), 22 * SLICE_US);
+    assert_eq!(RATE.flash_detect_us(4 * PROGRAM_WORDS), 22 * SLICE_US);
     assert_eq!(RATE.code_detect_us(4 * CODE_WORDS), 5 * SLICE_US);
     assert_eq!(RATE.ram_pass_us(4 * USED_WORDS), 7 * SLICE_US);
 }

@@ -11,7 +11,7 @@
 //! from its compare value to the update. So whoever watches the board from outside sees the tick and not what the
 //! processor makes of it. The pin rests low until the timer runs, since the counter then stands at 0.
 //!
-//! Between `Port::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
+//! Between `FrontEndPort::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
@@ -34,7 +34,8 @@ use stm32f4xx_hal::{
 
 use super::{
     gpio::{self, Pull, Speed},
-    radio, HORUS_TELEMETRY,
+    radio::{self, ARMED},
+    HORUS_TELEMETRY,
 };
 use crate::board;
 
@@ -42,8 +43,6 @@ use crate::board;
 static TICKS: AtomicU32 = AtomicU32::new(0);
 /// The tick whose cycle has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// The ticket for the next slot.
-pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 /// What the last slot came to, for the radio's task: `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;

@@ -38,8 +38,10 @@ use horus_tx_fw::{
 use stm32f4xx_hal::pac::{self, i2c1};
 
 use super::{
+    buffers,
     dma::{self, Direction, Transfer},
-    gnss, gpio,
+    gpio,
+    registers::Registers,
     steps::Steps,
     HORUS_TELEMETRY,
 };
@@ -57,6 +59,7 @@ pub(super) fn memory() -> Range<u32> {
 pub struct DdcSource {
     index: usize,
     port: &'static DdcPort,
+    registers: Registers<i2c1::RegisterBlock>,
     ddc: Ddc,
     steps: Steps,
 }
@@ -67,7 +70,13 @@ impl DdcSource {
         (port.enable)(rcc);
         gpio::open_drain(port.scl);
         gpio::open_drain(port.sda);
-        let source = Self { index, port, ddc: Ddc::new(), steps: Steps::new(&port.timer, rcc) };
+        let source = Self {
+            index,
+            port,
+            registers: Registers::at((port.registers)()),
+            ddc: Ddc::new(),
+            steps: Steps::new(&port.timer, rcc),
+        };
         source.set_up();
         source
     }
@@ -75,7 +84,7 @@ impl DdcSource {
     fn i2c(&self) -> &'static i2c1::RegisterBlock {
         // SAFETY: the table holds the address of an I2C peripheral's register block, which is always there; every
         // access is volatile, and it is used by this source alone.
-        unsafe { self.port.i2c.get() }
+        unsafe { self.registers.get() }
     }
 
     /// Sets the peripheral up after a reset: fast mode with a low time of 2 µs and a high time of 1 µs, so 333 kHz.
@@ -229,7 +238,7 @@ impl DdcSource {
     /// Puts those of the bytes that came in into the ring.
     fn push(&self, bytes: Range<usize>) {
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
-        gnss::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
+        buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
     }
 }
 

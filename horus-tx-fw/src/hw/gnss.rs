@@ -4,43 +4,28 @@
 //!
 //! Where a receiver is connected is the board's table's matter ([`crate::board::RECEIVER_PORTS`]). Each kind of
 //! interface has a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served
-//! at every tick and by interrupts, all of one priority, and leaves what has come in a ring.
+//! at every tick and by interrupts, all of one priority, and leaves what has come in a ring ([`super::buffers`]).
 //!
 //! `unsafe` here: none.
 #![forbid(unsafe_code)]
 
-use core::ops::Range;
-
-use firmware_common::memory;
 use horus_tx_fw::{
     configuration::Configuration,
-    source::{Busy, Outbox, Ring, Source, Vector},
+    source::{Busy, Source, Vector},
     RECEIVERS,
 };
 use stm32f4xx_hal::pac;
 
-use super::{ddc::DdcSource, dma, gpio, spi::SpiSource, uart::UartSource};
+use super::{
+    buffers::{outbox, ring},
+    ddc::DdcSource,
+    dma, gpio,
+    spi::SpiSource,
+    uart::UartSource,
+};
 use crate::board::{Hardware, ReceiverPort, RECEIVER_PORTS};
 
 const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
-
-static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
-static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
-
-/// What DMA writes and reads.
-pub(super) fn memory() -> [Range<u32>; 2] {
-    [memory::span(&RINGS), memory::span(&OUTBOXES)]
-}
-
-/// What receiver `index` has sent.
-pub fn ring(index: usize) -> &'static Ring {
-    &RINGS[index]
-}
-
-/// What is to be sent to receiver `index`.
-pub fn outbox(index: usize) -> &'static Outbox {
-    &OUTBOXES[index]
-}
 
 /// Receiver `index`'s configuration, of which nothing has been sent.
 pub fn configuration(index: usize) -> Configuration {

@@ -10,7 +10,7 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
-use crate::board::{AlternatePin, Pin, Port};
+use crate::board::{AlternatePin, GpioPort, Pin};
 
 /// How fast a pin's edges are.
 #[derive(Clone, Copy)]
@@ -45,14 +45,14 @@ pub(super) fn enable_ports() {
 }
 
 #[inline(always)]
-fn block(port: Port) -> &'static gpioa::RegisterBlock {
+fn block(port: GpioPort) -> &'static gpioa::RegisterBlock {
     let block: *const gpioa::RegisterBlock = match port {
-        Port::A => pac::GPIOA::ptr(),
-        Port::B => pac::GPIOB::ptr().cast(),
-        Port::C => pac::GPIOC::ptr().cast(),
-        Port::D => pac::GPIOD::ptr().cast(),
-        Port::E => pac::GPIOE::ptr().cast(),
-        Port::F => pac::GPIOF::ptr().cast(),
+        GpioPort::A => pac::GPIOA::ptr(),
+        GpioPort::B => pac::GPIOB::ptr().cast(),
+        GpioPort::C => pac::GPIOC::ptr().cast(),
+        GpioPort::D => pac::GPIOD::ptr().cast(),
+        GpioPort::E => pac::GPIOE::ptr().cast(),
+        GpioPort::F => pac::GPIOF::ptr().cast(),
     };
     // SAFETY: a register block is always there, and every access through it is volatile. All ports have the same
     // registers (RM0090 "GPIO register map"); they differ in reset values alone. Configuration registers are changed

@@ -11,13 +11,14 @@
 //! | [`clock`] | the choice of the oscillator, and what happens when it fails |
 //! | [`cycle_timer`] | TIM2: ticks, slots, and the command that fires a frame |
 //! | [`radio`] | the front end: SPI1, chip select, IRQ pin, TIM5; the field off |
-//! | [`gnss`] | the receivers' sources, and what comes from and goes to them |
+//! | [`gnss`] | the receivers' sources |
+//! | [`buffers`] | what comes from the receivers and goes to them |
 //! | [`uart`], [`ddc`], [`spi`] | a receiver on a UART, on I2C, on SPI |
 //! | [`steps`] | one-shot timers of those |
 //! | [`dma`] | DMA streams |
 //! | [`gpio`] | pins |
 //! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
-//! | [`registers`] | addresses of register blocks, for the board's table |
+//! | [`registers`] | addresses of register blocks that a task may own |
 //! | [`supply`] | the brown-out level, and what happens when the supply falls |
 //! | [`reset`] | the reason of the last reset, how many the watchdog has made, who is excluded over them |
 //! | `start_up` | the first instructions: reset flags and watchdog |
@@ -46,6 +47,9 @@ use cortex_m::asm;
 use firmware_common::{memory, patrol::ram::APART};
 use horus_tx_fw::{protection, telemetry::Telemetry};
 
+use crate::board;
+
+pub mod buffers;
 pub mod clock;
 pub mod cycle_timer;
 mod ddc;
@@ -53,7 +57,7 @@ mod dma;
 pub mod gnss;
 mod gpio;
 pub mod radio;
-pub mod registers;
+mod registers;
 pub mod reset;
 mod spi;
 mod start_up;
@@ -61,6 +65,8 @@ pub mod state_inputs;
 mod steps;
 pub mod supply;
 mod uart;
+
+firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
 /// What the debugger or the bench reads.
 #[no_mangle]
@@ -74,16 +80,11 @@ pub fn settle() {
 
 /// RAM that not the processor alone reads and writes: what DMA reaches, and the telemetry.
 pub fn shared_memory() -> [Range<u32>; APART - 2] {
-    let [rings, outboxes] = gnss::memory();
+    let [rings, outboxes] = buffers::memory();
     let [spi_in, spi_out] = spi::memory();
     let [frame, short_out, short_in, discard] = radio::memory();
     let telemetry = memory::span(&HORUS_TELEMETRY);
     [telemetry, rings, outboxes, ddc::memory(), spi_in, spi_out, frame, short_out, short_in, discard]
-}
-
-/// What is at `address`, in words.
-pub fn area(address: u32) -> &'static str {
-    protection::area(address)
 }
 
 /// Puts the board into its safe state: the RF field is off. All interrupts must be masked, for ever.

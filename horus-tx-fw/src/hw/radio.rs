@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! Every operation of the port starts something and returns; the interrupt that ends it polls the executor. The SPI
-//! has two users that never meet: from [`transmitter::Port::arm`] to the slot it is the slot's interrupt, else it is
-//! the tasks of the front end, which have one priority.
+//! Every operation of the port starts something and returns; the interrupt that ends it polls the executor. The SPI has
+//! two users that never meet: from [`transmitter::FrontEndPort::arm`] to the slot it is the slot's interrupt, else it
+//! is the tasks of the front end, which have one priority.
 //!
 //! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, eight bits, most significant
 //! first.
@@ -49,12 +49,14 @@ use stm32f4xx_hal::{
 };
 
 use super::{
-    cycle_timer::ARMED,
     dma::{self, Direction, Transfer},
     gpio::{self, Pull, Speed},
     HORUS_TELEMETRY,
 };
 use crate::board::{CHIP_SELECT, IRQ, MISO, MOSI, SCK, SPI_IN, SPI_OUT};
+
+/// The ticket for the next slot.
+pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile. Who may use the SPI when is
@@ -332,7 +334,7 @@ impl Port for Radio {
     }
 }
 
-impl transmitter::Port for Radio {
+impl transmitter::FrontEndPort for Radio {
     fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
         let (words, _) = profile.as_bytes().as_chunks::<4>();
         for (word, bytes) in FRAME.iter().zip(words) {

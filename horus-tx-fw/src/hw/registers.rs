@@ -4,7 +4,7 @@
 #![allow(unsafe_code)]
 
 /// The address of a register block.
-pub struct Registers<T>(*const T);
+pub(super) struct Registers<T>(*const T);
 
 // SAFETY: it is an address alone. Whoever makes a reference of it has to vouch for that ([`Registers::get`]).
 unsafe impl<T> Send for Registers<T> {}
@@ -20,7 +20,7 @@ impl<T> Copy for Registers<T> {}
 
 impl<T> Registers<T> {
     /// The block at `address`.
-    pub const fn at(address: *const T) -> Self {
+    pub(super) const fn at(address: *const T) -> Self {
         Self(address)
     }
 

@@ -31,9 +31,10 @@ use horus_tx_fw::{
 use stm32f4xx_hal::pac::{self, spi1};
 
 use super::{
+    buffers,
     dma::{self, Direction, Transfer},
-    gnss,
     gpio::{self, Pull, Speed},
+    registers::Registers,
     steps::Steps,
     HORUS_TELEMETRY,
 };
@@ -58,6 +59,7 @@ const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
 pub struct SpiSource {
     index: usize,
     port: &'static SpiPort,
+    registers: Registers<spi1::RegisterBlock>,
     polling: Polling,
     filter: Filter,
     steps: Steps,
@@ -75,7 +77,15 @@ impl SpiSource {
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
-        let source = Self { index, port, polling: Polling::new(), filter: Filter::new(), steps, has_message: false };
+        let source = Self {
+            index,
+            port,
+            registers: Registers::at((port.registers)()),
+            polling: Polling::new(),
+            filter: Filter::new(),
+            steps,
+            has_message: false,
+        };
         source.set_up();
         source
     }
@@ -83,7 +93,7 @@ impl SpiSource {
     fn spi(&self) -> &'static spi1::RegisterBlock {
         // SAFETY: the table holds the address of an SPI's register block, which is always there; every access is
         // volatile, and it is used by this source alone.
-        unsafe { self.port.spi.get() }
+        unsafe { self.registers.get() }
     }
 
     fn set_up(&self) {
@@ -182,7 +192,7 @@ impl SpiSource {
         let brought = if is_old {
             bytes.count() > 0
         } else {
-            gnss::ring(self.index).push(bytes);
+            buffers::ring(self.index).push(bytes);
             true
         };
         self.polling.read(brought, self.filter.has_nothing_more());

@@ -10,16 +10,17 @@
 use horus_tx_fw::timing;
 use stm32f4xx_hal::pac::{self, tim3};
 
+use super::registers::Registers;
 use crate::board::Timer;
 
 /// A timer of one source.
-pub(super) struct Steps(&'static Timer);
+pub(super) struct Steps(Registers<tim3::RegisterBlock>);
 
 impl Steps {
     /// Sets it up, stopped. It counts microseconds.
-    pub(super) fn new(timer: &'static Timer, rcc: &mut pac::RCC) -> Self {
+    pub(super) fn new(timer: &Timer, rcc: &mut pac::RCC) -> Self {
         (timer.enable)(rcc);
-        let steps = Self(timer);
+        let steps = Self(Registers::at((timer.registers)()));
         let registers = steps.registers();
         registers.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
         registers.cr1().write(|w| w.urs().set_bit());
@@ -33,7 +34,7 @@ impl Steps {
     fn registers(&self) -> &'static tim3::RegisterBlock {
         // SAFETY: the table holds the address of a timer's register block, which is always there; every access is
         // volatile, and each timer is used by one source alone.
-        unsafe { self.0.timer.get() }
+        unsafe { self.0.get() }
     }
 
     /// Calls in `us` microseconds, never earlier.

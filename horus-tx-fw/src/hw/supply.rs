@@ -68,7 +68,7 @@ pub fn watch(rcc: &mut Rcc) -> bool {
 /// Stops: the supply is too low.
 pub fn stop() -> ! {
     let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), supply::DETECTOR_MV);
-    safe_state::enter(super::safe_state, stop, |stop| crate::log_stop("supply", stop))
+    safe_state::enter(super::safe_state, stop, |stop| super::log_stop("supply", stop))
 }
 
 #[interrupt]

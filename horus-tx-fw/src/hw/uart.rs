@@ -26,9 +26,10 @@ use horus_tx_fw::{
 use stm32f4xx_hal::pac::{self, uart4};
 
 use super::{
+    buffers,
     dma::{self, Direction, Transfer},
-    gnss,
     gpio::{self, Pull, Speed},
+    registers::Registers,
     HORUS_TELEMETRY,
 };
 use crate::board::UartPort;
@@ -37,6 +38,7 @@ use crate::board::UartPort;
 pub struct UartSource {
     index: usize,
     port: &'static UartPort,
+    registers: Registers<uart4::RegisterBlock>,
     writer: Writer,
     /// What is being sent, and how many bytes of it have gone.
     outgoing: Option<(Message, usize)>,
@@ -45,7 +47,8 @@ pub struct UartSource {
 impl UartSource {
     /// Sets up receiver `index` and starts to listen.
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
-        let source = Self { index, port, writer: Writer::new(), outgoing: None };
+        let source =
+            Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
         // A line that is not connected reads idle.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
@@ -62,7 +65,7 @@ impl UartSource {
     fn uart(&self) -> &'static uart4::RegisterBlock {
         // SAFETY: the table holds addresses of register blocks of UARTs, or of USARTs, which begin with the same
         // registers; those are always there, every access is volatile, and each is used by one source alone.
-        unsafe { self.port.uart.get() }
+        unsafe { self.registers.get() }
     }
 
     /// Sets the rate. The UART is not in use meanwhile: it is off, or switched off for it.
@@ -95,7 +98,7 @@ impl UartSource {
         dma::clear_flags(stream);
         let transfer = Transfer {
             peripheral: self.uart().dr().as_ptr() as u32,
-            memory: gnss::ring(self.index).memory().as_ptr() as u32,
+            memory: buffers::ring(self.index).memory().as_ptr() as u32,
             len: RING,
             direction: Direction::In { circular: true, advance: true },
         };
@@ -169,7 +172,7 @@ impl UartSource {
     /// Publishes how many bytes the stream has written by now.
     fn count_written(&mut self) {
         let written = self.writer.advance(dma::left(self.port.stream), RING);
-        gnss::ring(self.index).set_written(written);
+        buffers::ring(self.index).set_written(written);
     }
 }
 

@@ -6,7 +6,7 @@ use horus_voter::{Input, Stated, Verdict, Voter, WEEK_MS};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
-use support::{Oracle, Place, Said, distance, geodetic, listed};
+use support::{Oracle, Place, Report, distance, geodetic, listed};
 
 fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
@@ -60,12 +60,12 @@ fn receiver() -> impl Strategy<Value = Drawn> {
 }
 
 /// A receiver of which `jump` has moved all north and up, m.
-fn said(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Said {
+fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
         drawn;
     let (north, up, [horizontal, vertical]) = (north + jump[0], up + jump[1], accuracies);
     let (latitude, longitude) = geodetic(Place::new(place.0, place.1, 400.0).at(north, east));
-    Said {
+    Report {
         valid,
         stated: Stated {
             latitude_e7: (latitude * 1e7).round() as i32,
@@ -93,12 +93,12 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
 }
 
 /// Ticks of several receivers, told to both voters.
-fn compare<const N: usize>(ticks: &[(Vec<Said>, u32)]) -> Result<(), TestCaseError> {
+fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
-    for (said, later) in ticks {
-        let inputs: [Input; N] = std::array::from_fn(|i| said[i].input());
-        let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&said[..N], now));
+    for (report, later) in ticks {
+        let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
+        let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
         // A decision that rounding may turn is none to compare, and what follows hangs on it.
         if opinion.narrow {
             return Ok(());
@@ -124,7 +124,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Said>, u32)]) -> Result<(), TestCaseErr
 }
 
 /// Ticks in which each receiver keeps its place and only now and then changes it, and in some of which all jump.
-fn ticks() -> impl Strategy<Value = Vec<(Vec<Said>, u32)>> {
+fn ticks() -> impl Strategy<Value = Vec<(Vec<Report>, u32)>> {
     let change = prop::collection::vec((prop::bool::weighted(0.2), receiver()), 5);
     let later = prop_oneof![3 => Just(10_u32), 2 => Just(500), 1 => Just(999), 1 => Just(1_000)];
     let far = || prop_oneof![Just(0.0), -20.0..20.0, -300.0..300.0, -3_000.0..3_000.0];
@@ -139,7 +139,7 @@ fn ticks() -> impl Strategy<Value = Vec<(Vec<Said>, u32)>> {
                     *current = if changes { to } else { *current };
                 }
                 moved = [0, 1].map(|axis| moved[axis] + jump[axis]);
-                (current.iter().map(|drawn| said(place, moved, *drawn)).collect(), later)
+                (current.iter().map(|drawn| report_of(place, moved, *drawn)).collect(), later)
             })
             .collect()
     })
@@ -169,11 +169,11 @@ proptest! {
     ) {
         let (mut one, mut other) = (Voter::<5>::new(), Voter::<5>::new());
         let mut oracle = Oracle::default();
-        for (now, (said, _)) in (0..).step_by(300).zip(&ticks) {
-            if oracle.vote(said, now).narrow {
+        for (now, (report, _)) in (0..).step_by(300).zip(&ticks) {
+            if oracle.vote(report, now).narrow {
                 break;
             }
-            let inputs: [Input; 5] = std::array::from_fn(|i| said[i].input());
+            let inputs: [Input; 5] = std::array::from_fn(|i| report[i].input());
             let shuffled = order.map(|i| inputs[i]);
             let (a, b): (Verdict, Verdict) = (one.vote(&inputs, now), other.vote(&shuffled, now));
             let back = |mask: u8| (0..5).fold(0, |m, i| m | (mask >> i & 1) << order[i]);

@@ -8,30 +8,30 @@ use horus_voter::{Fix, Input, Position, Stated, Verdict, Voter, WEEK_MS, quorum}
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
-use support::{Said, distance, listed};
+use support::{Report, distance, listed};
 
 fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
 }
 
-fn once<const N: usize>(said: [Said; N]) -> Verdict {
-    Voter::new().vote(&said.map(|said| said.input()), 0)
+fn once<const N: usize>(report: [Report; N]) -> Verdict {
+    Voter::new().vote(&report.map(|report| report.input()), 0)
 }
 
-fn agree(one: Said, other: Said) -> bool {
+fn agree(one: Report, other: Report) -> bool {
     once([one, other]).members == 0b11
 }
 
-const GOOD: Said = Said::GOOD;
-const SILENT: Said = Said { valid: false, ..Said::GOOD };
+const GOOD: Report = Report::GOOD;
+const SILENT: Report = Report { valid: false, ..Report::GOOD };
 
 fn place(verdict: &Verdict) -> (f64, f64) {
     let position = verdict.position.expect("a result");
     (position.latitude, position.longitude)
 }
 
-fn degrees(said: &Said) -> (f64, f64) {
-    (f64::from(said.stated.latitude_e7) / 1e7, f64::from(said.stated.longitude_e7) / 1e7)
+fn degrees(report: &Report) -> (f64, f64) {
+    (f64::from(report.stated.latitude_e7) / 1e7, f64::from(report.stated.longitude_e7) / 1e7)
 }
 
 #[test]
@@ -51,10 +51,10 @@ fn quorums_are_1oo1_1oo2_2oo3_3oo5() {
 #[test]
 fn a_candidate_keeps_every_range_to_its_last_unit() {
     let ok = |change: fn(&mut Stated)| {
-        let mut said = GOOD;
-        change(&mut said.stated);
-        let is = Fix::new(&said.stated).is_plausible();
-        assert_eq!(once([said]).members, u8::from(is), "{said:?}");
+        let mut report = GOOD;
+        change(&mut report.stated);
+        let is = Fix::new(&report.stated).is_plausible();
+        assert_eq!(once([report]).members, u8::from(is), "{report:?}");
         is
     };
     assert!(ok(|s| s.latitude_e7 = 900_000_000) && !ok(|s| s.latitude_e7 = 900_000_001));
@@ -85,10 +85,10 @@ fn one_member_at_rest_is_the_result_to_the_bit_however_old() {
         (900_000_000, -456, 0),
         (123_456_789, -1_799_999_999, 7),
     ] {
-        let mut said = Said { since_arrival_ms: 1_150, ..GOOD };
-        said.stated = Stated { latitude_e7, longitude_e7, altitude_mm: Some(altitude_mm), ..said.stated };
-        for said in [[said, SILENT], [SILENT, said]] {
-            let position = once(said).position.expect("a result");
+        let mut report = Report { since_arrival_ms: 1_150, ..GOOD };
+        report.stated = Stated { latitude_e7, longitude_e7, altitude_mm: Some(altitude_mm), ..report.stated };
+        for report in [[report, SILENT], [SILENT, report]] {
+            let position = once(report).position.expect("a result");
             assert_eq!(position.latitude.to_bits(), (f64::from(latitude_e7) / 1e7).to_bits());
             assert_eq!(position.longitude.to_bits(), (f64::from(longitude_e7) / 1e7).to_bits());
             assert_eq!(position.altitude.map(f64::to_bits), Some((f64::from(altitude_mm) / 1e3).to_bits()));
@@ -99,9 +99,9 @@ fn one_member_at_rest_is_the_result_to_the_bit_however_old() {
 #[test]
 fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
     for (since_arrival_ms, age) in [(0, 0.05), (100, 0.15), (1_150, 1.2), (-5, 0.045), (-50, 0.0), (-60, 0.0)] {
-        let said = Said { since_arrival_ms, ..GOOD }.flying([30_000, -40_000, 5_000]);
-        let verdict = once([said]);
-        let expected = degrees(&said.moved(30.0 * age, -40.0 * age));
+        let report = Report { since_arrival_ms, ..GOOD }.flying([30_000, -40_000, 5_000]);
+        let verdict = once([report]);
+        let expected = degrees(&report.moved(30.0 * age, -40.0 * age));
         assert!(distance(place(&verdict), expected) < 0.015, "at {since_arrival_ms} ms");
         let altitude = verdict.position.and_then(|position| position.altitude).expect("3D");
         assert!((altitude - (512.345 - 5.0 * age)).abs() < 1e-4, "{altitude} at {since_arrival_ms} ms");
@@ -112,11 +112,11 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
 /// place and 4.9 m east of it, so that the median is the one that flies.
 fn brought(lags: [u32; 3]) -> [f64; 3] {
     [0, 1, 2].map(|of: usize| {
-        let mut said = [0, 1, 2].map(|i: usize| Said { lag_ms: lags[i], ..GOOD });
-        said[of] = said[of].flying([0, 40_000, 0]);
+        let mut report = [0, 1, 2].map(|i: usize| Report { lag_ms: lags[i], ..GOOD });
+        report[of] = report[of].flying([0, 40_000, 0]);
         let others: Vec<usize> = (0..3).filter(|i| *i != of).collect();
-        said[others[1]] = said[others[1]].moved(0.0, 4.9);
-        let verdict = once(said);
+        report[others[1]] = report[others[1]].moved(0.0, 4.9);
+        let verdict = once(report);
         assert_eq!(verdict.members, 0b111, "{lags:?}");
         let east = distance(place(&verdict), degrees(&GOOD));
         assert!((0.0..4.8).contains(&east), "{lags:?}: the median is the one that flies");
@@ -153,21 +153,21 @@ fn a_message_that_came_later_after_its_time_of_week_is_older_and_one_in_the_midd
 
 #[test]
 fn of_two_receivers_the_middle_lies_between_them() {
-    let [one, other] = [100, 105].map(|lag_ms| Said { lag_ms, ..GOOD }.flying([0, 40_000, 0]));
-    for (said, latency) in [([one, other], 50.0), ([one, Said { valid: false, ..other }], 50.0)] {
-        let east = distance(place(&once(said)), degrees(&GOOD));
+    let [one, other] = [100, 105].map(|lag_ms| Report { lag_ms, ..GOOD }.flying([0, 40_000, 0]));
+    for (report, latency) in [([one, other], 50.0), ([one, Report { valid: false, ..other }], 50.0)] {
+        let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
     // 2.5 ms each: 10 cm, of which 11 mm are the resolution of a position.
     let still = GOOD.moved(0.0, 2.0);
-    let one = once([one, Said { lag_ms: 105, ..still }]);
-    let other = once([Said { lag_ms: 100, ..still }, other]);
+    let one = once([one, Report { lag_ms: 105, ..still }]);
+    let other = once([Report { lag_ms: 100, ..still }, other]);
     let apart = distance(place(&one), place(&other));
     assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
 /// The farthest at which two agree, m north, to the millimetre that the search has; positions have 11 mm.
-fn reach(one: Said, other: Said) -> f64 {
+fn reach(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 60.0);
     while far - near > 1e-3 {
         let middle = f64::midpoint(near, far);
@@ -177,7 +177,7 @@ fn reach(one: Said, other: Said) -> f64 {
 }
 
 /// The same upwards.
-fn climb(one: Said, other: Said) -> f64 {
+fn climb(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 90.0);
     while far - near > 1e-4 {
         let middle = f64::midpoint(near, far);
@@ -214,7 +214,7 @@ fn two_agree_within_three_standard_deviations_at_least_5_and_8_m_and_at_most_30_
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
     // 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s: 7.105 m, against 1.005 m.
-    let fast = |velocity| Said { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
+    let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
@@ -258,12 +258,12 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     for tick in 0..1_000 {
         let north = f64::from(tick) * 0.02;
         let three = GOOD.stating(500, 500).moved(north, 0.0);
-        let verdict = voter.vote(&[one, two, three].map(|said| said.input()), tick * 10);
+        let verdict = voter.vote(&[one, two, three].map(|report| report.input()), tick * 10);
         assert!(distance(place(&verdict), degrees(&one)) < 5.0);
         assert_eq!(verdict.excluded & 0b011, 0, "at {north} m");
         assert_eq!(verdict.members == 0b011, verdict.is_excluded(2), "at {north} m");
     }
-    assert_eq!(voter.vote(&[one, two, two].map(|said| said.input()), 10_000).excluded, 0b100);
+    assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
 /// The limit that the decision states.
@@ -312,11 +312,11 @@ fn of_equal_triples_of_five_the_lowest_numbers_win() {
 }
 
 /// Three receivers, the third of which is wrong until `wrong_until`; at which tick it is no longer excluded.
-fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Said, start: u32) -> Option<u32> {
+fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
         let third = if at < wrong_until { GOOD.moved(200.0, 0.0) } else { third(at) };
-        let verdict = voter.vote(&[GOOD, GOOD, third].map(|said| said.input()), start.wrapping_add(at));
+        let verdict = voter.vote(&[GOOD, GOOD, third].map(|report| report.input()), start.wrapping_add(at));
         assert!(verdict.position.is_some() && verdict.members & 0b011 == 0b011);
         assert_ne!(verdict.is_excluded(2), verdict.members & 0b100 != 0, "excluded, or a member");
         if !verdict.is_excluded(2) {
@@ -346,12 +346,12 @@ fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecon
 fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let mut voter = Voter::excluding(0b100);
     assert_eq!(voter.excluded(), 0b100);
-    let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|said| said.input()), at).excluded);
+    let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
     // One that is wrong stays excluded, and has no vote where another is missing.
     let mut voter = Voter::excluding(0b100);
-    let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|said| said.input()), 0);
+    let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
 }
 
@@ -370,7 +370,7 @@ fn a_mask_of_exclusions_that_no_voter_comes_to_counts_as_none() {
 fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate() {
     let mut voter = Voter::new();
     let far = GOOD.moved(200.0, 0.0);
-    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
     // 2 falls silent; 1 alone is no result. The third comes back to it, and after a second both are one.
     for now in (10..=1_010).step_by(10) {
@@ -382,7 +382,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     // Two eligible ones that disagree: agreeing with one of them is enough, with none it is not.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
-        let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+        let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
         assert_eq!(vote([GOOD, GOOD, GOOD.moved(0.0, 900.0)], 0).excluded, 0b100);
         for now in (10..=1_010).step_by(10) {
             let verdict = vote([GOOD, far, third], now);
@@ -392,7 +392,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     }
     // With nobody left it is enough to be a candidate.
     let mut voter = Voter::new();
-    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
     assert_eq!(vote([SILENT, SILENT, far], 10).excluded, 0b100);
     assert_eq!(vote([SILENT, SILENT, far], 1_010).excluded, 0b100);
@@ -402,7 +402,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
 #[test]
 fn who_is_no_candidate_is_neither_excluded_nor_forgiven() {
     let mut voter = Voter::new();
-    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now).excluded;
+    let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now).excluded;
     assert_eq!(vote([GOOD, GOOD, SILENT], 0), 0);
     assert_eq!(vote([GOOD, GOOD, GOOD.moved(200.0, 0.0)], 10), 0b100);
     assert_eq!(vote([GOOD, GOOD, SILENT], 20), 0b100);
@@ -427,13 +427,13 @@ fn the_median_follows_no_single_outlier_and_of_an_even_number_is_the_mean_of_the
     check(once(five), 2.0, 2.0, 3.0);
 }
 
-fn with_attitude(angles: [f32; 3]) -> Said {
-    Said { attitude: Some(angles), ..GOOD }
+fn with_attitude(angles: [f32; 3]) -> Report {
+    Report { attitude: Some(angles), ..GOOD }
 }
 
 #[test]
 fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
-    let attitude = |said: [Said; 2]| once(said).attitude.expect("an attitude");
+    let attitude = |report: [Report; 2]| once(report).attitude.expect("an attitude");
     for angles in [[0.1, 6.2, 3.0], [-PI, 0.0, PI], [PI, TAU, -PI]] {
         assert_eq!(once([with_attitude(angles)]).attitude, Some(angles));
         assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
@@ -448,7 +448,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
 #[test]
 fn attitude_is_the_median_on_the_circle() {
     let with = with_attitude;
-    let attitude = |said: [Said; 3]| once(said).attitude.expect("an attitude");
+    let attitude = |report: [Report; 3]| once(report).attitude.expect("an attitude");
     // Across ±π, and across north.
     let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
     assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
@@ -460,7 +460,7 @@ fn attitude_is_the_median_on_the_circle() {
 #[test]
 fn attitude_needs_a_quorum_of_members_that_have_one() {
     let with = with_attitude;
-    let has = |said: &[Said]| match *said {
+    let has = |report: &[Report]| match *report {
         [a] => once([a]).attitude.is_some(),
         [a, b] => once([a, b]).attitude.is_some(),
         [a, b, c] => once([a, b, c]).attitude.is_some(),
@@ -469,8 +469,8 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
     };
     for (receivers, least) in [(1, 1), (2, 1), (3, 2), (5, 3)] {
         for count in 0..=receivers {
-            let said: Vec<_> = (0..receivers).map(|i| if i < count { with([1.0; 3]) } else { GOOD }).collect();
-            assert_eq!(has(&said), count >= least, "{count} of {receivers}");
+            let report: Vec<_> = (0..receivers).map(|i| if i < count { with([1.0; 3]) } else { GOOD }).collect();
+            assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
     // Not a member, not finite, not there.
@@ -517,8 +517,8 @@ fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
 
 #[test]
 fn acceleration_is_the_median_of_a_quorum_that_agrees() {
-    let with = |axes: [f32; 3]| Said { acceleration: Some(axes), ..GOOD };
-    let acceleration = |said: [Said; 3]| once(said).acceleration;
+    let with = |axes: [f32; 3]| Report { acceleration: Some(axes), ..GOOD };
+    let acceleration = |report: [Report; 3]| once(report).acceleration;
     assert_eq!(once([with([1.0, -2.0, 3.0])]).acceleration, Some([1.0, -2.0, 3.0]));
     assert_eq!(once([GOOD, with([1.0, -2.0, 3.0])]).acceleration, Some([1.0, -2.0, 3.0]));
     assert_eq!(acceleration([with([1.0, -2.0, 3.0]), GOOD, GOOD]), None, "one of three");
@@ -544,7 +544,7 @@ fn acceleration_is_the_median_of_a_quorum_that_agrees() {
 }
 
 /// A receiver with a 2D fix, which states no altitude.
-const FLAT: Said = Said { stated: Stated { altitude_mm: None, ..Said::GOOD.stated }, ..Said::GOOD };
+const FLAT: Report = Report { stated: Stated { altitude_mm: None, ..Report::GOOD.stated }, ..Report::GOOD };
 
 fn altitude(verdict: &Verdict) -> Option<f64> {
     verdict.position.expect("a result").altitude
@@ -570,8 +570,8 @@ fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
     assert_eq!(once([GOOD, SILENT, high]).position, None);
     for count in 0..=5 {
-        let said = std::array::from_fn::<_, 5, _>(|i| if i < count { GOOD } else { FLAT });
-        assert_eq!(altitude(&once(said)).is_some(), count >= 3, "{count} of five");
+        let report = std::array::from_fn::<_, 5, _>(|i| if i < count { GOOD } else { FLAT });
+        assert_eq!(altitude(&once(report)).is_some(), count >= 3, "{count} of five");
     }
 }
 
@@ -606,19 +606,19 @@ impl Flight {
         flight
     }
 
-    fn tick(&mut self, said: Said) -> Verdict {
-        let verdict = self.voter.vote(&[said; 3].map(|said| said.input()), self.now);
+    fn tick(&mut self, report: Report) -> Verdict {
+        let verdict = self.voter.vote(&[report; 3].map(|report| report.input()), self.now);
         self.now = self.now.wrapping_add(10);
         verdict
     }
 
-    fn is_shown(&mut self, said: Said) -> bool {
-        self.tick(said).position.is_some()
+    fn is_shown(&mut self, report: Report) -> bool {
+        self.tick(report).position.is_some()
     }
 
     /// For how many ms nothing is shown if all say this from now on.
-    fn withheld(&mut self, said: Said) -> u32 {
-        (0..).find(|_| self.is_shown(said)).expect("some time it is") * 10
+    fn withheld(&mut self, report: Report) -> u32 {
+        (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
 }
 
@@ -639,7 +639,7 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
 /// At 10 ms one is 2 m farther than the accuracies allow; at rest those are 1.505 and 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
-    let shown = |by: Said| Flight::begun(0).is_shown(by);
+    let shown = |by: Report| Flight::begun(0).is_shown(by);
     let reach = 3.0 * 2.0_f64.sqrt() * 1.505 + 2.0;
     assert!(shown(GOOD.moved(reach - 0.02, 0.0)) && !shown(GOOD.moved(reach + 0.02, 0.0)));
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
@@ -718,7 +718,7 @@ fn who_comes_back_from_a_jump_is_shown_at_once() {
 fn no_receiver_is_excluded_while_a_jump_is_held_back() {
     let mut voter = Voter::new();
     let far = GOOD.moved(1_000.0, 0.0);
-    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, GOOD], 0).members, 0b111);
     for now in (10..1_010).step_by(10) {
         assert_eq!(vote([GOOD, far, far], now), Verdict::NONE);
@@ -772,9 +772,9 @@ fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
 #[test]
 fn places_far_apart_never_agree_not_even_opposite_ones() {
     let at = |latitude: i32, longitude: i32| {
-        let mut said = GOOD;
-        (said.stated.latitude_e7, said.stated.longitude_e7) = (latitude * 10_000_000, longitude * 10_000_000);
-        said.stating(30_000, 50_000)
+        let mut report = GOOD;
+        (report.stated.latitude_e7, report.stated.longitude_e7) = (latitude * 10_000_000, longitude * 10_000_000);
+        report.stating(30_000, 50_000)
     };
     for (one, other) in [
         (at(0, 0), at(0, 180)),
@@ -794,29 +794,29 @@ fn places_far_apart_never_agree_not_even_opposite_ones() {
 
 #[test]
 fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
-    let mut said = GOOD;
+    let mut report = GOOD;
     // 11.2 m before the pole at 8.7°, 100 m/s north for 0.55 s: 43.8 m beyond it at -171.3°.
-    (said.stated.latitude_e7, said.stated.altitude_mm) = (899_999_000, None);
-    let said = Said { since_arrival_ms: 500, ..said }.flying([100_000, 0, 0]);
-    let (latitude, longitude) = place(&once([said]));
+    (report.stated.latitude_e7, report.stated.altitude_mm) = (899_999_000, None);
+    let report = Report { since_arrival_ms: 500, ..report }.flying([100_000, 0, 0]);
+    let (latitude, longitude) = place(&once([report]));
     assert!((latitude - (90.0 - (55.0 - 11.17) / 111_694.0)).abs() < 2e-7, "{latitude}");
     assert!((longitude - (8.729_123_4 - 180.0)).abs() < 1e-4, "{longitude}");
-    let mut said = GOOD;
-    (said.stated.latitude_e7, said.stated.longitude_e7) = (0, -1_800_000_000);
-    let west = Said { since_arrival_ms: 500, ..said }.flying([0, -100_000, 0]);
+    let mut report = GOOD;
+    (report.stated.latitude_e7, report.stated.longitude_e7) = (0, -1_800_000_000);
+    let west = Report { since_arrival_ms: 500, ..report }.flying([0, -100_000, 0]);
     let (_, longitude) = place(&once([west]));
     assert!((longitude - (180.0 - 55.0 / 111_328.0)).abs() < 1e-6, "{longitude}");
-    said.stated.longitude_e7 = 1_800_000_000;
-    let east = Said { since_arrival_ms: 500, ..said }.flying([0, 100_000, 0]);
+    report.stated.longitude_e7 = 1_800_000_000;
+    let east = Report { since_arrival_ms: 500, ..report }.flying([0, 100_000, 0]);
     let (_, longitude) = place(&once([east]));
     assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
 }
 
 /// Whatever 32 bits a field can have.
-fn anything() -> impl Strategy<Value = Said> {
+fn anything() -> impl Strategy<Value = Report> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
     (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
-        |(valid, ints, [horizontal, vertical, lag_ms], since_arrival_ms, attitude, acceleration, flat)| Said {
+        |(valid, ints, [horizontal, vertical, lag_ms], since_arrival_ms, attitude, acceleration, flat)| Report {
             valid,
             stated: Stated {
                 latitude_e7: ints[0],
@@ -835,22 +835,22 @@ fn anything() -> impl Strategy<Value = Said> {
 }
 
 /// Wrong in one field or in all of them, near or far.
-fn wrong() -> impl Strategy<Value = Said> {
+fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),
         (anything(), -60.0..60.0, -60.0..60.0, -90.0..90.0, 0_u8..8).prop_map(|(any, north, east, up, keep)| {
-            let mut said = GOOD.moved(north, east).raised(up);
+            let mut report = GOOD.moved(north, east).raised(up);
             if keep & 1 == 0 {
-                said.stated.horizontal_accuracy_mm = any.stated.horizontal_accuracy_mm % 32_000;
+                report.stated.horizontal_accuracy_mm = any.stated.horizontal_accuracy_mm % 32_000;
             }
             if keep & 2 == 0 {
-                said.stated.velocity_mm_s = any.stated.velocity_mm_s.map(|v| v % 150_000);
+                report.stated.velocity_mm_s = any.stated.velocity_mm_s.map(|v| v % 150_000);
             }
             if keep & 4 == 0 {
-                said.since_arrival_ms = any.since_arrival_ms;
-                said.lag_ms = any.lag_ms % WEEK_MS;
+                report.since_arrival_ms = any.since_arrival_ms;
+                report.lag_ms = any.lag_ms % WEEK_MS;
             }
-            Said { attitude: any.attitude, acceleration: any.acceleration, ..said }
+            Report { attitude: any.attitude, acceleration: any.acceleration, ..report }
         }),
     ]
 }
@@ -868,9 +868,9 @@ proptest! {
         let mut voter = Voter::<3>::new();
         let right = [GOOD, GOOD.moved(north, 0.0)];
         for (now, wrong) in (0..).step_by(10).zip(wrongs) {
-            let mut said = vec![right[0], right[1]];
-            said.insert(which, wrong);
-            let verdict = voter.vote(&[0, 1, 2].map(|i: usize| said[i].input()), now);
+            let mut report = vec![right[0], right[1]];
+            report.insert(which, wrong);
+            let verdict = voter.vote(&[0, 1, 2].map(|i: usize| report[i].input()), now);
             let position = verdict.position.expect("two agree");
             let off = right.map(|right| distance((position.latitude, position.longitude), degrees(&right)));
             prop_assert!(off[0].min(off[1]) <= 30.01, "{:?} m off", off);
@@ -893,12 +893,12 @@ proptest! {
         ticks in prop::collection::vec([wrong(), wrong(), wrong(), wrong(), wrong()], 1..8),
     ) {
         let mut voter = Voter::<5>::new();
-        for (now, said) in (0..).step_by(10).zip(ticks) {
-            let verdict = voter.vote(&said.map(|said| said.input()), now);
+        for (now, report) in (0..).step_by(10).zip(ticks) {
+            let verdict = voter.vote(&report.map(|report| report.input()), now);
             prop_assert_eq!(verdict.members & verdict.excluded, 0);
             prop_assert_eq!(verdict.position.is_some(), verdict.members != 0);
             prop_assert!(verdict.members == 0 || verdict.agreeing() >= 3);
-            prop_assert!(listed(verdict.members).iter().all(|i| said[*i].valid));
+            prop_assert!(listed(verdict.members).iter().all(|i| report[*i].valid));
             if let Some(position) = verdict.position {
                 prop_assert!(position.latitude.abs() <= 90.0 && position.longitude.abs() <= 180.0);
                 prop_assert!(position.altitude.is_none_or(f64::is_finite));

@@ -1,7 +1,7 @@
 //! Tests the poller against the stand-in.
 
 use st25r3916::poller::rest_within_us;
-use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, Receiver, SendError, Step, Variant};
+use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, ReceiverMode, SendError, Step, Variant};
 
 use crate::stand_in::{Chip, Happening, Miso, Rig, told};
 
@@ -317,7 +317,7 @@ fn a_poller_tells_its_state() {
 
 #[test]
 fn the_receiver_can_be_left_on_and_masked() {
-    let log = bring_up_log(Variant::B, PollerConfig { receiver: Receiver::OnMasked, ..PollerConfig::new() });
+    let log = bring_up_log(Variant::B, PollerConfig { receiver: ReceiverMode::OnMasked, ..PollerConfig::new() });
     assert_eq!(log[log.len() - 3..], ["02 C8", "D0", "42 00 00 00"]);
 }
 
@@ -697,7 +697,7 @@ fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
 
 #[test]
 fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
-    for receiver in [Receiver::Off, Receiver::OnMasked] {
+    for receiver in [ReceiverMode::Off, ReceiverMode::OnMasked] {
         let mut rig = Rig::new(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
         let mut poller = Poller::new(PollerConfig { receiver, ..PollerConfig::new() });
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use st25r3916::listener::BUFFER;
 use st25r3916::poller::HEAD;
 use st25r3916::{
-    Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent, ReadMode, Receiver, Step,
+    Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent, ReadMode, ReceiverMode, Step,
     Transfer, Variant,
 };
 
@@ -62,7 +62,7 @@ fn listener_config() -> impl Strategy<Value = ListenerConfig> {
 }
 
 fn poller_config() -> impl Strategy<Value = PollerConfig> {
-    (prop_oneof![Just(Receiver::Off), Just(Receiver::OnMasked)], any::<bool>(), any::<bool>())
+    (prop_oneof![Just(ReceiverMode::Off), Just(ReceiverMode::OnMasked)], any::<bool>(), any::<bool>())
         .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 

@@ -6,7 +6,7 @@ use cortex_m::peripheral::DWT;
 use dpr_fw::{
     port::{
         areas::{Areas, HandedOver, SsiEnd, Transaction, AREAS},
-        Health, Port,
+        Diagnostics, WritePort,
     },
     publish::{Events, Mailbox, Server, Ssi},
     ssi::{Asked, ReceiveArea, Windows, RECEIVE_BYTES},
@@ -255,7 +255,8 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// `Port::transaction` and `Port::prepare`. They run below everything but idle: their bound counts, not their spread.
+/// `WritePort::transaction` and `WritePort::prepare`. They run below everything but idle: their bound counts, not their
+/// spread.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };
@@ -287,7 +288,7 @@ pub(crate) fn port(cycles: &Cycles) {
         mosi(chance, &damaged, 1), // request, object and rest are wrong
         mosi(outside, &IDLE, 0),
     ];
-    let mut port = Port::new();
+    let mut port = WritePort::new();
     let mut area = PortArea::EMPTY;
     let (mut transaction, mut prepare) = (Taken::NONE, Taken::NONE);
     let mut now_us = 1_000;
@@ -301,11 +302,11 @@ pub(crate) fn port(cycles: &Cycles) {
             let what = Transaction { asked, bytes: length };
             now_us += 1_000;
             transaction.note(cycles.of(|| port.transaction(black_box(what), black_box(&brought), now_us)));
-            prepare.note(cycles.of(|| port.prepare(black_box(&Health::default()), now_us, &mut area)));
+            prepare.note(cycles.of(|| port.prepare(black_box(&Diagnostics::default()), now_us, &mut area)));
         }
     }
     defmt::assert!(port.uplinks_accepted() == 0 && port.self_test_requested());
     defmt::assert!(port.access_violations() >= 10);
-    transaction.assert("Port::transaction", bounds(1_700, 1_300, 2_400, u32::MAX));
-    prepare.assert("Port::prepare", bounds(400, 400, 650, u32::MAX));
+    transaction.assert("WritePort::transaction", bounds(1_700, 1_300, 2_400, u32::MAX));
+    prepare.assert("WritePort::prepare", bounds(400, 400, 650, u32::MAX));
 }

@@ -71,7 +71,7 @@ impl Port for Wires {
     }
 }
 
-impl transmitter::Port for Wires {
+impl transmitter::FrontEndPort for Wires {
     fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
         black_box(profile);
     }

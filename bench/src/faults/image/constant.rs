@@ -18,7 +18,7 @@ use emulator_node::{Board, Error, Node};
 ///
 /// [`Error::NoSymbol`] where the image has no vector table or no CRC, or no such constant.
 pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: u32) -> Result<Repair, Error> {
-    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__image_crc")?);
+    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
     node.read(first, &mut image)?;
     let places = replaced(&image, of, value);

@@ -248,7 +248,7 @@ pub fn poke<B: Board, C: Cost>(
 ///
 /// [`Error::NoSymbol`] where the image has no vector table or no CRC.
 pub fn seal<B: Board, C: Cost>(node: &mut Node<B, C>) -> Result<Repair, Error> {
-    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__image_crc")?);
+    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
     node.read(first, &mut image)?;
     Repair::after_writing(node, end, &profile::crc::frame(&image).to_be_bytes())

@@ -366,7 +366,7 @@ pub fn rewrite<B: Board, C: Cost>(
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
     // The stubs directly follow the image, because the boards differ in how much free flash may be executed.
-    let end = node.address_of("__image_crc")? as u32 + 4;
+    let end = node.address_of("__program_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
     for &site in sites.keys() {

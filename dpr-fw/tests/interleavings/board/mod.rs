@@ -28,7 +28,7 @@ use super::{
     Bounds, LEN,
 };
 use buffer::Buffer;
-use port::Port;
+use port::SsiModel;
 
 /// The tasks with the priorities of `main.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -80,7 +80,7 @@ struct Board {
     frames: RefCell<Vec<Frame>>,
     rotation: RefCell<Option<Rotation<Buffer, u8>>>,
     mailbox: RefCell<Option<Mailbox<Buffer>>>,
-    ssi: RefCell<Option<(Server<LEN>, Port)>>,
+    ssi: RefCell<Option<(Server<LEN>, SsiModel)>>,
     receiving: RefCell<Option<Filling<Buffer>>>,
     filling: RefCell<Option<Filling<Buffer>>>,
     telemetry: Telemetry,
@@ -154,7 +154,7 @@ impl At {
         *at.0.receiving.borrow_mut() = Some(filling);
         *at.0.rotation.borrow_mut() = Some(rotation);
         *at.0.mailbox.borrow_mut() = Some(mailbox);
-        *at.0.ssi.borrow_mut() = Some((Server::new(), Port::new(at.clone())));
+        *at.0.ssi.borrow_mut() = Some((Server::new(), SsiModel::new(at.clone())));
         scrub_waiting(at.clone());
         at.0.mask.set(0);
         at

@@ -65,7 +65,7 @@ impl Doorbell for At {
 
 /// SPIS1 and the image that it streams, as `hw/ssi.rs` drives it.
 #[derive(Debug)]
-pub(crate) struct Port {
+pub(crate) struct SsiModel {
     at: At,
     image: Option<Received<Buffer, ()>>,
     received: [u8; 8],
@@ -75,7 +75,7 @@ pub(crate) struct Port {
     newer: bool,
 }
 
-impl Port {
+impl SsiModel {
     pub(super) fn new(at: At) -> Self {
         Self { at, image: None, received: [0; 8], fresh: false, newer: false }
     }
@@ -91,7 +91,7 @@ impl Port {
     }
 }
 
-impl Ssi for Port {
+impl Ssi for SsiModel {
     type Buffer = Buffer;
 
     fn take_events(&mut self) -> Events<'_> {

@@ -25,7 +25,7 @@ impl At {
         self.0.hw.borrow_mut().expired_in_task = false;
     }
 
-    /// The RFID tasks at the end of a frame ([`dpr_fw::rf::Receiver::serve`]), whole or lost.
+    /// The RFID tasks at the end of a frame ([`dpr_fw::rf::Reception::serve`]), whole or lost.
     pub(super) fn receive(&self, whole: bool) {
         self.see((whole, self.0.digests.get()[RECEIVING]));
         let filled = self.0.receiving.borrow_mut().take().expect("the port has one");

@@ -8,7 +8,7 @@ use horus_voter::{Fix, Input, Stated};
 
 /// What a receiver says, before the voter's own type.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Said {
+pub(crate) struct Report {
     pub(crate) valid: bool,
     pub(crate) stated: Stated,
     pub(crate) since_arrival_ms: i32,
@@ -17,7 +17,7 @@ pub(crate) struct Said {
     pub(crate) acceleration: Option<[f32; 3]>,
 }
 
-impl Said {
+impl Report {
     /// At rest over Winterthur, good to 1.5 m and 2.5 m, arrived at the tick.
     pub(crate) const GOOD: Self = Self {
         valid: true,
@@ -302,19 +302,19 @@ fn agreed(
 }
 
 impl Oracle {
-    pub(crate) fn vote(&mut self, said: &[Said], now: u32) -> Opinion {
-        let n = said.len();
-        let candidates: Vec<usize> = (0..n).filter(|i| said[*i].is_candidate()).collect();
+    pub(crate) fn vote(&mut self, report: &[Report], now: u32) -> Opinion {
+        let n = report.len();
+        let candidates: Vec<usize> = (0..n).filter(|i| report[*i].is_candidate()).collect();
         let was_excluded = |i: &usize| self.excluded.iter().any(|(who, _)| who == i);
         let eligible: Vec<usize> = candidates.iter().copied().filter(|i| !was_excluded(i)).collect();
-        let ages = ages(said, &candidates);
+        let ages = ages(report, &candidates);
         let mut narrow = false;
         let mut agree = vec![vec![false; n]; n];
         for &i in &candidates {
             for &j in &candidates {
-                let (a, b) = (&said[i], &said[j]);
+                let (a, b) = (&report[i], &report[j]);
                 let height = a.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
-                let point = |s: &Said, age: f64| {
+                let point = |s: &Report, age: f64| {
                     let [north, east, _] = s.velocity();
                     Place::of(&s.stated, height).at(north * age, east * age)
                 };
@@ -338,7 +338,7 @@ impl Oracle {
             sets.extend(larger);
         }
         sets.retain(|set| set.iter().all(|i| set.iter().all(|j| agree[*i][*j])));
-        let sum = |set: &[usize]| set.iter().map(|i| said[*i].horizontal(ages[*i])).sum::<f64>();
+        let sum = |set: &[usize]| set.iter().map(|i| report[*i].horizontal(ages[*i])).sum::<f64>();
         let kept = |set: &[usize]| set.iter().filter(|i| self.last.contains(i)).count();
         let order = |a: &Vec<usize>, b: &Vec<usize>| {
             (b.len().cmp(&a.len()))
@@ -361,25 +361,25 @@ impl Oracle {
         };
         let mut members = if best.len() >= least && best.len() > outside.len() { best } else { Vec::new() };
 
-        let height = |i: usize| said[i].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
+        let height = |i: usize| report[i].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
         let found = members.first().map(|first| {
-            let origin = Place::of(&said[*first].stated, height(*first));
+            let origin = Place::of(&report[*first].stated, height(*first));
             let (mut north, mut east) = (Vec::new(), Vec::new());
             for &i in &members {
-                let [vn, ve, _] = said[i].velocity();
-                let point = Place::of(&said[i].stated, height(*first)).at(vn * ages[i], ve * ages[i]);
+                let [vn, ve, _] = report[i].velocity();
+                let point = Place::of(&report[i].stated, height(*first)).at(vn * ages[i], ve * ages[i]);
                 let (n, e, _) = origin.to(point);
                 north.push(n);
                 east.push(e);
             }
             let degrees = geodetic(origin.at(middle(&mut north), middle(&mut east)));
-            let accuracy = members.iter().map(|i| said[*i].horizontal(ages[*i])).fold(0.0, f64::max);
+            let accuracy = members.iter().map(|i| report[*i].horizontal(ages[*i])).fold(0.0, f64::max);
             Spot { degrees, height: height(*first), accuracy }
         });
-        let high: Vec<usize> = members.iter().copied().filter(|i| said[*i].stated.altitude_mm.is_some()).collect();
+        let high: Vec<usize> = members.iter().copied().filter(|i| report[*i].stated.altitude_mm.is_some()).collect();
         let level = (!high.is_empty() && high.len() >= least).then(|| {
-            let accuracy = high.iter().map(|i| said[*i].vertical(ages[*i])).fold(0.0, f64::max);
-            let mut heights: Vec<f64> = high.iter().filter_map(|i| said[*i].height(ages[*i])).collect();
+            let accuracy = high.iter().map(|i| report[*i].vertical(ages[*i])).fold(0.0, f64::max);
+            let mut heights: Vec<f64> = high.iter().filter_map(|i| report[*i].height(ages[*i])).collect();
             Level { height: middle(&mut heights), accuracy }
         });
         let shown_place = self.places.judge(now, found, true, &mut narrow);
@@ -405,7 +405,7 @@ impl Oracle {
         }
         if !members.is_empty() {
             let peers = |who: usize| {
-                let by_height = level.is_some() && said[who].stated.altitude_mm.is_some();
+                let by_height = level.is_some() && report[who].stated.altitude_mm.is_some();
                 if by_height { high.clone() } else { members.clone() }
             };
             let strangers = outside.iter().filter(|who| peers(**who).iter().all(|peer| !agree[**who][*peer]));
@@ -422,8 +422,8 @@ impl Oracle {
             (Place::new(latitude, longitude, 0.0).at, shown_height.map(|level| level.height))
         });
         let usable = |values: Option<[f32; 3]>, most: f32| values.filter(|it| it.iter().all(|v| v.abs() <= most));
-        let attitudes: Vec<_> = members.iter().filter_map(|i| usable(said[*i].attitude, 400.0)).collect();
-        let accelerations: Vec<_> = members.iter().filter_map(|i| usable(said[*i].acceleration, f32::MAX)).collect();
+        let attitudes: Vec<_> = members.iter().filter_map(|i| usable(report[*i].attitude, 400.0)).collect();
+        let accelerations: Vec<_> = members.iter().filter_map(|i| usable(report[*i].acceleration, f32::MAX)).collect();
         let limits = [5.0_f64, 10.0, 5.0].map(f64::to_radians);
         let attitude = agreed(&attitudes, least, limits, turn, &mut narrow);
         let acceleration = agreed(&accelerations, least, [2.0; 3], |from, to| to - from, &mut narrow);
@@ -433,10 +433,10 @@ impl Oracle {
 
 /// How old each position is at the tick, s: 50 ms at the candidate whose message came in the middle after its time of
 /// week, as much more or less at another as it came later or sooner, and 50 ms again where that is more than 50 ms.
-fn ages(said: &[Said], candidates: &[usize]) -> Vec<f64> {
+fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {
-        let off = f64::from(said[i].lag_ms) / 1e3 - f64::from(said[candidates[0]].lag_ms) / 1e3;
+        let off = f64::from(report[i].lag_ms) / 1e3 - f64::from(report[candidates[0]].lag_ms) / 1e3;
         if off.abs() > WEEK / 2.0 { off - WEEK.copysign(off) } else { off }
     };
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
@@ -445,7 +445,11 @@ fn ages(said: &[Said], candidates: &[usize]) -> Vec<f64> {
         // Half milliseconds, to which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
-    said.iter().enumerate().map(|(i, said)| (f64::from(said.since_arrival_ms) / 1e3 + latency(i)).max(0.0)).collect()
+    report
+        .iter()
+        .enumerate()
+        .map(|(i, report)| (f64::from(report.since_arrival_ms) / 1e3 + latency(i)).max(0.0))
+        .collect()
 }
 
 fn middle(values: &mut [f64]) -> f64 {

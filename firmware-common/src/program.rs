@@ -2,24 +2,24 @@
 //!
 //! # Design
 //!
-//! The linker script `image_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
+//! The linker script `program_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
 //! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`])
 //! of all bytes before it, from the vector table on, into that word, most significant byte first; a gap between two
 //! sections counts as erased flash, 0xFF. At start, before anything else is done, each firmware compares. With the CRC
 //! behind it the whole is a codeword, so every burst of up to 32 wrong bits is found, and any other damage but for one
 //! case in 2^32.
 //!
-//! An image on which the build did not do that carries 0xFFFFFFFF and does not pass.
+//! A program on which the build did not do that carries 0xFFFFFFFF and does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
 
 /// The word that the build fills in. Here, once, so that every firmware that links this crate has it.
 #[cfg(target_os = "none")]
-#[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `image_crc.x`.
+#[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `program_crc.x`.
 #[used]
-#[link_section = ".image_crc"]
-static IMAGE_CRC: u32 = u32::MAX;
+#[link_section = ".program_crc"]
+static PROGRAM_CRC: u32 = u32::MAX;
 
 /// What the comparison found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,25 +31,25 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares `words`, the image in the order of its addresses, with the word behind it, all as the processor loads
+    /// Compares `words`, the program in the order of its addresses, with the word behind it, all as the processor loads
     /// them (little-endian).
     pub fn of(words: impl Iterator<Item = u32>, stored: u32) -> Self {
         Self { computed: profile::crc::frame_of_words(words), expected: stored.swap_bytes() }
     }
 
-    /// Whether the image is the one that was built.
+    /// Whether the program is the one that was built.
     #[must_use]
     pub const fn is_intact(self) -> bool {
         self.computed == self.expected
     }
 }
 
-/// Compares the running image. Takes about 14 processor cycles a byte. To be called before the memory protection unit
+/// Compares the running program. Takes about 14 processor cycles a byte. To be called before the memory protection unit
 /// shuts the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {
-    Comparison::of(memory::image().step_by(4).map(memory::load), memory::stored_crc())
+    Comparison::of(memory::program().step_by(4).map(memory::load), memory::stored_crc())
 }
 
 #[cfg(test)]
@@ -67,10 +67,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_image_passes_as_it_was_built_and_with_no_bit_changed(
-            words_of_image in prop::collection::vec(any::<u32>(), 1..200), at: prop::sample::Index, bit in 0_u32..32,
+        fn a_program_passes_as_it_was_built_and_with_no_bit_changed(
+            words_of_program in prop::collection::vec(any::<u32>(), 1..200), at: prop::sample::Index, bit in 0_u32..32,
         ) {
-            let mut bytes: Vec<u8> = words_of_image.iter().flat_map(|word| word.to_le_bytes()).collect();
+            let mut bytes: Vec<u8> = words_of_program.iter().flat_map(|word| word.to_le_bytes()).collect();
             let stored = sealed(&bytes);
             prop_assert!(Comparison::of(words(&bytes), stored).is_intact());
             prop_assert!(!Comparison::of(words(&bytes), stored ^ 1 << bit).is_intact());
@@ -81,13 +81,13 @@ mod tests {
     }
 
     #[test]
-    fn an_image_that_the_build_did_not_seal_does_not_pass() {
+    fn a_program_that_the_build_did_not_seal_does_not_pass() {
         assert!(!Comparison::of([0x2000_8000, 0x0000_0401].into_iter(), u32::MAX).is_intact());
     }
 
     #[test]
-    fn the_crc_is_stored_most_significant_byte_first_so_that_the_image_with_it_is_a_codeword() {
-        let mut bytes = *b"any image, of whole words, is OK\0\0\0\0";
+    fn the_crc_is_stored_most_significant_byte_first_so_that_the_program_with_it_is_a_codeword() {
+        let mut bytes = *b"a program, of whole words, it is\0\0\0\0";
         let stored = sealed(&bytes[..32]);
         bytes[32..].copy_from_slice(&stored.to_le_bytes());
         assert!(profile::crc::frame_intact(&bytes));

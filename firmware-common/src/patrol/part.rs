@@ -1,0 +1,76 @@
+//! The part's own memory, as the linker has laid it out (target only).
+
+use core::ops::Range;
+
+use super::{ram::APART, Layout, Memory};
+use crate::memory::{self, address};
+
+/// The memory of the part.
+#[derive(Debug)]
+pub struct PartMemory(());
+
+impl PartMemory {
+    /// To be called once, by whoever runs in thread mode with no interrupt masked: the words are exercised there.
+    #[must_use]
+    pub fn take() -> Self {
+        Self(())
+    }
+}
+
+impl Memory for PartMemory {
+    fn load(&self, address: u32) -> u32 {
+        memory::load(address)
+    }
+
+    fn load_shut(&self, address: u32) -> u32 {
+        memory::load_shut(address)
+    }
+
+    fn store(&mut self, address: u32, word: u32) {
+        memory::store(address, word);
+    }
+
+    fn exercise(&mut self, address: u32) -> u32 {
+        memory::exercise(address)
+    }
+}
+
+/// The log's control block and buffer, which a debug probe reads and writes: `defmt-rtt` has one channel.
+fn log() -> [Range<u32>; 2] {
+    /// SEGGER's layout: 16 bytes of name, two counts, and a channel of six words, of which the second is the buffer's
+    /// address and the third its size.
+    const BLOCK: u32 = 48;
+    const BUFFER: u32 = 28;
+    let block = address!(_SEGGER_RTT);
+    let buffer = memory::load(block + BUFFER);
+    [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
+}
+
+/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the program that the
+/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, but for the log.
+#[must_use]
+pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
+    let mut all = [const { 0..0 }; APART];
+    for (to, from) in all.iter_mut().zip(apart.into_iter().chain(log())) {
+        *to = from;
+    }
+    #[cfg(feature = "hot")]
+    let (code, code_load) = (address!(__shot)..address!(__ehot), address!(__sihot));
+    #[cfg(not(feature = "hot"))]
+    let (code, code_load) = (0..0, 0);
+    Layout {
+        program: memory::program(),
+        shut_end,
+        code,
+        code_load,
+        guards: [
+            address!(_stack_end),
+            address!(__guard_data),
+            address!(__guard_bss),
+            address!(__guard_uninit),
+            address!(__guard_end),
+        ],
+        used: address!(__ram_start)..address!(__ram_end),
+        apart: all,
+    }
+}
