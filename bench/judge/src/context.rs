@@ -2,9 +2,9 @@
 
 use profile::Layout;
 
+use crate::expectation::{Delivery, Expectation};
 use crate::read::{Frame, Reading, Window};
-use crate::rules::shown::expectation::{Delivery, Expectation};
-use crate::rules::shown::truth::Truth;
+use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
 /// Since when a board runs.

@@ -29,12 +29,14 @@ pub mod bounds;
 mod context;
 pub mod disturbance;
 mod event;
+pub mod expectation;
 mod figures;
 mod log;
 pub mod read;
 pub mod rules;
 #[cfg(test)]
 mod testing;
+pub mod truth;
 mod verdict;
 mod violation;
 

@@ -20,8 +20,8 @@ use std::collections::VecDeque;
 use profile::{CYCLE_MS, Layout};
 
 use super::Rule;
-use super::shown::expectation::age_at_end;
 use crate::disturbance::Excuse;
+use crate::expectation::age_at_end;
 use crate::read::{Reading, State, Values};
 use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 

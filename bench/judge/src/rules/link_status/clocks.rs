@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::bounds;
-use crate::rules::shown::expectation::{Certainty, Delivery};
+use crate::expectation::{Certainty, Delivery};
 
 /// A clock that goes wrong, or right again, is noticed within two windows, each at most a second and one step long, ns.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;

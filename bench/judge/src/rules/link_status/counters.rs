@@ -4,7 +4,7 @@ use profile::air::Place;
 use profile::{Layout, LinkValues};
 
 use crate::bounds;
-use crate::rules::shown::expectation::{Certainty, Delivery};
+use crate::expectation::{Certainty, Delivery};
 
 /// Frames that did not come, if every frame that is told here came and no other.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! Link-Status against the wires.
 //!
 //! Link-Status holds as of the publication of its image: the last rise of FRESH before chip select fell. What the DPR
-//! had heard by then follows from the antenna, through the same [expectation](super::shown::expectation) as what it
+//! had heard by then follows from the antenna, through the same [expectation](crate::expectation) as what it
 //! shows; where that is not certain, either value is right. A frame that ended shortly before FRESH may or may not have
 //! had its part in the image, unless the image shows it or nothing else can have caused it; so there may be several
 //! `Snapshot`s that an image can be of, and it has to fit one of them.
@@ -37,9 +37,9 @@ use profile::{Layout, LinkStatusBits, LinkValues};
 use start::{Reasons, Time};
 
 use super::Rule;
-use super::shown::expectation::{Certainty, Delivery};
 use super::shown::publication;
 use crate::disturbance::{Disturbances, Excuse};
+use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 

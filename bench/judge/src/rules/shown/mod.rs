@@ -1,7 +1,7 @@
 //! What is shown against what reached the DPR's antenna: absence, sequence, age.
 //!
-//! *Truth* is what HORUS put on the air ([`truth`]) and what of it reached the DPR's antenna, after loss, damage,
-//! repetition and delay ([`expectation`]). What the flight controller reads is held against both.
+//! *Truth* is what HORUS put on the air ([`crate::truth`]) and what of it reached the DPR's antenna, after loss, damage,
+//! repetition and delay ([`crate::expectation`]). What the flight controller reads is held against both.
 //!
 //! # What is whose
 //!
@@ -38,27 +38,23 @@
 //! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that was heard may be. At an
 //!   [`Excuse::Withdrawal`] what no transaction had to show until then need not be shown any more.
 
-pub mod expectation;
 mod recovery;
 #[cfg(test)]
-pub(in crate::rules) mod synthetic;
+pub(crate) mod synthetic;
 #[cfg(test)]
 mod tests;
-pub mod truth;
 
 use std::collections::VecDeque;
 
-use expectation::{Certainty, Delivery};
 use profile::Layout;
 use recovery::Recovery;
 
 use super::{Rule, ms};
 use crate::disturbance::Excuse;
+use crate::expectation::{Certainty, Delivery};
 use crate::read::{Placed, Reading, State, Values};
+use crate::truth::KEPT;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
-
-/// So long is kept what reached the antenna, ns: a transaction may be long, and an image that is not replaced old.
-const KEPT: u64 = 2_000_000_000;
 
 /// So many cycles may wait for a transaction that does not end.
 const WAITING: usize = 16;

@@ -11,7 +11,7 @@ use profile::{
     ResetReason, air,
 };
 
-use crate::rules::shown::expectation::age_at_end;
+use crate::expectation::age_at_end;
 use crate::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, judge};
 
 pub(crate) const US: u64 = 1_000;

@@ -5,6 +5,10 @@ use std::collections::VecDeque;
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
+/// So long is kept what HORUS has sent and what reached the antenna, ns: a transaction may be long, and an image that is
+/// not replaced old.
+pub const KEPT: u64 = 2_000_000_000;
+
 /// So many frames are remembered: ten seconds, or five with two frames a cycle. An image cannot be that old unless
 /// it has expired for long.
 const REMEMBERED: usize = 1_000;
@@ -60,8 +64,7 @@ impl Truth {
                 });
                 // Of the start of HORUS before the last nothing can be shown any more, once no transaction that is
                 // judged can have begun then.
-                let gone =
-                    |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > super::KEPT;
+                let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
                 }
@@ -218,9 +221,9 @@ mod tests {
         rig.horus_restarts(50 * MS);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
         rig.send(60 * MS, 40, true);
-        rig.send(10 * MS + super::super::KEPT - FRAME, 50, true);
+        rig.send(10 * MS + KEPT - FRAME, 50, true);
         assert_eq!(rig.found(0, 10, u64::MAX), Some((1, None)));
-        rig.send(10 * MS + super::super::KEPT - FRAME + 1, 60, true);
+        rig.send(10 * MS + KEPT - FRAME + 1, 60, true);
         assert_eq!(rig.found(0, 10, u64::MAX), None);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
         // However old they are, those of the start before and of this one stay.

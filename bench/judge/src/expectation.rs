@@ -365,8 +365,8 @@ pub fn age_at_end(layout: Layout, number: usize) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::Run;
     use super::*;
+    use crate::rules::shown::synthetic::Run;
 
     #[test]
     fn however_many_frames_may_have_been_missed_the_states_stay_few() {
