@@ -6,7 +6,7 @@
 //!
 //! | part | how it is measured |
 //! |---|---|
-//! | the frame's way | from the last bit to FRESH, cut where the running task changes, with the longest time of each piece |
+//! | the frame's way | from the last bit to FRESH, cut where the running task changes; the longest time of each piece |
 //! | the SSI task's way | from the end of a transaction that nothing masks to the release |
 //! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |

@@ -74,7 +74,7 @@
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
 //! | no event for [`ListenerConfig::supervision_us`] | configuration checked, field detector read, re-arm |
-//! | a register that differs from its setting | [`Fault::Register`] when it is read back, one setting at each re-arming |
+//! | a register that differs from its setting | [`Fault::Register`] at its read-back, one setting at each re-arming |
 //! | no frame for [`SILENCE_US`] | [`Fault::Silence`], bring-up; then after twice that, up to [`SILENCE_LONGEST_US`] |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |

@@ -16,7 +16,7 @@
 //! | left out | why |
 //! |---|---|
 //! | the shape of the modulation (B2A, B2F, B34 to B38, B30 to B33), resistive AM | no source says what still works |
-//! | single-ended driving (00 bits 7, 6), the driver's other resistances | they are weaker, to a degree that depends on the antenna |
+//! | single-ended driving (00 bits 7, 6), the driver's other resistances | they are weaker, depending on the antenna |
 //!
 //! Public repositories: \[1\] techmccat/st25r39 `src/registers.rs`, which paraphrases DS13541; \[2\]
 //! stm32duino/ST25R3916 `src/st25r3916_com.h`.

@@ -7,7 +7,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the effects of analog registers on the radio (0B–0E, 26–2B, | the air is digital here; they are stored and read back; |
+//! | effects of analog registers on the radio (0B–0E, 26–2B, | the air is digital; they are stored and read back; |
 //! | B0B–B0D, B0F, B28–B2A, B2E–B38), except in the next column's modules | `receive_chain`, `modulation`, `field`, |
 //! | | `supply` |
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |

@@ -12,7 +12,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the effects of a wrong supply range on the regulators, and of tuning on the | the air is digital; a finding reports |
+//! | effects of a wrong supply range on the regulators, and of tuning on the | the air is digital; a finding reports |
 //! | field | it |
 
 use crate::core::Core;

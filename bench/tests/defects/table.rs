@@ -510,7 +510,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         edit(TRACK, "self.shown.filter(|values| values.status.position_valid())", "self.shown"),
         GNSS, By(V::ClientWrong)),
     row("client-believes-to-be-heard", "the client takes a request for heard that met a busy DPR",
-        edit(CLIENT, "if !busy {\n            // The DPR has received", "if DEFECT || !busy {\n            // The DPR has received"),
+        edit(CLIENT, "if !busy {\n            // The DPR", "if DEFECT || !busy {\n            // The DPR"),
         ALL, Not("the bench's flight controller notes itself what was heard; profile/tests/clients has it")),
     row("client-loses-objects", "the client never writes an object",
         edit(CLIENT, "let object = self.object;", "let object = if DEFECT { None } else { self.object };"),

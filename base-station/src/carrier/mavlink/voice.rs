@@ -16,7 +16,7 @@
 //! | came back | the uplink is |
 //! |---|---|
 //! | the object that was sent | [written](State::Written): the DPR has stored it |
-//! | Port-Status without it, later than [`ANSWERS_US`] after it was sent first | [refused](State::Refused), with the reason |
+//! | Port-Status without it, over [`ANSWERS_US`] after its first sending | [refused](State::Refused), with reason |
 //! | nothing | [sent](State::Sent), at last [unanswered](State::Unanswered) |
 //!
 //! The answer to an earlier uplink may still be under way, so the second row waits. Written counts whenever it comes.

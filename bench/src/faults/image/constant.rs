@@ -4,7 +4,7 @@
 //! |---|---|
 //! | MOVW; MOVW and MOVT in a row, or with one 16-bit instruction between | the halves farther apart |
 //! | MOV with a modified immediate | MOVS and other 8-bit immediates |
-//! | ADD and ORR with one, which put a field into a word, if the new value is a modified immediate, too | other arithmetic |
+//! | ADD and ORR with one, which set a field, if the new value is a modified immediate too | other arithmetic |
 //! | an aligned word, between the code or in a table | a word that is put together at run time |
 
 use cortex_m4::Cost;
