@@ -369,7 +369,7 @@ impl Comparator {
             1 => UP,
             _ => DOWN,
         };
-        address == crate::instance::address_of(crate::soc::COMP) + crate::instance::event(event)
+        address == crate::instance::address_of(crate::instance::COMP) + crate::instance::event(event)
     }
 
     /// READY's shortcuts: to SAMPLE, to STOP.

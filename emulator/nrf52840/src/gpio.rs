@@ -17,7 +17,7 @@
 //! A peripheral that reads a pin sees it through the same input buffer as IN does: of a pin whose buffer PIN_CNF
 //! disconnects it reads 0 (assumed; the PS asks for the buffer only by the direction "Input" in the table of pins of
 //! each peripheral, and Nordic's drivers connect it).
-use crate::instance::{Act, Outbox};
+use crate::act::{Act, Outbox};
 use crate::pin::Pin;
 use emulator_part::{Cycle, FindingKind, Pad};
 

@@ -47,11 +47,11 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod act;
 mod analog;
 mod ccm;
 mod clock_power;
 mod clocks;
-mod ctrl_ap;
 mod ecb;
 mod egu;
 mod gpio;
@@ -70,17 +70,15 @@ mod serial;
 mod soc;
 mod temp;
 mod timer;
-mod twim;
-mod twis;
 mod uarte;
 mod wdt;
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
-pub use ctrl_ap::CtrlRequest;
 use emulator_part::{
     Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, Supplied, UartFrame,
 };
 use memory::{FLASH_BYTES, RAM_BASE, RAM_BYTES};
+pub use soc::CtrlRequest;
 use soc::Soc;
 
 /// The core clock, in Hz, where its source is exact.

@@ -8,7 +8,7 @@
 //! | this one | the registers that all share, the buffers of EasyDMA | 4.6 |
 //! | `spim` | the controller of SPI | 6.25 |
 //! | `spis` | the target of SPI with its semaphore | 6.26 |
-//! | [`crate::twim`], [`crate::twis`] | TWIM, TWIS | 6.31, 6.32 |
+//! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
 //! The PS wants SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin configuration*), and all four
 //! pins of SPIS as inputs (6.26): "to ensure correct behavior". Here an output pin of SPIM that GPIO does not have as
@@ -23,14 +23,16 @@
 
 mod spim;
 mod spis;
+mod twim;
+mod twis;
 
 use crate::clocks::{CYCLES_PER_TICK, Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, address_of};
 use crate::pin::Pin;
-use crate::twim::TwoWire;
-use crate::twis::Target;
 use crate::{SpisEvent, SsiWires};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, SpiMode};
+use twim::TwoWire;
+use twis::Target;
 
 /// Events by number.
 const STOPPED: u32 = 1;

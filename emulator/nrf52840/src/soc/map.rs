@@ -4,14 +4,11 @@ use super::*;
 use crate::registers as r;
 use crate::registers::Register;
 
-/// P0 and P1, which have no ID of their own.
-pub(crate) const GPIO: Id = 0x30;
 pub(super) const PPI: Id = 0x1F;
 pub(super) const NVMC: Id = 0x1E;
 pub(super) const GPIOTE: Id = 0x06;
 pub(super) const SAADC: Id = 0x07;
 pub(super) const WDT: Id = 0x10;
-pub(crate) const COMP: Id = 0x13;
 pub(super) const CLOCK_POWER: Id = 0x00;
 
 /// One block of the part.

@@ -23,6 +23,7 @@ mod instances;
 
 mod access;
 mod acts;
+mod ctrl_ap;
 mod map;
 mod outside;
 mod power;
@@ -32,19 +33,19 @@ mod tests;
 use crate::clocks::{Clocks, Lfclk, Pclk16m};
 use crate::gpio::Gpio;
 use crate::gpiote::Gpiote;
-use crate::instance::{Act, Cx, Id, Instance, Outbox, Source, address_of};
+use crate::instance::{Act, COMP, Cx, GPIO, Id, Instance, Outbox, Source, address_of};
 use crate::memory::{FLASH_BYTES, Memory, RAM_BASE, RAM_BYTES, identification};
 use crate::memory::{Place, place};
 use crate::pin::Pin;
 use crate::serial::Serial;
 use crate::{Settings, SpisEvent, SsiWires, WatchdogReset};
 use cortex_m4::{Access, BusError, Purpose, Signals, Width};
+pub use ctrl_ap::CtrlRequest;
 use emulator_part::{
     Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Reset, SpiFrame, SpiMode, Supplied, UartFrame,
 };
 use instances::*;
 use map::*;
-pub(crate) use map::{COMP, GPIO};
 
 /// Interrupt lines of the NVIC.
 pub(crate) const INTERRUPT_LINES: u16 = 48;
@@ -88,7 +89,7 @@ pub(crate) struct Soc {
     off: bool,
     /// The supply holds the part in reset.
     held: bool,
-    pub(crate) access: crate::ctrl_ap::Access,
+    pub(crate) access: ctrl_ap::Access,
 }
 
 impl Soc {
@@ -116,7 +117,7 @@ impl Soc {
             halted: false,
             off: false,
             held: false,
-            access: crate::ctrl_ap::Access::default(),
+            access: ctrl_ap::Access::default(),
             settings,
         };
         soc.look_at_touched();

@@ -19,9 +19,9 @@
 //! (ferrous-systems/embedded-trainings-2020, issue 188).
 use emulator_part::{Cycle, NEVER, Reset};
 
+use super::Soc;
 use crate::clocks::cycles;
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
-use crate::soc::Soc;
 
 /// UICR.APPROTECT.
 const UICR_APPROTECT: u32 = UICR_BASE + 0x208;

@@ -16,9 +16,9 @@
 //! | arbitration with another controller | a TWIM has none |
 //!
 //! A byte lasts nine bits of FREQUENCY; a start and a stop one bit each (assumed).
+use super::{Buffer, Channel};
 use crate::clocks::CYCLES_PER_TICK;
 use crate::instance::{Act, Block, Cx, address_of};
-use crate::serial::{Buffer, Channel};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent};
 
 const STOPPED: u32 = 1;

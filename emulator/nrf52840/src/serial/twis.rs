@@ -14,8 +14,8 @@
 //! | left out | why |
 //! |---|---|
 //! | bits within a byte on the pins | the outside exchanges bytes |
+use super::{Buffer, Channel};
 use crate::instance::{Block, Cx};
-use crate::serial::{Buffer, Channel};
 use emulator_part::{I2cAnswer, I2cEvent};
 
 const STOPPED: u32 = 1;
