@@ -2,7 +2,7 @@
 //!
 //! A task's name, vector and priority stand in its attribute in `main.rs` and nowhere else, and RTIC takes them as
 //! literals only. So each firmware's build script reads the attributes and writes the macro `each_task!`, of which the
-//! library makes the enumeration of its tasks ([`task_table!`](crate::task_table)) and the binary its list of vectors.
+//! library makes the enumeration of its tasks ([`task_table!`](crate::task_table!)) and the binary its list of vectors.
 
 extern crate std;
 

@@ -198,8 +198,7 @@ mod tests {
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {
-            for path in paths(code).iter().filter(|path| ["crate", "super"].contains(&path[..].first().unwrap_or(&"")))
-            {
+            for path in paths(code).iter().filter(|path| ["crate", "super"].contains(path.first().unwrap_or(&""))) {
                 let ups = path.iter().take_while(|name| **name == "super").count();
                 let base = if ups == 0 { &[] } else { &module[..module.len().saturating_sub(ups)] };
                 let names = path[ups.max(1)..].iter().map(|name| (*name).to_owned());
