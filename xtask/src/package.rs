@@ -19,8 +19,8 @@ const PACKAGES: [&str; 8] = [
     "emulator-node",
 ];
 
-/// Packages them and builds each from its tarball. Nothing is published: cargo resolves packages of one workspace against
-/// each other only where they may be published, so that is allowed in a copy of what is committed.
+/// Packages them and builds each from its tarball. Nothing is published: cargo resolves packages of one workspace
+/// against each other only where they may be published, so that is allowed in a copy of what is committed.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

@@ -36,20 +36,20 @@ pub(crate) struct RunArgs {
     /// Bench only.
     #[arg(long, value_name = "PIN=0|1[@MS]")]
     drive: Vec<String>,
-    /// Join two pins by a wire: P0.02=P0.03. Levels and UART frames that the firmware puts on either arrive at the other.
-    /// Any number. Bench only.
+    /// Join two pins by a wire: P0.02=P0.03. Levels and UART frames that the firmware puts on either arrive at the
+    /// other. Any number. Bench only.
     #[arg(long, value_name = "PIN=PIN")]
     wire: Vec<String>,
-    /// Write what the firmware sends from a UART's pin to a file, byte for byte, or with `-` to standard output, by lines
-    /// with their virtual time: P0.06=out.bin. Any number. Bench only.
+    /// Write what the firmware sends from a UART's pin to a file, byte for byte, or with `-` to standard output, by
+    /// lines with their virtual time: P0.06=out.bin. Any number. Bench only.
     #[arg(long, value_name = "PIN=FILE|-")]
     uart: Vec<String>,
     /// Send a file, or standard input with `-`, to a UART's pin, 8N1, so many bits a second, from 100 ms or so many
     /// milliseconds on: P0.08@115200=in.bin, P0.08@115200@2500=more.bin. Any number, also to one pin. Bench only.
     #[arg(long, value_name = "PIN@BAUD[@MS]=FILE|-")]
     uart_in: Vec<String>,
-    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes, so that on the
-    /// optimistic one a delay loop is never shorter than it can be. Bench only.
+    /// The cost of processor time: fast, optimistic or pessimistic. The last two bound what silicon takes: on
+    /// the optimistic one a delay loop takes the least that silicon may take. Bench only.
     #[arg(long, default_value_t = Clock::Optimistic)]
     clock: Clock,
     /// Halt the board at power-on and wait for gdb, or an editor that uses its protocol. Bench only.

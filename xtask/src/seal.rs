@@ -1,7 +1,7 @@
 //! Writes an image's CRC into its ELF file, so that the firmware can check at start whether its flash is as built.
 //!
-//! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that is
-//! loaded into flash. [`seal`] writes the frame CRC of all bytes from the vector table up to that word into it, most
+//! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that
+//! is loaded into flash. [`seal`] writes the frame CRC of all bytes from the vector table up to that word into it, most
 //! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware compares
 //! it in `firmware_common::program`.
 

@@ -148,7 +148,7 @@ pub enum What {
         /// Which.
         board: Board,
     },
-    /// A board's part has warned its firmware, which runs, of a supply that falls: the board has to go to its safe state.
+    /// A board's part has warned its running firmware of a falling supply: the board has to enter its safe state.
     Warned {
         /// Which.
         board: Board,

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// So long is kept what HORUS has sent and what reached the antenna, ns: a transaction may be long, and an image that is
-/// not replaced old.
+/// The time for which frames that were sent, or reached the antenna, are kept, ns: a transaction may be long, and an
+/// image that is not replaced may be old.
 pub const KEPT: u64 = 2_000_000_000;
 
 /// So many frames are remembered: ten seconds, or five with two frames a cycle. An image cannot be that old unless

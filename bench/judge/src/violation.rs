@@ -90,8 +90,8 @@ violations! {
     PositionOff = "a position far from where the aircraft is",
     /// HORUS tells wrongly whether it runs without its crystal.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
-    /// A fault has no consequence. A bit of a board's program memory was changed, a bit of a buffer is stuck, or a supply
-    /// falls, and the board neither says so nor stops within the time in which it has to.
+    /// A fault has no consequence. A bit of a board's program memory was changed, a bit of a buffer is stuck, or a
+    /// supply falls, and the board neither says so nor stops within the required time.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 

@@ -143,7 +143,7 @@ impl<P: Part> Board for Leads<P> {
         if self.connected.heard.contains(&pin) {
             self.heard.push(Heard { at, pin, byte: (frame.data & 0xFF) as u8 });
         }
-        self.carry(at, pin, |to| Input::Frame(to, at.saturating_sub(frame.ns()), frame.clone()));
+        self.carry(at, pin, |to| Input::Frame(to, at.saturating_sub(frame.ns()), *frame));
     }
 
     fn next_event(&self) -> u64 {

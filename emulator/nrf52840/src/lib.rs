@@ -38,7 +38,8 @@
 //! use nrf52840::{Nrf52840, Settings};
 //!
 //! let mut part = Nrf52840::new(Settings::default());
-//! let word = |address| Access { address, width: Width::Word, purpose: Purpose::Data, privileged: true, cycle: 0, pc: 0 };
+//! let (width, purpose) = (Width::Word, Purpose::Data);
+//! let word = |address| Access { address, width, purpose, privileged: true, cycle: 0, pc: 0 };
 //! part.write(&word(0x5000_0518), 1 << 13, &mut Open)?; // P0.DIRSET
 //! part.write(&word(0x5000_0508), 1 << 13, &mut Open)?; // P0.OUTSET
 //! assert!(part.pin(Pin::new(0, 13)));

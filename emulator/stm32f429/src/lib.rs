@@ -26,7 +26,8 @@
 //! use stm32f429::{Oscillators, Stm32f429};
 //!
 //! let mut part = Stm32f429::new(Oscillators::default());
-//! let word = |address| Access { address, width: Width::Word, purpose: Purpose::Data, privileged: true, cycle: 0, pc: 0 };
+//! let (width, purpose) = (Width::Word, Purpose::Data);
+//! let word = |address| Access { address, width, purpose, privileged: true, cycle: 0, pc: 0 };
 //! part.write(&word(0x4002_3830), 1, &mut Open)?; // RCC_AHB1ENR: GPIOA
 //! part.write(&word(0x4002_0000), 0xA800_0000 | 1 << 10, &mut Open)?; // GPIOA_MODER: PA5 is an output
 //! part.write(&word(0x4002_0018), 1 << 5, &mut Open)?; // GPIOA_BSRR

@@ -1,7 +1,7 @@
 //! What is shown against what reached the DPR's antenna: absence, sequence, age.
 //!
-//! *Truth* is what HORUS put on the air ([`crate::truth`]) and what of it reached the DPR's antenna, after loss, damage,
-//! repetition and delay ([`crate::expectation`]). What the flight controller reads is held against both.
+//! *Truth* is what HORUS put on the air ([`crate::truth`]) and what of it reached the DPR's antenna, after loss,
+//! damage, repetition and delay ([`crate::expectation`]). What the flight controller reads is held against both.
 //!
 //! # What is whose
 //!
