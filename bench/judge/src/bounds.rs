@@ -328,8 +328,8 @@ pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
 pub const HORUS_FLASH_FOUND: u64 = 10_000_000_000;
 /// From a flip in the DPR's flash to Link-Status: the same, 15.4 s.
 pub const DPR_FLASH_FOUND: u64 = 17_000_000_000;
-/// The longest time from the warning of a falling supply until the board is in its safe state, ns: an interrupt, and the
-/// writes to the front end or the SPI peripheral.
+/// The longest time from the warning of a falling supply until the board is in its safe state, ns: an interrupt, and
+/// the writes to the front end or the SPI peripheral.
 pub const SAFE_STATE: u64 = 1_000_000;
 /// So many cycles that are shown while a bit of a buffer is stuck have had each buffer of that kind scrubbed: three
 /// receive buffers and four images take turns, one in each cycle, and a buffer is scrubbed before it is used again.
