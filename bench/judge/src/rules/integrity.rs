@@ -10,7 +10,8 @@
 //!
 //! Both boards compare their flash with its CRC continuously and at their start, and check their supply there. So a
 //! start of the board, or the loss of its supply, ends what was required of it: a board that does not start has
-//! noticed. A stuck bit must be told while it is stuck, and only while new cycles are shown, because buffers take turns then.
+//! noticed. A stuck bit must be told while it is stuck, and only while new cycles are shown, because buffers take turns
+//! then.
 //!
 //! The outside cannot know what a changed bit of other RAM, or of a register, does: that is for the other rules.
 
