@@ -61,6 +61,23 @@ fn a_copy_taken_at_any_instant_and_run_on_leaves_the_bytes_of_the_original() {
 }
 
 #[test]
+fn a_run_in_pieces_has_the_event_log_of_a_run_in_one() {
+    let Some(setup) = setup() else { return };
+    // A repetition is an actor of the air that a frame heard in time brings.
+    let faults = Faults::of_air(AirFaults { lost: 0.1, repeated: 0.5, ..AirFaults::default() });
+    let setup = Setup { faults, ..setup };
+    let log = |ends: &[u64]| {
+        let mut bench = Bench::<Fast>::new(&setup).unwrap();
+        bench.keep_log();
+        ends.iter().chain([&END]).for_each(|end| bench.run_to(*end, Threads::One));
+        bench.finish(END).log
+    };
+    // Where runs may end is the grid of 10 ms at which the base station is looked at.
+    let ends: Vec<u64> = (1..26).map(|cycle| cycle * 10 * MS).collect();
+    assert!(log(&ends) == log(&[]));
+}
+
+#[test]
 fn copies_of_one_instant_that_are_treated_alike_stay_alike_and_others_do_not() {
     let Some(setup) = setup() else { return };
     let mut original = Bench::<Fast>::new(&setup).unwrap();

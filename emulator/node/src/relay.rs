@@ -247,7 +247,8 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut follower = Follower::new(node.now());
+    // Steps lie on one grid wherever runs end, also where a board has gone on to the end of an instruction.
+    let mut follower = Follower::new(node.now() / step * step);
     while follower.at < end {
         let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
         each(at, node, downstream)?;
@@ -310,6 +311,8 @@ impl<M> Follower<M> {
                 downstream.hear(at, message, node);
             }
             let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
+            // What was heard may have brought something that is due before what was.
+            let next = downstream.next_at();
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
