@@ -211,6 +211,11 @@ impl Firmware {
     }
 
     /// The defmt table, where the firmware logs with defmt.
+    /// Whether the image was read from an ELF file.
+    pub(crate) fn is_a_file(&self) -> bool {
+        !self.0.elf.is_empty()
+    }
+
     /// Whether the image has a table of defmt messages.
     #[must_use]
     pub fn has_defmt(&self) -> bool {

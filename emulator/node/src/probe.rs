@@ -51,7 +51,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        if self.log_block.is_none() && at >= self.search_at {
+        // What was only ever in flash is read by whoever attaches a probe and has its file.
+        if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
             // Ever less often: a firmware that logs does so soon.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
             self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
