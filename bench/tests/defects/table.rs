@@ -175,7 +175,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
           ".with_stale(!DEFECT && !position.pace.is_fresh(now))"),
         GNSS, By(V::StatusWrong)),
     row("heard-for-ever", "a receiver that was heard once is said to be heard",
-        edit(CYCLE, "heard.within(now, HEARD_MS)", "heard.within(now, u32::MAX / 2)"),
+        edit(CYCLE, "last_heard.within(now, HEARD_MS)", "last_heard.within(now, u32::MAX / 2)"),
         GNSS, By(V::StatusWrong)),
     row("age-in-centiseconds", "the age of a solution is a tenth of what it should be",
         edit(CYCLE, "Some(position.pace.age_ms(now))", "Some(position.pace.age_ms(now) / 10)"),
