@@ -62,7 +62,7 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
+                    (Board::Dpr, Memory::Receive | Memory::Images) => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
                     _ => {}
