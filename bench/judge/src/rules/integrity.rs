@@ -267,8 +267,11 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        let starting = vec![(WARNED - MS, reset(board)), (WARNED - MS + bounds::START + bounds::SAFE_STATE, off())];
-        assert_eq!(after(starting), [], "it looks at its supply when it has started");
+        // A board that starts checks its supply when it has started.
+        let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
+        let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
+        assert_eq!(starting(due), []);
+        assert_eq!(starting(due + 1), [(Violation::FaultUnnoticed, 1, due)]);
     }
 
     #[test]
