@@ -707,3 +707,23 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
         values.last_command = Command::ClearCounters.word();
     }));
 }
+
+#[test]
+fn a_self_test_that_is_over_has_one_result_which_stays() {
+    let values = |running, passed, failed| {
+        let status = PortStatusBits::new().with_self_test_running(running);
+        let status = status.with_self_test_passed(passed).with_self_test_failed(failed);
+        PortValues { status, ..PortValues::default() }
+    };
+    let (passed, failed) = (values(false, true, false), values(false, false, true));
+    let mut model = Model::of(&values(true, false, false), 0);
+    assert!(model.fits(&values(true, false, false), bounds::SELF_TEST - 1));
+    assert!(!model.fits(&values(true, false, false), bounds::SELF_TEST), "it takes too long");
+    for at in [0, 2 * bounds::SELF_TEST] {
+        assert!(model.fits(&passed, at) && model.fits(&failed, at));
+        assert!(!model.fits(&values(false, false, false), at) && !model.fits(&values(false, true, true), at));
+    }
+    model.told(&passed);
+    assert!(model.fits(&passed, 0));
+    assert!(!model.fits(&failed, 0) && !model.fits(&values(true, false, false), 0), "it was told");
+}
