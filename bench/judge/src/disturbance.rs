@@ -722,4 +722,13 @@ mod tests {
             assert_eq!(silent, if told { (BEGINS, ENDS) } else { (0, 0) }, "{disturbs:?}");
         }
     }
+
+    #[test]
+    fn a_receiver_is_excused_for_its_own_disturbance_and_of_what_that_takes() {
+        let events = [Disturbance::Receiver { receiver: 0 }, HORUS_FRONT_END].map(|it| (BEGINS, injected(it, ENDS)));
+        let disturbances = after(&events);
+        let excused = |receiver| disturbances.excuse_of(receiver, Excuse::Position, BEGINS + 1);
+        assert_eq!((excused(0), excused(1)), (true, false));
+        assert!(!disturbances.excuse_of(0, Excuse::Hearing, BEGINS + 1));
+    }
 }
