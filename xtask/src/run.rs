@@ -385,8 +385,8 @@ fn summary(outcome: &Outcome, clock: Clock) -> String {
         None => String::new(),
     };
     format!(
-        "{:.3} ms of virtual time, load {:.1} %{stack}, {findings} finding{}, {resets} restart{}, {:.3} million instructions \
-         on the {clock} clock",
+        "{:.3} ms of virtual time, load {:.1} %{stack}, {findings} finding{}, {resets} restart{}, \
+         {:.3} million instructions on the {clock} clock",
         milliseconds(outcome.virtual_time),
         outcome.load * 100.0,
         if findings == 1 { "" } else { "s" },
