@@ -62,7 +62,8 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    (Board::Dpr, Memory::Receive | Memory::Images) => {
+                    // A bit that flips beside one that is stuck leaves that stuck.
+                    (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
                     _ => {}
@@ -241,6 +242,8 @@ mod tests {
             assert_eq!(stuck(disturbs, until(cycles + 1), shown(cycles + 1, false)), untold);
             assert_eq!(stuck(disturbs, until(cycles + 1) - 1, shown(cycles + 1, false)), [], "it is stuck no more");
             assert_eq!(stuck(disturbs, 5, shown(2 * cycles, false)), [], "it flipped");
+            let flips = [(6, injected(RECEIVE_BIT, 6))].into_iter().chain(shown(2 * cycles, false)).collect();
+            assert_eq!(stuck(disturbs, u64::MAX, flips), untold, "another bit flips beside it");
             let same = (1..100).map(|n| (n * MS, shows(10, false))).collect();
             assert_eq!(stuck(disturbs, u64::MAX, same), [], "one cycle, read often");
             for (board, expected) in [(Board::Dpr, vec![]), (Board::Horus, untold.to_vec())] {
