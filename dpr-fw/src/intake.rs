@@ -54,7 +54,7 @@ pub struct Intake<const N: usize> {
 }
 
 impl<const N: usize> Intake<N> {
-    /// Of a DPR that started for `reset_reason`.
+    /// The state after a start of the DPR, whose cause was `reset_reason`.
     #[must_use]
     pub const fn new(reset_reason: ResetReason) -> Self {
         Self { commit: Commit::new(), started: false, reset_reason }

@@ -88,7 +88,7 @@ mod tests {
     use firmware_common::mpu::Access::{Execute, Read, Write};
 
     #[test]
-    fn the_null_page_is_shut_and_the_image_behind_it_can_be_read_and_executed_but_not_written() {
+    fn the_null_page_is_shut_and_the_program_is_not_writable() {
         for access in [Read, Write, Execute] {
             assert!(!TASKS.allows(0, access) && !TASKS.allows(255, access), "{access:?}");
             assert!(!TASKS.allows(96 * KIB, access), "{access:?} behind the image's budget");

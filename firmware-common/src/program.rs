@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_crc_is_stored_most_significant_byte_first_so_that_the_program_with_it_is_a_codeword() {
+    fn the_program_with_its_crc_most_significant_byte_first_is_a_codeword() {
         let mut bytes = *b"a program, of whole words, it is\0\0\0\0";
         let stored = sealed(&bytes[..32]);
         bytes[32..].copy_from_slice(&stored.to_le_bytes());

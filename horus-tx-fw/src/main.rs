@@ -221,7 +221,7 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // Nothing of the program is shut: what is null on this part is not where flash is.
+        // The whole program can be read: flash does not begin at the null address on this part.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);

@@ -72,7 +72,7 @@ mod tests {
     use firmware_common::mpu::Access::{Execute, Read, Write};
 
     #[test]
-    fn the_null_page_is_shut_and_the_program_can_be_read_and_executed_but_not_written() {
+    fn the_null_page_is_shut_and_the_program_is_not_writable() {
         for access in [Read, Write, Execute] {
             for shut in [0, 0xFF, 0x07FF_FFFF, 0x0800_0000 + 112 * KIB, 0x1000_0000] {
                 assert!(!TASKS.allows(shut, access) && !START.allows(shut, access), "{access:?} {shut:#x}");

@@ -331,7 +331,7 @@ pub const DPR_FLASH_FOUND: u64 = 17_000_000_000;
 /// The longest time from the warning of a falling supply until the board is in its safe state, ns: an interrupt, and
 /// the writes to the front end or the SPI peripheral.
 pub const SAFE_STATE: u64 = 1_000_000;
-/// So many cycles that are shown while a bit of a buffer is stuck have had each buffer of that kind scrubbed: three
+/// The number of cycles shown with a stuck bit after which each buffer of that kind has been scrubbed: three
 /// receive buffers and four images take turns, one in each cycle, and a buffer is scrubbed before it is used again.
 pub const SCRUBBED_CYCLES: u32 = 8;
 /// After a flight controller has misused the SSI the DPR is asked for nothing for so long: what was under way ends, and

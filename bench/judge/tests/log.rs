@@ -136,7 +136,7 @@ fn what_is_no_log_is_told_with_its_line() {
 }
 
 #[test]
-fn a_log_that_is_cut_off_is_read_up_to_there_and_says_so() {
+fn a_log_that_is_cut_off_is_read_up_to_there() {
     let log = Plan::new(1, 4).log();
     let whole = stored(&log);
     assert!(Log::read(&*whole).unwrap().is_whole());

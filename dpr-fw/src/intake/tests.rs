@@ -191,7 +191,7 @@ fn what_the_port_has_is_placed_early_only_if_a_frame_arrives() {
 }
 
 #[test]
-fn a_damaged_image_is_withdrawn_if_it_is_shown_and_nothing_has_replaced_it() {
+fn a_damaged_image_is_withdrawn_while_it_is_shown_and_not_replaced() {
     let mut dpr = Dpr::started();
     dpr.damaged(4);
     assert!(!dpr.serve_at(2_000));

@@ -74,7 +74,7 @@ fn each_end_is_a_boundary<C: Cost>(waits: u32) {
             stepped.steps(1);
             steps += 1;
             if stepped.core.cycle() == before {
-                // Of two boundaries in one cycle the run comes to the later.
+                // Where one cycle has two boundaries, the run ends at the later.
                 continue;
             }
             let mut run = start.clone();

@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_arrives_when_it_was_sent_and_in_the_order_of_what_is_planned() {
+    fn a_frame_crosses_a_wire_at_its_end() {
         let driven = vec![Drive { at: 1_000_000, pin: OTHER, level: true }];
         let connected = Connected { wires: vec![[ONE, OTHER]], driven, ..Connected::default() };
         let mut leads = Leads::<Nrf52840>::new(connected);

@@ -488,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn a_control_block_is_found_by_its_magic_and_a_count_that_can_be_true() {
+    fn a_control_block_is_found_by_its_magic_and_a_plausible_count() {
         assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
         assert_eq!(find(&Nrf52840::new(Settings::default())), None);
         // A copy of the magic alone, before the block and where no word begins.

@@ -55,8 +55,8 @@ impl Chip {
 
     fn auxiliary_display(&self) -> u8 {
         let Self { core, field, receiver, .. } = self;
-        // As recorded, the automatic detector reads en_peer with the own field off. With the field on, automatic means
-        // collision avoidance.
+        // In the recording the automatic detector reads en_peer with the own field off. With the field on, automatic
+        // means collision avoidance.
         let (peer, avoidance) = match core.a(reg::OPERATION) & EN_FD {
             1 => (false, true),
             2 => (true, false),
