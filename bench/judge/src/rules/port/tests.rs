@@ -1,5 +1,7 @@
 use profile::criticality::{Dpr, Writer};
-use profile::{Command, CommandObject, LinkStatus, LinkValues, PortStatus, PortStatusBits, UplinkValues, Violations};
+use profile::{
+    Command, CommandObject, Identifier, LinkStatus, LinkValues, PortStatus, PortStatusBits, UplinkValues, Violations,
+};
 
 use super::*;
 use crate::disturbance::Memory;
@@ -653,6 +655,44 @@ fn each_part_of_a_transaction_is_judged_by_itself_and_an_idle_line_writes_nothin
         let mut mosi = vec![0; 100];
         mosi[72 + behind] = 1;
         assert_eq!(kinds(mosi), [kind], "{behind}");
+    }
+}
+
+#[test]
+fn both_writers_may_store_an_uplink() {
+    for identifier in [Identifier::UPLINK_BASE_STATION, Identifier::UPLINK_FLIGHT_CONTROLLER] {
+        let mut object = uplink(1_000, 1);
+        object[4..6].copy_from_slice(&identifier.0.to_le_bytes());
+        let seal = profile::crc::frame(&object[..60]).to_be_bytes();
+        object[60..].copy_from_slice(&seal);
+        assert!(may(&[writing(&object)], |values| values.uplinks_accepted = 1), "{identifier:?}");
+    }
+}
+
+#[test]
+fn a_command_is_unknown_where_a_byte_behind_its_word_is_set() {
+    for place in 12..60 {
+        let mut object = command(1_000, Command::SelfTest);
+        object[place] = 1;
+        let seal = profile::crc::frame(&object[..60]).to_be_bytes();
+        object[60..].copy_from_slice(&seal);
+        let unknown = |values: &mut PortValues| {
+            values.violations.count(profile::Violation::CommandUnknown, 1);
+            values.status = PortStatusBits::new().with_last_refused(true);
+        };
+        assert!(may(&[writing(&object)], unknown), "byte {place}");
+    }
+}
+
+#[test]
+fn an_object_that_is_cut_off_is_too_short() {
+    let object = uplink(1_000, 1);
+    for len in [8, 59, 63] {
+        let too_short = |values: &mut PortValues| {
+            values.violations.count(profile::Violation::TooShort, 1);
+            values.status = PortStatusBits::new().with_last_refused(true);
+        };
+        assert!(may(&[writing(&object[..len])], too_short), "{len} bytes");
     }
 }
 
