@@ -691,7 +691,7 @@ fn is_unserved(log: &bench_judge::Log) -> bool {
 
 #[test]
 fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_violation() {
-    let nothing = |after: u64| {
+    let nothing = || {
         let log = Plan::new(3, 40).log();
         let rises: Vec<u64> = log
             .events
@@ -709,15 +709,18 @@ fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_viola
         let place = log.events.iter().position(repeats).unwrap();
         let What::Transaction { selected, miso, .. } = &mut log.events[place].what else { unreachable!("it is one") };
         miso.0.fill(0xFF);
-        // FRESH rises shortly before it once more, for what is there already.
-        let at = *selected - after;
-        (log, at)
+        let selected = *selected;
+        (log, selected)
     };
-    let (log, _) = nothing(0);
+    let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    for (after, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
-        let (mut log, at) = nothing(after);
-        insert(&mut log, at, What::Fresh { high: true, offered: None });
-        assert_eq!(is_unserved(&log), unserved, "{after}");
+    // FRESH rises once more, for what is there already, shortly before the transaction or within it.
+    for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
+        for within in [false, true] {
+            let (mut log, selected) = nothing();
+            let at = if within { selected + apart } else { selected - apart };
+            insert(&mut log, at, What::Fresh { high: true, offered: None });
+            assert_eq!(is_unserved(&log), unserved, "{apart} ns, within: {within}");
+        }
     }
 }
