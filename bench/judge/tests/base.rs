@@ -77,8 +77,8 @@ fn a_profile_of_which_a_bit_was_changed_on_the_way_is_a_violation_and_not_missed
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // The profile was changed long before, just before, or it is one of two lost profiles of which only one was
-    // changed.
+    // A changed profile arrives long before the missing one was forwarded, or just before, or two profiles are missing
+    // and one arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
