@@ -1,5 +1,5 @@
-//! Tests the profile's code on the target. It is the same on both boards, so that each board verifies what the other
-//! seals.
+//! Tests the profile's code on the target. The code is the same on both boards, so that each board verifies what the
+//! other seals.
 
 use profile::{crc, GpsObject, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedPosition, ReportedValues};
 

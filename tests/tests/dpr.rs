@@ -35,7 +35,7 @@ fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     defmt::assert!(memory.differing_bits(pattern) == 0);
 }
 
-// The suite has no watchdog, because it feeds none.
+// The suite starts no watchdog, because it would not feed one.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]

@@ -1,7 +1,8 @@
 //! A suite for the DPR's board that fails, to show what a failure looks like to the person who runs a suite.
 //!
-//! `xtask/tests/failing_suite.rs` runs it; `cargo xtask test` does not. Its first start ends in a watchdog reset, as
-//! that of a suite does that meets the watchdog of the image before it. Its second start ends in a test that fails.
+//! `xtask/tests/failing_suite.rs` runs this suite; `cargo xtask test` does not. The first start ends in a watchdog
+//! reset, like that of a suite that meets the watchdog of the image before it. The second start ends in a test that
+//! fails.
 #![no_std]
 #![no_main]
 
@@ -19,7 +20,7 @@ struct Start {
     bitten: bool,
 }
 
-// The suite installs no watchdog, because it feeds none.
+// The suite's start code starts no watchdog, because the suite would not feed one.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]

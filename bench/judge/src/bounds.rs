@@ -168,7 +168,7 @@ pub const fn quorum(receivers: usize) -> usize {
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 /// The greatest speed with which a position is valid, mm/s.
 pub const FASTEST_MM_S: u32 = 200_000;
-/// Where a valid position may lie above the ellipsoid, mm.
+/// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
 /// The time, ns, by which a position is older than its message, since a receiver has to compute and send it. It is
 /// assumed for the candidate whose message took neither the longest nor the shortest time (decision 15, brought to the
@@ -196,8 +196,7 @@ pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
 /// What a position's age adds to its accuracy is its speed times this many seconds, and half of
 /// [`UNCERTAIN_ACCELERATION`] times the square of the age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The acceleration, m/s², that is assumed where nothing is known of a position's change of speed: see
-/// [`UNCERTAIN_SPEED_S`].
+/// The acceleration, m/s², that is assumed for a position's change since its message: see [`UNCERTAIN_SPEED_S`].
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
 /// The time after which an excluded receiver must have returned: it returns when it was a candidate and agreed for one
 /// second. The time counts from the last instant at which it may not have done so. HORUS's clock may be off by 2 %, and
@@ -231,8 +230,8 @@ pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
 /// client must have found the sequence.
 pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
 /// The most, ns, by which the base station's age may differ from the true one. The base station does not know the delay
-/// of any way and takes the fastest one as zero. The value covers an air that holds frames back by up to 45 ms, an
-/// image that is read when it expires, and the crystals.
+/// of any transmission and takes the shortest one as zero. The value covers an air that holds frames back by up to 45
+/// ms, an image that is read when it expires, and the crystals.
 pub const STATION_AGE_OFF: u64 = 120_000_000;
 /// The time after which the base station must show a profile that continues nothing that it has shown, once such
 /// profiles arrive in sequence. The base station accepts a drone that has restarted when profiles from before the
@@ -251,8 +250,8 @@ pub const SILENCE_MAY_END: u64 = 45_000_000;
 /// next look (10 ms) and then gives the parser 64 zeros at each further look; the zeros of four looks are more than the
 /// longest message that the parser takes.
 pub const SILENCE_ENDS: u64 = 110_000_000;
-/// The time without a transaction that the judge calls a missing one. The flight controller reads in every one of its
-/// control cycles, which are much shorter.
+/// The time without a transaction after which the judge reports that the flight controller makes none. The flight
+/// controller reads in every one of its control cycles, which are much shorter.
 pub const NO_TRANSACTION: u64 = 100_000_000;
 /// The time after a restart of HORUS during which a frame may break off. HORUS loads a frame while its beginning is on
 /// the air, so a frame under way at a restart runs out of bytes within the air time of the longest frame.
@@ -260,8 +259,8 @@ pub const CUT_SHORT: u64 = 6_000_000;
 /// The number of transactions that the DPR serves between two images. A flight controller that runs away gets no more
 /// (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
-/// The time, from the DPR's readiness after a transaction, during which the DPR need not notice the next transaction's
-/// end (`dpr_fw::ssi`): 95 µs by a counter of µs, and the work between the two instants.
+/// The time after the DPR's readiness following a transaction during which the DPR need not notice the next
+/// transaction's end (`dpr_fw::ssi`): 95 µs by a counter of µs, and the work between the two instants.
 pub const SSI_PAUSE: u64 = 100_000;
 /// The shortest time after its publication at which an image expires. The DPR's clock counts [`EXPIRY`] and is off by
 /// no more than 2 % (docs/design.md#sequence).
@@ -334,15 +333,15 @@ pub const RECOVERY_CYCLES: u64 = 5;
 /// a restart of either board, and after a fault of either front end. The firmware then backs off up to 64 ms between
 /// two attempts.
 pub const BRING_UP_CYCLES: u64 = 15;
-/// The time within which the DPR's Link-Status must say that its front end has ceased to answer. The DPR looks at a
+/// The time within which the DPR's Link-Status must say that the front end has ceased to answer. The DPR looks at a
 /// silent chip every 20 ms, and publishes every 10 ms after a missed frame.
 pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// The longest time, 15 cycles, from the return of a front end that was out of order until its firmware has brought it
 /// up again.
 pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
-/// The longest time that a self-test of the DPR takes: one pass over its flash and one over its RAM. It is 3.5 s where
-/// the program and the RAM in use are as large as they may be, since a self-test proceeds three times as fast as the
-/// checks that always run, and a margin for the processor's idle time.
+/// The longest time that a self-test of the DPR takes: one pass over its flash and one over its RAM. They take 3.5 s
+/// where the program and the RAM in use are as large as they may be, since a self-test proceeds three times as fast as
+/// the checks that always run. A margin for the processor's idle time is added.
 pub const SELF_TEST: u64 = 5_000_000_000;
 /// The longest time that a pass over the DPR's flash takes: 7.7 s for a program of 96 KiB, and a margin for missing
 /// idle time.

@@ -53,7 +53,8 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// This is `Some` except while it takes an event, because it is moved out then to read this context.
+    /// What is known of the air; `None` only while it takes an event, because it is moved out then to read this
+    /// context.
     air: Option<Box<Air>>,
 }
 
@@ -62,7 +63,7 @@ impl Context {
     ///
     /// # Panics
     ///
-    /// If there is no profile for the header's number of receivers.
+    /// Panics if no profile has the header's number of receivers.
     #[must_use]
     pub fn new(header: &Header) -> Self {
         let running = Running { powered: true, since: 0, starts: 1, hung: None, dead: None, ended_hang: false };
@@ -144,7 +145,7 @@ impl Context {
     ///
     /// # Panics
     ///
-    /// If it is called within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn truth(&self) -> &Truth {
         &self.air().truth
@@ -154,7 +155,7 @@ impl Context {
     ///
     /// # Panics
     ///
-    /// If it is called within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn expectation(&self) -> &Expectation {
         &self.air().expectation
@@ -164,7 +165,7 @@ impl Context {
     ///
     /// # Panics
     ///
-    /// If it is called within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn delivery(&self) -> Option<&Delivery> {
         self.air().delivery.as_ref()

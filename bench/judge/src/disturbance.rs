@@ -115,7 +115,7 @@ pub enum Conduct {
     Misuse,
 }
 
-/// A wire between the boards and the world.
+/// A wire between the boards and the world, or a path that is disturbed like a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wire {
@@ -127,7 +127,7 @@ pub enum Wire {
     Inputs,
     /// The SSI's MISO line.
     Miso,
-    /// The connection from the listener's antenna to its front end.
+    /// The connection from the listener's front end to its antenna.
     Antenna,
     /// The radio from the flight controller to the base station.
     Radio,
@@ -147,9 +147,9 @@ pub enum Memory {
     Images,
     /// RAM, at any address.
     Ram,
-    /// Flash.
+    /// The board's flash.
     Flash,
-    /// A register of the core.
+    /// A register of the board's core.
     Registers,
 }
 
@@ -380,9 +380,9 @@ const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// For each excuse, until when it holds, ns.
+    /// The instant until which each excuse holds, ns.
     over: [u64; EXCUSES],
-    /// From when on, and until when, the DPR's front end does not answer, ns.
+    /// The last period in which the DPR's front end did not answer: its beginning and its end, ns.
     silent: (u64, u64),
 }
 
@@ -439,7 +439,7 @@ impl Disturbances {
     /// Records that a board starts, or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // An excuse that held until now stays on record as one that ended now.
+        // An excuse that has held until now stays on record, and ends now.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -466,7 +466,7 @@ impl Disturbances {
         self.excuse(excuse, at) && self.valid.iter().filter(concerns).any(|valid| at < valid.over)
     }
 
-    /// Returns from when on, and until when, the DPR's front end last did not answer, ns.
+    /// Returns the last period in which the DPR's front end did not answer: its beginning and its end, ns.
     #[must_use]
     pub fn silent_front_end(&self) -> (u64, u64) {
         self.silent

@@ -28,7 +28,7 @@ impl Header {
     }
 }
 
-/// One of the two boards.
+/// One of the two boards of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Board {
@@ -48,7 +48,7 @@ pub enum Cause {
     BrownOut,
     /// The reset pin was pulled.
     Pin,
-    /// A watchdog bit.
+    /// The watchdog reset the part.
     Watchdog,
     /// The core locked up.
     Lockup,
@@ -282,7 +282,7 @@ pub enum What {
     },
     /// The flight controller forwarded a profile to the base station without changing it.
     Forwarded {
-        /// The profile: the objects of the image, without Link-Status.
+        /// The profile, which is the objects of the image without Link-Status.
         profile: Bytes,
     },
     /// The base station took a profile.

@@ -48,9 +48,9 @@ impl Certainty {
 /// A frame of one of the profile's lengths that reached the antenna of a running DPR.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Delivery {
-    /// The begin of the frame's first preamble bit, ns.
+    /// When the frame's first preamble bit began, ns.
     pub started: u64,
-    /// The end of the frame's last bit, ns.
+    /// When the frame's last bit ended, ns.
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
@@ -144,7 +144,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each kind of step that the DPR may take this cycle for.
+    /// Passes to `to` each kind of step as which the DPR may take this cycle.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -189,8 +189,8 @@ impl State {
     }
 }
 
-/// The time, ns, after which a state counts as one in which no cycle has ever arrived, since the next cycle is not in
-/// sequence.
+/// The time, ns, after the last cycle from which on a state counts as one in which no cycle has ever arrived, since the
+/// next cycle is then not in sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// Everything that a correct DPR can have made of the frames that reached its antenna.
@@ -433,7 +433,7 @@ mod tests {
             (1_005, ms(5), Step::Irregular),
             (990, ms(10), Step::Back),
             (999, ms(10), Step::Back),
-            // Half of all timestamps count as ahead.
+            // Half of all timestamps count as ahead of a given one, and the other half as behind it.
             (1_000 + u32::MAX / 2, ms(10), Step::Irregular),
             (1_000 + u32::MAX / 2 + 1, ms(10), Step::Back),
         ] {

@@ -37,7 +37,7 @@ impl Span {
 pub struct Quantiles {
     /// The median.
     pub p50: u64,
-    /// 99.9 % of the series are at or below this.
+    /// The value that 99.9 % of the series do not exceed.
     pub p999: u64,
     /// The greatest value.
     pub max: u64,
@@ -56,7 +56,7 @@ impl Quantiles {
     }
 }
 
-/// A greatest value alone.
+/// The greatest value of a series, without further figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Max {
     /// The greatest value.

@@ -55,7 +55,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// A [`LogError`] if the file cannot be read, or does not hold a log of this format.
+    /// Returns a [`LogError`] if the file cannot be read, or does not hold a log of this format.
     pub fn read(from: impl BufRead) -> Result<Self, LogError> {
         let mut lines = (1..).zip(from.lines()).peekable();
         let (line, first) = lines.next().ok_or(LogError::Empty)?;
@@ -89,7 +89,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// The writer's error.
+    /// Returns the writer's error.
     pub fn write(&self, to: impl Write) -> io::Result<()> {
         let mut writer = LogWriter::new(to, &self.header)?;
         for event in &self.events {
@@ -108,7 +108,7 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     ///
-    /// The writer's error.
+    /// Returns the writer's error.
     pub fn new(mut to: W, header: &Header) -> io::Result<Self> {
         serde_json::to_writer(&mut to, header)?;
         to.write_all(b"\n")?;
@@ -119,7 +119,7 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     ///
-    /// The writer's error.
+    /// Returns the writer's error.
     pub fn take(&mut self, event: &Event) -> io::Result<()> {
         serde_json::to_writer(&mut self.0, event)?;
         self.0.write_all(b"\n")
@@ -129,7 +129,7 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     ///
-    /// The writer's error.
+    /// Returns the writer's error.
     pub fn finish(mut self) -> io::Result<()> {
         self.0.flush()
     }

@@ -34,12 +34,12 @@ pub(crate) fn header(gps: usize) -> Header {
 pub(crate) struct Events {
     /// The number of receivers.
     pub(crate) gps: usize,
-    /// Returns a run without events.
+    /// The events, in any order.
     pub(crate) events: Vec<Event>,
 }
 
 impl Events {
-    /// Nothing.
+    /// Returns a run without events.
     pub(crate) fn new(gps: usize) -> Self {
         Self { gps, events: vec![] }
     }

@@ -62,8 +62,8 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // A frame of the start of HORUS before the last one cannot be shown any more, once no transaction that
-                // is judged can have begun during that start.
+                // A frame from an earlier start of HORUS than the last but one cannot be shown any more, once no
+                // transaction that is judged can have begun during that start.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use crate::{Figures, Violation};
 
-/// The violation.
+/// A violation that occurred.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Broken {
-    /// Which.
+    /// The violation.
     pub violation: Violation,
     /// How often it occurred.
     pub count: u64,

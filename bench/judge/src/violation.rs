@@ -79,9 +79,10 @@ violations! {
     /// HORUS does not read what a receiver offers. The bytes of a receiver on a bus wait until HORUS reads them; those
     /// of a receiver on a UART do not wait.
     NotRead = "HORUS does not read what a receiver offers",
-    /// A receiver is not set as HORUS needs it: it sends no positions, long after HORUS should have set it to.
+    /// A receiver is not set as HORUS needs it: it sends no positions, long after HORUS should have set it to send
+    /// them.
     NotConfigured = "a receiver is not set as HORUS needs it",
-    /// HORUS has no position in a sound run: enough receivers work, and no other violation explains it.
+    /// HORUS has no position in a sound run: enough receivers work, and no other violation explains the absence.
     NoPosition = "HORUS has no position in a sound run",
     /// A position lies far from the aircraft: Reported-Position shows it as valid, and the aircraft was not there at
     /// any instant within the time for which a solution may be valid.
@@ -100,7 +101,7 @@ violations! {
     /// The DPR never became ready for a transaction: nothing could be read from a start-up time after power-on or reset
     /// on.
     NeverReady = "the DPR never got ready for a transaction",
-    /// The SSI was not ready in time: after the end of a transaction the DPR could not serve the next one within its
+    /// The SSI was not ready in time: after the end of a transaction the DPR could not serve the next one within the
     /// bound.
     NotReady = "the SSI was not ready in time",
     /// A transaction reads nothing although an image is readable: it reads 0xFF throughout, although no image was being
@@ -108,7 +109,7 @@ violations! {
     Unserved = "a transaction reads nothing although an image is readable",
     /// FRESH is too short: the flight controller's pin interrupt may miss the pulse.
     FreshShort = "FRESH is too short",
-    /// The SSI was held back too long: the processor kept the SSI's buffers longer than its bound.
+    /// The SSI was held back too long: the processor kept the SSI's buffers longer than the bound.
     HeldBack = "the SSI was held back too long",
     /// Two transactions in a row met the DPR busy. Only one may do so while a new image is put in.
     BusyTwice = "two transactions in a row met the DPR busy",
@@ -120,7 +121,7 @@ violations! {
     /// A cycle is not shown although it was delivered: it reached the antenna whole and in sequence and was never
     /// shown.
     NotShown = "a cycle not shown although it was delivered",
-    /// An invalid object is shown as valid: HORUS never sent it so, whatever its CRC indicates.
+    /// An invalid object is shown as valid: HORUS never sent these bytes, whatever their CRC indicates.
     ShownNeverSent = "an invalid object shown as valid",
     /// An object out of sequence is shown as valid: it was repeated, delayed, inserted, or came before the sequence was
     /// found.
@@ -132,7 +133,7 @@ violations! {
     ShownExpired = "an expired image can be read",
     /// Old data are shown after new data: an object is older than one of its kind that was shown before.
     Regression = "old data shown after new",
-    /// A read is torn: the bytes that one transaction read come from several images.
+    /// A read is torn: the bytes that one transaction read come from several images, even within an object.
     Torn = "a torn read",
     /// Data in the image are damaged: a place is neither an intact object nor vacant nor torn.
     Damaged = "damaged data in the image",

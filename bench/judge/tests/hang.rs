@@ -75,7 +75,7 @@ fn a_run_that_ends_while_the_dpr_hangs_tells_nothing_that_it_did_not_serve() {
     assert_eq!(judged_at(&log, first - MS), []);
     let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
     assert!(told.contains(&Silent), "{told:?}");
-    // With only one transaction after it, the violation is that the DPR was not ready.
+    // With only one transaction after the hang, the violation is that the DPR was not ready.
     log.events.retain(|event| {
         event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
     });

@@ -32,7 +32,7 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // A moment later it is damage.
+    // A moment later, what the flight controller reads counts as damage.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);

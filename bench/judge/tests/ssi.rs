@@ -15,7 +15,7 @@ const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // With five receivers an image is put in just after a transaction, which then takes longer.
+    // The DPR is ready after the same time with every number of receivers.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -83,7 +83,7 @@ fn a_flight_controller_that_reads_nothing_for_longer_than_100_ms_is_a_violation(
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // There are two such periods, of which one lasts to the end of the run.
+    // The flight controller twice reads nothing for so long, the second time to the end of the run.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -157,7 +157,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // If it is deselected earlier, it has to be ready.
+    // If the DPR is deselected earlier, it has to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -550,7 +550,7 @@ fn a_flight_controller_that_runs_away_gets_so_many_transactions_for_each_image_a
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // This is the profile that the first transaction with this image brought.
+        // This profile is the one that the first transaction with this image brought.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,

@@ -49,7 +49,7 @@ impl Doorbell for Bell {
 
 type ImageBuffer<'a> = &'a mut ImageMemory;
 
-/// The surroundings of the commit task.
+/// What the commit task works with: images, areas and counters.
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,

@@ -1,5 +1,5 @@
-//! Opens the debug port's protection. Otherwise a part of revision 3 answers no debugger after its next reset that is
-//! not a soft reset.
+//! Opens the debug port of a part of revision 3, which otherwise answers no debugger after the next reset other than a
+//! soft reset.
 
 use dpr_fw::debug_port;
 use nrf52840_hal::pac;

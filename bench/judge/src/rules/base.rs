@@ -23,7 +23,7 @@ use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 /// The number of read profiles that are kept. Few suffice, because the flight controller forwards at once.
 const READ: usize = 4;
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Base {
     /// The profiles that the last transactions brought.

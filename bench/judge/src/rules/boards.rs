@@ -10,8 +10,7 @@
 //! | an injected fault, as far as [`complaints`] says | the bench caused it |
 //! | a start of HORUS, for what the DPR counts | a frame was cut off |
 //! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
-//! | a frame that reached the DPR's antenna changed or not at all, for what the DPR counts | the air is no board's
-//! fault |
+//! | a frame that reached the DPR's antenna changed or not at all, for what the DPR counts | no board is at fault |
 //!
 //! When a board starts, the explanations of its earlier complaints end, because it counts from zero then.
 //!
@@ -76,7 +75,7 @@ struct Complaint {
     value: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,

@@ -51,15 +51,15 @@ struct Read {
     told: u64,
 }
 
-/// The first reading of a sample.
+/// A sample, as the client first read it.
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// When the transaction began, ns.
+    /// When the transaction began that first brought the sample, ns.
     selected: u64,
     /// The earliest instant at which FRESH can have announced the sample, ns.
     announced: u64,
-    /// The age that Link-Status stated then, ns.
+    /// The age that Link-Status stated in that first transaction, ns.
     told: u64,
 }
 
@@ -81,7 +81,7 @@ struct Row {
     count: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Client {
     layout: Layout,
@@ -89,9 +89,9 @@ pub struct Client {
     /// When FRESH last rose, ns.
     fresh: u64,
     read: Option<Read>,
-    /// What was read last and is valid, and how many in a row were in sequence before it and with it.
+    /// The row of valid samples in sequence that ends with the one read last.
     row: Option<Row>,
-    /// The valid samples in sequence that end with the one read last.
+    /// The sample that was read last.
     newest: Option<First>,
     /// The sample whose wrong age has been reported.
     told: Option<u32>,

@@ -32,7 +32,7 @@ struct Stuck {
     cycles: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Integrity {
     /// By when each board has to have noticed that its flash was changed, ns; `None` if it has noticed, if the

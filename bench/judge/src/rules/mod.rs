@@ -3,18 +3,18 @@
 //! | file | what it judges |
 //! |---|---|
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
-//! | [`content`] | what HORUS sends, by the bytes that its receivers were fed |
+//! | [`content`] | what HORUS sends, compared with the bytes that its receivers were fed |
 //! | [`receivers`] | whether HORUS reads what its receivers offer |
 //! | [`position`] | whether there is a position, and whether the aircraft was there |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
 //! | [`integrity`] | whether a fault of memory has its consequence |
 //! | [`ssi`] | transactions, readiness, FRESH, and what is torn or damaged |
-//! | [`shown`] | what is shown, by what reached the DPR's antenna: absence, sequence, age |
-//! | [`link_status`] | Link-Status, by what was on the wires |
-//! | [`port`] | Port-Status and uplinks, by what the flight controller wrote |
-//! | [`client`] | the verdict of the flight controller's client, by what was on the wires |
-//! | [`base`] | what the base station shows, by what was forwarded, and whether it was forwarded |
-//! | [`station`] | the base station's ages and alarms, by what has arrived there |
+//! | [`shown`] | what is shown, compared with what reached the DPR's antenna: absence, sequence, age |
+//! | [`link_status`] | Link-Status, compared with what was on the wires |
+//! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
+//! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
+//! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
+//! | [`station`] | the base station's ages and alarms, compared with what has arrived there |
 
 pub mod base;
 pub mod boards;
@@ -48,7 +48,7 @@ pub trait Rule {
     ///
     /// # Panics
     ///
-    /// If there is no profile for the header's number of receivers.
+    /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
     /// Takes the next event, which `context` has taken already.
@@ -60,7 +60,7 @@ pub trait Rule {
 
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
-        /// All rules.
+        /// All rules, each of which takes every event.
         #[derive(Clone, Debug)]
         pub struct Rules {
             $($name: $rule,)*

@@ -46,7 +46,7 @@ struct Truth {
     place: Geodetic,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Position {
     receivers: usize,

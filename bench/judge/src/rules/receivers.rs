@@ -14,7 +14,7 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Receivers {
     /// Since when each receiver has offered bytes of which none was read, ns.

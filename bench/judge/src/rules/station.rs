@@ -40,7 +40,7 @@ struct Last {
     reason: Option<ResetReason>,
     /// The sample's tick, ns, and the number of HORUS's start in which it was.
     tick: (u64, u64),
-    /// How much older than it is the station may take the sample to be, ns.
+    /// The time by which the station may take the sample to be older than it is, ns.
     late: u64,
 }
 
@@ -59,7 +59,7 @@ struct Newest {
     at: u64,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Station {
     layout: Layout,
@@ -218,7 +218,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// When the tick of the last cycle was, ns, and when its profile arrived.
+    /// The instant of the last cycle's tick, ns, and the arrival of its profile.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -283,7 +283,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // Here it is not known yet what is shown, or HORUS runs without its crystal.
+        // It is not known yet what is shown in the first case, and HORUS runs without its crystal in the second.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);

@@ -37,7 +37,7 @@ pub(crate) struct Publication {
     pub(crate) image: Vec<u8>,
 }
 
-/// The description of a run.
+/// The description of a run, from which a log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
     pub(crate) header: Header,

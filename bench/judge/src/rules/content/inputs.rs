@@ -22,7 +22,7 @@ const SAMPLES: usize = 12;
 /// The number of uncertain samples beyond which there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
 
-/// The reading of a pair.
+/// The reading of a pair of pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Says {
     Inactive,
@@ -32,9 +32,9 @@ enum Says {
 
 #[derive(Clone, Debug)]
 struct Pair {
-    /// The present reading.
+    /// The present reading of the pair.
     now: Says,
-    /// The reading at the last tick and each later one, with the instant from which it holds, ns.
+    /// The pair's reading at the last tick and each later one, with the instant from which it holds, ns.
     since_tick: Vec<(u64, Says)>,
     /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have sampled.
     samples: VecDeque<Vec<Says>>,

@@ -4,7 +4,7 @@
 //! | bits | right value |
 //! |---|---|
 //! | 13-15 | the reset in the log, and power-on before any; any reason where the log's words name none |
-//! | 7 | 0 if its external oscillator worked when it last started, else 1; either if that changed while it started |
+//! | 7 | 0 if the external oscillator worked at HORUS's last start, else 1; either if that changed during the start |
 //! | 12 | 0 until HORUS's memory or program was disturbed; after its first 1 it stays 1 until the next start |
 //!
 //! This rule does not judge whether, and when, HORUS finds a fault of its memory: HORUS checks its memory in passes,
@@ -14,7 +14,7 @@ use profile::{ReportedStatus, ResetReason};
 
 use crate::{Board, Cause, Disturbance, What, bounds};
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Itself {
     /// The reason of HORUS's last start, if the log's words say it.
@@ -85,7 +85,7 @@ impl Itself {
         }
     }
 
-    /// Returns, in words, what else is wrong in a Reported-Position's status.
+    /// Returns, in words, what is wrong in a Reported-Position's status besides the bit of the crystal.
     pub(super) fn wrong(&mut self, status: ReportedStatus) -> Option<String> {
         let told = status.reset_reason();
         if told.is_none() || self.reason.is_some_and(|reason| told != Some(reason)) {

@@ -11,13 +11,13 @@
 //!
 //! # What is not judged
 //!
-//! - An object whose timestamp does not follow from the one of the cycle before; `cycle` reports that.
-//! - Ages for two seconds after a missing or irregular tick, or after a timestamp that jumped, because HORUS counts its
-//!   time in ticks.
-//! - What HORUS states while [`Excuse::Content`] holds.
-//! - Reported-Position in a cycle in which a GPS object was blamed or is missing, and in the cycle after it. Otherwise
-//!   `vote` states what Reported-Position and the bits *excluded* must be. The state of HORUS is judged in every cycle
-//!   (`inputs`), and so are its reason of the last reset and its memory (`itself`).
+//! - An object is not judged if its timestamp does not follow from that of the cycle before; `cycle` reports that.
+//! - Ages are not judged for two seconds after a missing or irregular tick, or after a timestamp that jumped, because
+//!   HORUS counts its time in ticks.
+//! - What HORUS states while [`Excuse::Content`] holds is not judged.
+//! - Reported-Position is not judged in a cycle in which a GPS object was blamed or is missing, and in the cycle after
+//!   it. Otherwise `vote` states what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
+//!   every cycle (`inputs`), and so are the reason of its last reset and the faults of its memory (`itself`).
 //!
 //! The dynamic model of a receiver is not a message of HORUS: `models` judges it by the receiver's own settings.
 //!
@@ -161,7 +161,7 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Returns whether the line may have brought HORUS a position by `at` that the objects of `tick` need not show.
+    /// Returns whether the line may have brought HORUS, by `at`, a position that the objects of `tick` need not show.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
@@ -288,7 +288,7 @@ struct Sent {
     misstamped: bool,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Content {
     layout: Layout,

@@ -8,7 +8,7 @@
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
     /// The model by which each receiver navigates, if it is known.

@@ -15,7 +15,7 @@ pub(super) const FOUND_LATE: u64 = 200_000_000;
 /// The number of possible messages beyond which they are not told apart.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages as it keeps it (docs/design.md#validity).
+/// The period of a receiver's messages, as the receiver keeps it (docs/design.md#validity).
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
@@ -146,7 +146,7 @@ impl Track {
         Self { kind, candidates: vec![], none: true, pace: Pace::new() }
     }
 
-    /// Forgets everything, because HORUS has done so.
+    /// Forgets all messages and the period, because HORUS has forgotten them.
     pub(super) fn clear(&mut self) {
         self.candidates.clear();
         self.none = true;
@@ -168,8 +168,8 @@ impl Track {
         self.pace.doubted();
     }
 
-    /// Records a message that HORUS may have taken by now. It does not count for the period until it is certain what
-    /// became of it.
+    /// Records a message that HORUS may have taken by now. It does not count for the period until it is certain whether
+    /// HORUS took it.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: Said, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }

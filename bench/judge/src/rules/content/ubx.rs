@@ -189,7 +189,7 @@ impl Reader {
     }
 }
 
-/// What some bytes may be the begin of.
+/// What the first of some bytes begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Claim {
     /// The bytes begin no message.

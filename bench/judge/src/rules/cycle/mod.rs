@@ -180,7 +180,7 @@ struct Measured {
     air: Series,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Cycle {
     layout: Layout,

@@ -21,7 +21,7 @@ pub(super) struct Clocks {
 }
 
 impl Clocks {
-    /// Returns what Link-Status says of the clock after this frame: [`Certainty::Must`] if it must call it implausible.
+    /// Returns whether Link-Status calls the clock implausible after this frame.
     pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
         let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
         let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);

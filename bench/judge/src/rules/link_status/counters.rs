@@ -1,4 +1,4 @@
-//! Determines what Link-Status may count.
+//! Determines which values the counters of Link-Status may have.
 
 use profile::air::Place;
 use profile::{Layout, LinkValues};

@@ -120,7 +120,7 @@ impl Snapshot {
     }
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct LinkStatus {
     layout: Layout,
@@ -267,7 +267,8 @@ impl LinkStatus {
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // Every deadline publishes an image, so FRESH has not announced one that was not replaced for longer than that.
+        // Every deadline publishes an image, so an image that was not replaced for longer than that was not announced
+        // by FRESH.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -489,8 +490,8 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Near the deadline either is right. Before the deadline of the second frame the image may be that of the cycle
-        // before.
+        // Near the deadline either value is right. Before the deadline of the second frame the image may be that of the
+        // cycle before.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }
@@ -515,7 +516,7 @@ fn tells_of_a_silent_front_end(
     let (from, until) = context.disturbances().silent_front_end();
     let dpr = context.running(Board::Dpr);
     let from = from.max(dpr.since + bounds::START) + bounds::FRONT_END_TOLD;
-    // The task that would detect this may be the one that is dead.
+    // The task that would detect the silent front end may be the one that is dead.
     let until = until.min(dpr.dead.unwrap_or(u64::MAX));
     let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
     if (from..until).contains(&published) && !told {

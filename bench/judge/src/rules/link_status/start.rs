@@ -4,13 +4,13 @@ use profile::{LinkStatusBits, ResetReason};
 
 use crate::{Cause, What, bounds};
 
-/// The reasons that the DPR may state for its start; any if there is none.
+/// The reasons that the DPR may state for its start; `None` allows any.
 #[derive(Clone, Debug)]
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons after the supply came on. A part that finds its RAM intact takes it for a brown-out, which
-    /// it cannot distinguish.
+    /// Returns the reasons after the supply came on. A part that finds its RAM intact takes the power-on for a
+    /// brown-out, because it cannot distinguish the two.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }

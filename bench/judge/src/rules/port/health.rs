@@ -17,7 +17,7 @@ use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Health {
     /// When the DPR last started, ns.

@@ -58,7 +58,7 @@ struct Entry {
     models: Vec<Model>,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Port {
     layout: Layout,
@@ -211,7 +211,8 @@ impl Port {
             }
             return;
         }
-        // What was written before the last but one rise of FRESH shows; what was written before the last rise may show.
+        // What was written before the last but one rise of FRESH must show; what was written before the last rise may
+        // show.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -299,8 +300,9 @@ impl Port {
 }
 
 /// Returns whether Port-Status may say `now` after `before` and `transactions` transactions, of which it is not known
-/// what the DPR received. Each transaction counts at most once, and twice as one too many. A transaction from before
-/// `before` may also show after it; there are at most [`bounds::SSI_BUDGET`] of these for each of two images.
+/// what the DPR received. Each transaction counts at most once, and at most twice as one too many. What was written
+/// before Port-Status said `before` may show after it; such transactions number at most [`bounds::SSI_BUDGET`] for each
+/// of two images.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);

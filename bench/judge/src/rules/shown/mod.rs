@@ -10,8 +10,7 @@
 //! | the object | violation |
 //! |---|---|
 //! | HORUS never sent these bytes in this place | `ShownNeverSent` |
-//! | no frame that may be shown brought it: it is out of sequence, or did not reach the antenna | `ShownOutOfSequence`
-//! |
+//! | no frame that may be shown brought it: out of sequence, or not at the antenna | `ShownOutOfSequence` |
 //! | its image has expired | `ShownExpired` |
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
@@ -75,7 +74,7 @@ struct Due {
     until: u64,
     /// When chip select fell for the first transaction that had to show the cycle and did not, ns.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or showed in its place something that is another violation.
+    /// Whether a transaction showed the cycle, or showed in its place data that are another violation.
     answered: bool,
 }
 
@@ -95,7 +94,7 @@ struct Stale {
     serial: u64,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Shown {
     layout: Layout,
@@ -343,7 +342,7 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // The later frame that brought the object again must have replaced it.
+            // A later frame, which brought the object again, must have replaced it.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }

@@ -38,7 +38,7 @@ pub(super) struct Longest {
     pub(super) without_bring_up: Option<u64>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
     /// The causes after which nothing sent later has been read yet.
@@ -74,7 +74,7 @@ impl Recovery {
                 self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
-            // The power-on of both boards at the begin of the run is no cause.
+            // The power-on of both boards at the beginning of the run is no cause.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
                 self.hung[*board as usize] = false;

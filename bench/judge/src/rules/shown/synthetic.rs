@@ -50,7 +50,7 @@ impl Image {
     }
 }
 
-/// The description of a run.
+/// The description of a run, from which a log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub(crate) n: usize,

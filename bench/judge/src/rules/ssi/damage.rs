@@ -18,7 +18,7 @@ const REMEMBERED: usize = 16;
 /// The bytes that a scrub fills buffers with.
 const FILLS: [u8; 2] = [0x00, 0xFF];
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Damage {
     links: VecDeque<[u8; LinkStatus::SIZE]>,

@@ -46,8 +46,8 @@ impl Mark {
     }
 
     /// Returns whether the image was made after the image of `before`. If both have the same time and counts, the one
-    /// with the greater age is newer; if their status differs, the order cannot be determined. An image without objects
-    /// may withdraw those of the other within a millisecond.
+    /// with the greater age is newer. If their status differs, the order cannot be determined. An image without objects
+    /// may withdraw the objects of the other image within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -102,7 +102,7 @@ impl Claim {
     }
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     /// The rises in order of time.

@@ -9,7 +9,7 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// The number of cycles that are kept: far more than the age of any image.
+/// The number of cycles that are kept. They span far more than the age of any image.
 const REMEMBERED: usize = 100;
 
 /// The number of ticks that are kept. Few suffice, because a frame is sent within its cycle.
@@ -42,7 +42,7 @@ struct Cycle {
     profile: Vec<u8>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycles {
     cycles: VecDeque<Cycle>,

@@ -57,7 +57,7 @@ use fresh::Claims;
 use latency::Cycles;
 use service::Service;
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Ssi {
     service: Service,
@@ -145,7 +145,7 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // An image of which a bit was hit cannot be identified.
+                // It cannot be determined which image this is if one of its bits was hit.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;

@@ -57,19 +57,19 @@ struct Pending {
     owed: bool,
 }
 
-/// Transactions in a row that read only 0xFF.
+/// A row of transactions that read only 0xFF.
 #[derive(Clone, Copy, Debug)]
 struct Streak {
-    /// When chip select fell for the first of them, ns.
+    /// When chip select fell for the first transaction of the row, ns.
     first: u64,
-    /// When chip select fell for the last of them, ns.
+    /// When chip select fell for the last transaction of the row, ns.
     last: u64,
     count: u64,
     /// Whether the buffers were held for too long meanwhile, which is a separate violation.
     explained: bool,
     /// Whether these transactions have been reported as silence.
     told: bool,
-    /// Whether the first of them had no reason to read only 0xFF.
+    /// Whether the first transaction of the row had no reason to read only 0xFF.
     unserved: bool,
 }
 
@@ -79,7 +79,7 @@ impl Streak {
     }
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
@@ -145,7 +145,7 @@ impl Service {
         }
     }
 
-    /// Starts anew. What was under way is not judged, since the restart is.
+    /// Starts anew. What was under way is not judged, because the restart itself is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
         // The DPR's SPI peripheral does not serve a transaction that is under way at its start. The instants at which
@@ -176,11 +176,11 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that nothing is owed to it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // If the processor takes the buffers now, it does so because of that transaction.
+        // If the processor takes the buffers now, it does so because of the misused transaction.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Reports what should have happened before `now`.
+    /// Reports a readiness or a transaction that is overdue at `now`.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
@@ -331,7 +331,7 @@ impl Service {
         }
     }
 
-    /// Records a transaction that has read only 0xFF; `unserved` says whether it had no reason to.
+    /// Records a transaction that has read only 0xFF; `unserved` says whether there was no reason for that.
     fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
         let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);

@@ -316,7 +316,7 @@ fn a_message_that_repeats_the_time_of_week_of_one_that_is_doubtful_is_as_old_or_
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
             let status = values.status.with_stale(true).with_heard(true);
             let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
-            // Otherwise it is the age of the burst before, which HORUS has certainly taken.
+            // If HORUS has certainly taken the burst before, the age is that of the burst before.
             let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
             gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);

@@ -7,8 +7,7 @@ fn a_flawless_run_has_its_figures_and_no_violation() {
         let scene = Scene::new(gps);
         let (broken, figures) = found(Content::new(&header(gps)), &scene.events(unchanged).log());
         assert_eq!(broken, []);
-        // The position is the first message of the burst, so the burst has not arrived completely when the position
-        // has.
+        // The position is the first message of the burst, so it has arrived before the burst is complete.
         let last = scene.receivers[0].iter().rfind(|burst| burst.arrived() <= tick(120) + 9 * MS).unwrap();
         let arrived = last.at + NavPvt::WIRE as u64 * BYTE_NS;
         assert_eq!(figures.last_solution_ns, vec![Some(arrived); gps]);
@@ -223,7 +222,7 @@ fn a_position_is_valid_only_in_the_ranges_of_decision_15() {
         assert_eq!(position(|pvt| change(pvt, wrong), None, 3), [], "{wrong}");
         let mut scene = Scene::new(1);
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, wrong)));
-        // HORUS shows the position in spite of that.
+        // HORUS shows the position although its message makes it invalid.
         assert_eq!(scene.said(unchanged)[0].0, Violation::StatusWrong, "{wrong}");
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, right)));
         let kinds: Vec<_> = scene.said(unchanged).into_iter().map(|(violation, _)| violation).collect();

@@ -132,7 +132,7 @@ fn who_was_excluded_is_in_the_figures() {
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
     let (from, until) = (shows(&scene, 5), shows(&scene, 9));
-    // The voter may follow a cycle later.
+    // The voter may exclude the receiver a cycle after the receiver's object shows the stray position.
     assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
     assert_eq!(excluded(&scene, from + 1..until + 100), []);
     assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
@@ -142,7 +142,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // One violation is the begin of the exclusion, and the other is its end, which comes too early.
+    // One violation is the beginning of the exclusion, and the other is its end, which comes too early.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -378,7 +378,7 @@ fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
                 pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
             }
         }
-        // GPS2 flies from when all receivers have sent messages.
+        // GPS2 flies once all receivers have sent messages.
         scene.receivers[1][3..].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().velocity_mm_s = [6_000, 0, 0]);
         let arrived: Vec<u64> = scene.receivers[1].iter().map(Burst::arrived).collect();
         let said = |off: f64| {
@@ -671,7 +671,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     assert_eq!(withheld(&scene, from..until), []);
     // In the first of these cycles HORUS may still have had the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The place was held back for 400 ms before the interruption, which does not count towards the second afterwards.
+    // The time of 400 ms for which the place was held back before it was interrupted does not count afterwards.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;

@@ -51,7 +51,7 @@ pub(super) trait Mark: Clone {
     }
 }
 
-/// Returns the way at the greatest speed, m.
+/// Returns the distance that is flown in `ns` at the greatest speed, m.
 fn flown(ns: u64) -> f64 {
     f64::from(bounds::FASTEST_MM_S) / 1e3 * ns as f64 / 1e9
 }
@@ -137,8 +137,8 @@ enum Last<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// What there was at the last tick, and at the tick before that, if it is known. Where it is not known at which of
-    /// two ticks a message was taken, the mark between covers both possibilities.
+    /// The mark at the last tick, and the mark at the tick before that, if they are known. Where it is not known at
+    /// which of two ticks a message was taken, the mark between covers both possibilities.
     before: [Option<T>; 2],
     /// The last tick at which certainly no result followed from the one of the tick before, or at which one was shown.
     broke: u64,
@@ -151,7 +151,7 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Forgets what was shown and what there was since, because it is not known.
+    /// Forgets which marks were shown and which there were since, because they are not known.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];

@@ -37,12 +37,12 @@
 //!
 //! # What is not judged
 //!
-//! - The cycle after one in which the judge has not seen every object, or has blamed one, because it is not known which
-//!   receivers were excluded before.
-//! - A position, and an agreement, while it is not known what HORUS holds: HORUS's ticks are not regular, or a message
-//!   may have been taken or not and the object shows neither.
-//! - Which of several sets of the same size wins.
-//! - The status bit that concerns HORUS's clock.
+//! - The cycle after one in which the judge has not seen every object, or has blamed one, is not judged, because it is
+//!   not known which receivers were excluded before.
+//! - A position, and an agreement, are not judged while it is not known what HORUS holds: HORUS's ticks are not
+//!   regular, or a message may have been taken or not and the object shows neither.
+//! - It is not judged which of several sets of the same size wins.
+//! - The status bit that concerns HORUS's clock is not judged here.
 //!
 //! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to apply decision 15 to what it
 //! takes from the line. What it takes is judged as for every GPS object.
@@ -83,7 +83,7 @@ struct Returning {
     did_not: Option<u64>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
@@ -111,11 +111,13 @@ pub(super) struct Vote {
 /// Whether HORUS finds in its RAM which receivers were excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ram {
-    /// HORUS finds it, because its supply stayed on.
+    /// HORUS finds in its RAM which receivers were excluded, because its supply stayed on.
     Kept,
-    /// HORUS's supply was off, and the log does not say how low its voltage went.
+    /// HORUS may find in its RAM which receivers were excluded: its supply was off, and the log does not say how low
+    /// the voltage went.
     MayBeKept,
-    /// HORUS does not find it or must not use it, because this start was a power-on.
+    /// HORUS does not find in its RAM which receivers were excluded, or must not use that, because this start was a
+    /// power-on.
     Lost,
 }
 
@@ -260,10 +262,10 @@ impl Vote {
     }
 
     /// Starts anew after `ticks` ticks. HORUS forgets everything but, where its `ram` is kept, which receivers are
-    /// excluded. These are those of the last cycle seen, or the outcome of one of at most three votes after it that no
-    /// frame shows. In those votes the receivers `heard` may have had positions that the cycle does not show. A
-    /// receiver that agreed with all others in that cycle can only be outvoted by a new position: its own, or those of
-    /// a whole quorum.
+    /// excluded. The excluded receivers are those of the last cycle seen, or the outcome of one of at most three votes
+    /// after it that no frame shows. In those votes the receivers `heard` may have had positions that the cycle does
+    /// not show. A receiver that agreed with all others in that cycle can only be outvoted by a new position: its own,
+    /// or those of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
@@ -425,7 +427,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state depends on the inputs and is judged there.
+        // Any other state depends on the inputs and is judged with them.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {

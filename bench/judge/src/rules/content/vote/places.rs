@@ -42,7 +42,7 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Returns the range of the magnitudes of its values.
+    /// Returns the range of the magnitudes of this range's values.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -292,7 +292,7 @@ impl Brought {
         Self { moved, accuracy }
     }
 
-    /// Returns what holds for either of the two.
+    /// Returns the ranges that cover both.
     fn or(self, other: Self) -> Self {
         let hull = |one: Range, other: Range| one.hull(other);
         Self {

@@ -266,7 +266,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // These images follow the repeated frame, or its missing second frame.
+            // The change concerns the images that follow the repeated frame, or its missing second frame.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
