@@ -1,11 +1,11 @@
-//! Gives each suite its board's memory layout: the firmware's own `memory.x`, and what that includes.
+//! Gives each suite its board's memory layout: the firmware's own `memory.x`, and the scripts that it includes.
 
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// What is different in the DPR's suite: script, what stands there, what takes its place. What is generic or small is
-/// made in the suite's own crates, not in the firmware's library, and has to run from RAM too, as it does in the image.
-/// So the suite needs more room than the image has.
+/// The differences of the DPR's suite: the script, the text in it, and the text that replaces it. Generic and small
+/// functions are compiled in the suite's own crates instead of the firmware's library, and have to run from RAM as they
+/// do in the image. Therefore the suite needs more room than the image has.
 const CHANGES: [(&str, &str, &str); 6] = [
     ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
     ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),
@@ -20,7 +20,7 @@ fn main() {
     let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS")) {
         (true, false) => ("dpr-fw", &["memory.x", "hot.x"]),
         (false, true) => ("horus-tx-fw", &["memory.x"]),
-        // On the host no suite is built; two boards at once have no common layout.
+        // On the host no suite is built, and two boards at once have no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

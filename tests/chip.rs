@@ -1,36 +1,37 @@
-//! As much of an ST25R3916B as a machine of the driver needs to be brought up: registers that read back as written.
+//! A model of as much of an ST25R3916B as the driver's state machines need for a bring-up: registers that read back as
+//! written.
 
 use st25r3916::Short;
 
-/// Registers (DS13541): main interrupts, timer and NFC interrupts, result of the A/D converter, auxiliary display,
-/// identity.
+/// The addresses of registers (DS13541): main interrupts, timer and NFC interrupts, result of the A/D converter,
+/// auxiliary display, identity.
 const IRQ_MAIN: usize = 0x1A;
 const IRQ_TIMER: usize = 0x1B;
 const AD_RESULT: usize = 0x25;
 const AUX_DISPLAY: usize = 0x31;
 const IDENTITY: usize = 0x3F;
 
-/// I_osc in the main interrupt register, and I_dct in the timer's.
+/// The bit I_osc of the main interrupt register, and I_dct of the timer's.
 const DONE: u8 = 0x80;
-/// The command that leads to the registers of space B.
+/// The command that gives access to the registers of space B.
 const SPACE_B: u8 = 0xFB;
-/// In a register's address: read.
+/// The bit in a register's address that requests a read.
 const READ: u8 = 0x40;
 
-/// Interrupts, errors and FIFO level as the driver's status read shows them.
+/// Interrupts, errors and FIFO level, as the driver's status read shows them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Status {
-    /// Main interrupts.
+    /// The main interrupts.
     pub main: u8,
-    /// Errors and wake-up.
+    /// The interrupts of errors and wake-up.
     pub error: u8,
-    /// Bytes in the FIFO, below 256.
+    /// The number of bytes in the FIFO, below 256.
     pub count: u8,
-    /// FIFO status 2.
+    /// The register FIFO status 2.
     pub fifo: u8,
 }
 
-/// The registers.
+/// The registers of the chip.
 pub struct Chip {
     registers: [u8; 64],
     space_b: [u8; 64],
@@ -43,7 +44,7 @@ impl Default for Chip {
 }
 
 impl Chip {
-    /// A chip on 5 V, whose oscillator, calibration and measurements end at once.
+    /// Returns a chip on 5 V, whose oscillator, calibration and measurements end at once.
     #[must_use]
     pub const fn new() -> Self {
         let mut registers = [0; 64];
@@ -55,7 +56,7 @@ impl Chip {
         Self { registers, space_b: [0; 64] }
     }
 
-    /// What status reads show from now on.
+    /// Sets what status reads show from now on.
     pub fn set_status(&mut self, status: Status) {
         let Status { main, error, count, fifo } = status;
         for (register, value) in self.registers[IRQ_MAIN..].iter_mut().zip([main, 0, error, 0, count, fifo]) {
@@ -63,7 +64,7 @@ impl Chip {
         }
     }
 
-    /// Carries a short transfer out and gives what it clocks in.
+    /// Carries out a short transfer and returns the bytes that it clocks in.
     pub fn respond(&mut self, out: &[u8]) -> [u8; Short::MAX] {
         let mut into = [0; Short::MAX];
         let (space, header) = if out[0] == SPACE_B { (&mut self.space_b, 1) } else { (&mut self.registers, 0) };

@@ -1,22 +1,23 @@
-//! The profile's code on the target: the same on both boards, so that what one seals the other verifies.
+//! Tests the profile's code on the target. The code is the same on both boards, so that each board verifies what the
+//! other seals.
 
 use profile::{crc, GpsObject, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedPosition, ReportedValues};
 
 use crate::cycles::{Bounds, Cycles};
 
-/// Receivers in the profile of the suites.
+/// The number of receivers in the profile of the suites.
 pub const RECEIVERS: usize = 3;
 
-/// The catalogue's check input.
+/// The check input of the catalogue of CRCs.
 const CHECK: &[u8] = b"123456789";
 
-/// Both CRCs give their check values (design: 0x12D3A0B1 and 0xEA8707AB).
+/// Asserts that both CRCs give their check values (design: 0x12D3A0B1 and 0xEA8707AB).
 pub fn check_values() {
     defmt::assert_eq!(crc::frame(CHECK), 0x12D3_A0B1);
     defmt::assert_eq!(crc::position(CHECK), 0xEA87_07AB);
 }
 
-/// Values that differ in every field.
+/// Returns values that differ in every field.
 fn values(timestamp: u32) -> GpsValues {
     GpsValues {
         status: GpsStatus::new().with_position_valid(true),
@@ -31,7 +32,7 @@ fn values(timestamp: u32) -> GpsValues {
     }
 }
 
-/// The values of a whole profile.
+/// Returns the values of a whole profile.
 pub fn inputs(timestamp: u32) -> (ReportedValues, [GpsValues; RECEIVERS]) {
     let gps = values(timestamp);
     let reported =
@@ -39,7 +40,7 @@ pub fn inputs(timestamp: u32) -> (ReportedValues, [GpsValues; RECEIVERS]) {
     (reported, [gps, values(timestamp), GpsValues::absent(timestamp)])
 }
 
-/// What is sealed verifies and gives its values back, absent ones bit by bit.
+/// Asserts that a sealed profile verifies and gives its values back, absent ones bit by bit.
 pub fn seal_and_verify() {
     let (reported, gps) = inputs(1230);
     let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
@@ -52,7 +53,7 @@ pub fn seal_and_verify() {
     defmt::assert_eq!(absent.pitch.to_bits(), 0x7FC0_0000);
 }
 
-/// Every single wrong bit in a sealed object is found.
+/// Asserts that every single wrong bit in a sealed object is found.
 pub fn every_wrong_bit_is_found() {
     let (reported, gps) = inputs(1230);
     let object = *GpsObject::seal(Identifier::gps(1), &gps[0]).as_bytes();
@@ -69,7 +70,7 @@ pub fn every_wrong_bit_is_found() {
     }
 }
 
-/// A scrubbed object and an object in another's place are rejected.
+/// Asserts that a scrubbed object and an object in another's place are rejected.
 pub fn nothing_but_the_object_in_its_place() {
     for fill in [0x00, 0xFF] {
         defmt::assert!(GpsObject::verify(&[fill; GpsObject::SIZE], Identifier::gps(1)).is_err());
@@ -79,7 +80,7 @@ pub fn nothing_but_the_object_in_its_place() {
     defmt::assert!(matches!(GpsObject::verify(object.as_bytes(), Identifier::gps(1)), Err(Rejection::Identifier)));
 }
 
-/// The cycles of sealing and verifying a whole profile, whatever the data.
+/// Asserts the bounds of sealing and verifying a whole profile, in cycles, whatever the data.
 pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     let zeros = (ReportedValues::absent(0), [GpsValues::absent(0); RECEIVERS]);
     let ones = inputs(u32::MAX);
@@ -91,9 +92,9 @@ pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     let mut bytes = [[0; Profile::<RECEIVERS>::SIZE]; 4];
     bytes[0].copy_from_slice(good.as_bytes());
     bytes[1] = bytes[0];
-    bytes[1][9] ^= 1; // the first object damaged in its position
+    bytes[1][9] ^= 1; // the first object is damaged in its position
     bytes[2] = [0xFF; Profile::<RECEIVERS>::SIZE];
-    // bytes[3] is scrubbed
+    // The last of the four is scrubbed.
     cycles
         .over(bytes, |bytes| Profile::<RECEIVERS>::read(bytes).map(|reading| reading.complete()).unwrap_or(false))
         .assert("Profile::verify", verify);

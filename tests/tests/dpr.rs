@@ -1,4 +1,4 @@
-//! On-target suite of the DPR (nRF52840): the profile's code, buffer rotation and scrub, and their cycles.
+//! The on-target suite of the DPR (nRF52840): the profile's code, buffer rotation and scrub, and their cycles.
 #![no_std]
 #![no_main]
 
@@ -15,26 +15,27 @@ mod ssi;
 
 use defmt_rtt as _;
 use dpr_fw::triple::Memory;
-use nrf52840_hal::pac; // the interrupt vectors too
+use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
 
-/// Where code in RAM is fetched, and how much of it the suite has room for (build.rs).
+/// The address at which code in RAM is fetched, and how much of it the suite has room for (build.rs).
 const HOT: usize = 0x0080_0000;
 const HOT_SIZE: usize = 128 * 1024;
 
-/// Words of a receive buffer of this suite: LEN, 254 bytes of payload and CRC-16, rounded up.
+/// The number of words in a receive buffer of this suite: LEN, 254 bytes of payload and CRC-16, rounded up.
 const WORDS: usize = 65;
 
-/// What a scrub does once with each of its two patterns. Sound memory has no bit that differs.
+/// Does once what a scrub does with each of its two patterns. Sound memory has no bit that differs.
 ///
-/// Inlined like a scrub's own passes: the compiler knows the pattern in both places, and makes the same code of both.
+/// This is inlined like a scrub's own passes: the compiler knows the pattern in both places, and makes the same code of
+/// both.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);
     defmt::assert!(memory.differing_bits(pattern) == 0);
 }
 
-// No watchdog: a suite feeds none.
+// The suite starts no watchdog, because it would not feed one.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]
@@ -104,15 +105,15 @@ mod tests {
         let mut memory = [0xA5A5_5A5A; WORDS];
         let ones = cycles.over([()], |()| pass(&mut memory, u32::MAX));
         let zeros = cycles.over([()], |()| pass(&mut memory, 0));
-        // Behind a reference, as the firmware has its buffers: nothing is copied, only the scrub takes time.
+        // The buffer is behind a reference, as in the firmware. Nothing is copied, so only the scrub takes time.
         let scrub = cycles.over([()], |()| {
             defmt::assert!(Dirty::new(&mut memory).scrub().is_ok());
         });
-        // To read a word back and to count its bits takes more than two instructions.
+        // Reading a word back and counting its bits takes more than two instructions.
         ones.assert_at_least("fill and read-back of ones", 2 * WORDS as u32);
         zeros.assert_at_least("fill and read-back of zeros", 2 * WORDS as u32);
-        // A sixteenth for reading the counter and, on a board, for how the code lies in the lines of the flash. To read
-        // back is nine tenths of a pass.
+        // A sixteenth is allowed for reading the counter and, on a board, for how the code lies in the lines of the
+        // flash. Reading back takes nine tenths of a pass.
         let both = ones.min + zeros.min;
         scrub.assert_at_least("both passes of a scrub", both - both / 16);
     }

@@ -1,7 +1,7 @@
-//! A suite for the DPR's board that fails: what a failure looks like to who runs a suite.
+//! A suite for the DPR's board that fails, to show what a failure looks like to the person who runs a suite.
 //!
-//! `xtask/tests/failing_suite.rs` runs it; it is none of those that `cargo xtask test` runs. Its first start ends in a
-//! watchdog reset, as a suite's does that meets the watchdog of the image before it; the second ends in a test that
+//! `xtask/tests/failing_suite.rs` runs this suite; `cargo xtask test` does not. The first start ends in a watchdog
+//! reset, like that of a suite that meets the watchdog of the image before it. The second start ends in a test that
 //! fails.
 #![no_std]
 #![no_main]
@@ -10,27 +10,27 @@
 mod protection;
 
 use defmt_rtt as _;
-use nrf52840_hal::pac; // the interrupt vectors too
+use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
 
-/// What this start begins with.
+/// The state with which this start begins.
 struct Start {
     watchdog: pac::WDT,
-    /// The watchdog was why.
+    /// Whether the watchdog caused this start.
     bitten: bool,
 }
 
-// No watchdog: a suite feeds none.
+// The suite's start code starts no watchdog, because the suite would not feed one.
 firmware_common::install_start!([]);
 
 #[defmt_test::tests]
 mod tests {
     use super::{pac, protection, Start};
 
-    /// 50 ms of the 32 768 Hz clock.
+    /// The watchdog's timeout: 50 ms of the 32 768 Hz clock.
     const TIMEOUT: u32 = 1637;
 
-    /// 50 ms of the core's 64 MHz.
+    /// The delay after the watchdog's reset: 50 ms of the core's 64 MHz.
     const AGAIN: u32 = 3_200_000;
 
     #[init]
@@ -46,7 +46,8 @@ mod tests {
     #[test]
     fn the_watchdog_bites_once(start: &mut Start) {
         if start.bitten {
-            // That reset took what a debugger had set up along. Who shows this suite gets the time to set it up again.
+            // The reset also undid what a debugger had set up. The delay gives the runner of this suite the time to set
+            // it up again.
             cortex_m::asm::delay(AGAIN);
             return;
         }

@@ -1,5 +1,4 @@
-//! On-target suite of the HORUS side (STM32F429): the profile's code, the filling of a cycle's objects, and their
-//! cycles.
+//! The on-target suite of HORUS (STM32F429): the profile's code, the filling of a cycle's objects, and their cycles.
 #![no_std]
 #![no_main]
 
@@ -10,7 +9,7 @@ mod transmitter;
 
 use defmt_rtt as _;
 use panic_probe as _;
-use stm32f4xx_hal as _; // the interrupt vectors
+use stm32f4xx_hal as _; // this crate brings the interrupt vectors
 
 #[defmt_test::tests]
 mod tests {
@@ -26,7 +25,8 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        // The flight image's clocks: on a board, flash wait states and with them cycles depend on the clock.
+        // These are the flight image's clocks, because on a board flash wait states, and with them cycles, depend on
+        // the clock.
         let config = Config::hse(8.MHz())
             .bypass_hse_oscillator()
             .sysclk(timing::CORE_HZ.Hz())
@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
         // The verdict on each of the four objects is a jump by its reason, which is fetched from flash: with four wait
-        // states up to 8 cycles more or less.
+        // states the time may differ by up to 8 cycles.
         profile::bounds(cycles, bounds(3_500, 2_700, 7_600, 0), bounds(2_900, 1_600, 6_200, 4 * 8));
     }
 

@@ -1,4 +1,4 @@
-//! What every rule has to know: since when each board runs, and what the bench does wrong on purpose.
+//! What every rule needs: since when each board runs, and what the bench disturbs on purpose.
 
 use profile::Layout;
 
@@ -7,40 +7,40 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// Since when a board runs.
+/// How long a board has been running, and whether it hangs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
-    /// It has a supply.
+    /// Whether the board has a supply.
     pub powered: bool,
-    /// When it last started: power-on, or the end of a reset, ns.
+    /// When the board last started, ns: power-on, or the end of a reset.
     pub since: u64,
-    /// How often it has started.
+    /// How often the board has started.
     pub starts: u64,
-    /// Since when it hangs by the bench's hand, ns, until its next start; `None` if it does not.
+    /// Since when the board hangs because the bench stopped it, ns, until its next start; `None` if it does not hang.
     pub hung: Option<u64>,
-    /// Since when one of its tasks is dead, ns, until its next start; `None` if none is.
+    /// Since when one of the board's tasks is dead, ns, until its next start; `None` if none is.
     pub dead: Option<u64>,
-    /// Its last start ended such a hang, or the death of a task.
+    /// Whether the board's last start ended a hang, or the death of a task.
     pub ended_hang: bool,
 }
 
 impl Running {
-    /// It starts, or loses its supply.
+    /// Records that the board starts, or loses its supply.
     fn ends_hang(&mut self) {
         self.ended_hang = self.hung.take().is_some() | self.dead.take().is_some();
     }
 }
 
-/// What HORUS put on the air, and what of it the DPR must or may make of what reached its antenna.
+/// What HORUS put on the air, and what the DPR must or may make of the frames that reached its antenna.
 #[derive(Clone, Debug)]
 struct Air {
     truth: Truth,
     expectation: Expectation,
-    /// Of the event that is being judged.
+    /// The delivery that belongs to the event being judged, if any.
     delivery: Option<Delivery>,
 }
 
-/// The state of the run at the event that is being judged, that event included.
+/// The state of the run at the event being judged, with that event included.
 #[derive(Clone, Debug)]
 pub struct Context {
     layout: Layout,
@@ -53,16 +53,17 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// Always there but while it takes an event, which it looks at in this context.
+    /// What is known of the air; `None` only while it takes an event, because it is moved out then to read this
+    /// context.
     air: Option<Box<Air>>,
 }
 
 impl Context {
-    /// At power-on of both boards.
+    /// Returns the state at power-on of both boards.
     ///
     /// # Panics
     ///
-    /// If there is no profile for the header's number of receivers.
+    /// Panics if no profile has the header's number of receivers.
     #[must_use]
     pub fn new(header: &Header) -> Self {
         let running = Running { powered: true, since: 0, starts: 1, hung: None, dead: None, ended_hang: false };
@@ -95,7 +96,7 @@ impl Context {
                 running.powered = *on;
                 running.since = event.at;
                 running.starts += u64::from(*on);
-                // Without a supply nothing hangs.
+                // A board without a supply does not hang.
                 running.ends_hang();
                 self.forget_window(*board);
             }
@@ -140,37 +141,37 @@ impl Context {
         self.air.as_ref().expect("it is away while an event is taken alone")
     }
 
-    /// What HORUS put on the air.
+    /// Returns what HORUS put on the air.
     ///
     /// # Panics
     ///
-    /// Within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn truth(&self) -> &Truth {
         &self.air().truth
     }
 
-    /// What the DPR must or may make of what has reached its antenna.
+    /// Returns what the DPR must or may make of the frames that reached its antenna.
     ///
     /// # Panics
     ///
-    /// Within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn expectation(&self) -> &Expectation {
         &self.air().expectation
     }
 
-    /// The frame of the event that is being judged, if it has reached the DPR's antenna.
+    /// Returns the frame of the event being judged, if it has reached the DPR's antenna.
     ///
     /// # Panics
     ///
-    /// Within [`Context::take`].
+    /// Panics if this is called within [`Context::take`].
     #[must_use]
     pub fn delivery(&self) -> Option<&Delivery> {
         self.air().delivery.as_ref()
     }
 
-    /// A DPR that starts anew has heard of no window.
+    /// Resets the window when the DPR starts anew, because a request from before the start is lost.
     fn forget_window(&mut self, board: Board) {
         if board == Board::Dpr {
             self.window = Window::default();
@@ -184,7 +185,7 @@ impl Context {
         }
     }
 
-    /// Since when a board runs.
+    /// Returns since when a board runs.
     #[must_use]
     pub fn running(&self, board: Board) -> Running {
         match board {
@@ -193,49 +194,49 @@ impl Context {
         }
     }
 
-    /// What the bench disturbs on purpose, and what is excused because of it.
+    /// Returns what the bench disturbs on purpose, and what is excused because of it.
     #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         &self.disturbances
     }
 
-    /// The instant of the last event, ns.
+    /// Returns the instant of the last event, ns.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.now
     }
 
-    /// The profile's layout.
+    /// Returns the profile's layout.
     #[must_use]
     pub fn layout(&self) -> Layout {
         self.layout
     }
 
-    /// Whether the cores' time is the longest that silicon may take.
+    /// Returns whether the run's clock charges the longest time that the cores may take on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.worst_case
     }
 
-    /// The frame of the event that is being judged, if it is [`What::Sent`] or [`What::Heard`].
+    /// Returns the frame of the event being judged, if it is [`What::Sent`] or [`What::Heard`].
     #[must_use]
     pub fn frame(&self) -> Option<&Frame> {
         self.frame.as_ref()
     }
 
-    /// The transaction of the event that is being judged, if it is [`What::Transaction`].
+    /// Returns the transaction of the event being judged, if it is [`What::Transaction`].
     #[must_use]
     pub fn reading(&self) -> Option<&Reading> {
         self.reading.as_ref()
     }
 
-    /// Which part of the image the next transaction shows.
+    /// Returns the part of the map that the next transaction shows.
     #[must_use]
     pub fn window(&self) -> Window {
         self.window
     }
 
-    /// Whether the run is over.
+    /// Returns whether the run is over.
     #[must_use]
     pub fn ended(&self) -> bool {
         self.ended

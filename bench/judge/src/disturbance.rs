@@ -1,94 +1,95 @@
-//! What the bench does wrong on purpose, and everything that the judge excuses because of it.
+//! What the bench disturbs on purpose, and everything that the judge excuses because of it.
 //!
-//! A [`Disturbance`] says what is disturbed and how; when it begins and when its cause goes away is told beside it in
-//! the log ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each of them may take away
-//! ([`Excuse`]) and how long after the cause has gone. [`Disturbances`] keeps what is excused at present; the rules ask
-//! it and keep no windows of their own.
+//! A [`Disturbance`] states what is disturbed and how. The log states beside it when it begins and when its cause goes
+//! away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance may take away
+//! ([`Excuse`]) and for how long after its cause has gone. [`Disturbances`] keeps what is excused at present; the rules
+//! ask it and keep no windows of their own.
 //!
-//! Each excuse has an end. What a firmware keeps until its next start (a counter, a flag) is excused until then, and
-//! anything else for a bounded time after the cause has gone. A start of the board that was disturbed ends what its
-//! disturbances of before excuse, unless their cause is still there.
+//! Each excuse has an end. What a firmware keeps until its next start (a counter, a flag) is excused until that start,
+//! and everything else for a bounded time after the cause has gone. When the disturbed board starts, the excuses of its
+//! earlier disturbances end, unless their cause is still there.
 //!
 //! # Where to add a disturbance
 //!
-//! Its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns. A disturbance without a line
-//! excuses nothing.
+//! A new disturbance needs its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns. A
+//! disturbance without a line excuses nothing.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Board, Event, What, bounds};
 
-/// What the bench disturbs on purpose, and how.
+/// What the bench disturbs on purpose, and how it does so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Disturbance {
-    /// What is between the antennas. Which frames it loses, damages or delays, and when it takes the field away, is in
-    /// the log beside it.
+    /// The air between the antennas. The log states separately which frames it loses, damages or delays, and when it
+    /// takes the field away.
     Air,
-    /// A receiver, its line or its bus. What it says, and how well the line carries it, is in the log beside it.
+    /// A receiver, its line or its bus. The log states separately what the receiver says, and how well the line carries
+    /// it.
     Receiver {
-        /// Which, from 0.
+        /// The receiver's number, from 0.
         receiver: usize,
     },
-    /// A pair of pins that tells HORUS's state. Its levels are in the log beside it.
+    /// A pair of pins that tells HORUS's state. The log states the pins' levels separately.
     Input {
-        /// Which: 0 the relay, 1 the motor cut, 2 the emergency measure.
+        /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
     },
-    /// What HORUS's front end sends, against what HORUS has told it.
+    /// The emission of HORUS's front end, which differs from what HORUS commanded.
     Emission,
     /// A board's front end, or a line to it.
     FrontEnd {
-        /// Whose.
+        /// The board whose front end is disturbed.
         board: Board,
-        /// How.
+        /// What is wrong with the front end.
         harm: Harm,
     },
-    /// The flight controller does not read as docs/design.md#ssi wants it.
+    /// The flight controller, which does not read as docs/design.md#ssi requires.
     FlightController {
-        /// How.
+        /// How the flight controller misbehaves.
         conduct: Conduct,
     },
-    /// A wire carries something else than was put on it.
+    /// A wire, which carries something other than what was put on it.
     Wire {
-        /// Which.
+        /// The wire that is disturbed.
         wire: Wire,
     },
-    /// The base station tells wrongly what it shows.
+    /// The base station, which states wrongly what it shows.
     BaseStation,
-    /// A board's supply is off; when it goes off and on is in the log beside it.
+    /// A board's supply, which is off. The log states separately when it goes off and on.
     Supply {
-        /// Whose.
+        /// The board whose supply is off.
         board: Board,
     },
-    /// A board is restarted, which is in the log beside it.
+    /// A restart of a board, which the log also states separately.
     Restart {
-        /// Which.
+        /// The board that restarts.
         board: Board,
     },
-    /// A board hangs, which is in the log beside it if it has a supply and does not hang already.
+    /// A hang of a board. The log also states it separately if the board has a supply and does not hang already.
     Hang {
-        /// Which.
+        /// The board that hangs.
         board: Board,
     },
-    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that
-    /// has to check in before the watchdog is fed counts: the watchdog has to restart the board.
+    /// A task whose interrupt is off for good, while the rest of its board's firmware runs. Only tasks that have to
+    /// check in before the watchdog is fed are disturbed so, since the watchdog has to restart the board.
     DeadTask {
-        /// Whose.
+        /// The board whose task is dead.
         board: Board,
-        /// By which number it checks in.
+        /// The number by which the task checks in.
         task: u8,
     },
     /// A bit of a board's memory.
     Memory {
-        /// Whose.
+        /// The board whose memory is hit.
         board: Board,
-        /// Which part of it.
+        /// The part of the memory that is hit.
         memory: Memory,
     },
-    /// Instructions or variables of a board's firmware: it does something else than it was written for.
+    /// Instructions or variables of a board's firmware, which then does something other than it was written for.
     Code {
-        /// Whose.
+        /// The board whose firmware is changed.
         board: Board,
     },
 }
@@ -97,10 +98,10 @@ pub enum Disturbance {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harm {
-    /// Its board can tell that it does not answer: it has no supply, every bit that is read from it is the same, or its
-    /// interrupt line rests high.
+    /// The board can tell that its front end does not answer: the front end has no supply, every bit that is read from
+    /// it is the same, or its interrupt line rests high.
     Silent,
-    /// It answers, and does not say what happens on the air.
+    /// The front end answers, but does not report what happens on the air.
     Deaf,
 }
 
@@ -108,31 +109,31 @@ pub enum Harm {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Conduct {
-    /// It makes no transaction.
+    /// The flight controller makes no transaction.
     Silent,
-    /// It makes transactions that docs/design.md#ssi forbids, or none that end.
+    /// The flight controller makes transactions that docs/design.md#ssi forbids, or transactions that do not end.
     Misuse,
 }
 
-/// A wire between the boards and the world.
+/// A wire between the boards and the world, or a path that is disturbed like a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wire {
-    /// The DPR's FRESH.
+    /// The DPR's FRESH wire.
     Fresh,
-    /// HORUS's TICK.
+    /// HORUS's TICK wire.
     Tick,
     /// The log's view of the pins that tell HORUS's state.
     Inputs,
-    /// The SSI's MISO.
+    /// The SSI's MISO line.
     Miso,
-    /// From the listener's front end to its antenna.
+    /// The connection from the listener's front end to its antenna.
     Antenna,
-    /// From the flight controller to the base station.
+    /// The radio from the flight controller to the base station.
     Radio,
-    /// From all receivers' antennas to what they make of it: none of them knows that it is wrong.
+    /// The sky that all receivers see: each of them computes a wrong position without being able to tell.
     Sky,
-    /// Within the flight controller, from its client to what it does.
+    /// The path within the flight controller from its client to what it does.
     Client,
 }
 
@@ -140,63 +141,64 @@ pub enum Wire {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Memory {
-    /// The DPR's buffers that frames are received into.
+    /// The buffers into which the DPR receives frames.
     Receive,
-    /// The DPR's buffers that the SSI reads images from.
+    /// The buffers from which the SSI reads the DPR's images.
     Images,
-    /// RAM, wherever.
+    /// RAM, at any address.
     Ram,
-    /// Flash.
+    /// The board's flash.
     Flash,
-    /// A register of the core.
+    /// A register of the board's core.
     Registers,
 }
 
 /// What a disturbance may take away, or bring about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
-    /// A transmit command of HORUS may have no frame, a frame may break off or be missing, the field may drop.
+    /// A transmit command of HORUS may have no frame, a frame may break off or be missing, and the field may drop.
     Sending,
-    /// HORUS's front end may be used against its data sheet: a firmware that cannot read what it is doing goes on.
+    /// HORUS's front end may be used against its data sheet, because a firmware that cannot read from it goes on.
     HorusFrontEndUse,
-    /// The same of the DPR's.
+    /// The DPR's front end may be used against its data sheet, for the reason given at [`Excuse::HorusFrontEndUse`].
     DprFrontEndUse,
-    /// HORUS may not read what a receiver on a bus offers: this receiver, where one is disturbed.
+    /// HORUS may fail to read what a receiver on a bus offers. The excuse is for one receiver where one is disturbed.
     Polling,
-    /// HORUS may not take what it reads of a receiver on a bus: this receiver.
+    /// HORUS may fail to use what it reads from a receiver on a bus. The excuse is for one receiver.
     Taking,
-    /// A receiver may be set otherwise than HORUS needs it: this receiver, where one is disturbed.
+    /// A receiver may have settings other than those that HORUS needs. The excuse is for one receiver where one is
+    /// disturbed.
     Settings,
-    /// A receiver may say that it is where it is not, or nothing, or may be excluded for that: this receiver.
+    /// A receiver may state a wrong position or none, and may be excluded for that. The excuse is for one receiver.
     Position,
-    /// What HORUS says of its receivers, its vote and its inputs may not be what they say now.
+    /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
     Content,
-    /// The DPR may not hear a frame that reaches its antenna, or not hand on what it has heard of it; and any cycle
-    /// that was heard may be shown.
+    /// The DPR may fail to receive a frame that reaches its antenna, or fail to pass on what it received; and any cycle
+    /// that was received may be shown.
     Hearing,
-    /// The DPR may take an image away before anybody has read it.
+    /// The DPR may withdraw an image before anybody has read it.
     Withdrawal,
-    /// An image, or what is behind it in the map, may be unsound, and one that says the same may replace it.
+    /// An image, or what is behind it in the map, may be unsound, and an image with the same content may replace it.
     UnsoundImage,
-    /// A frame may be readable late after its last bit.
+    /// A frame may become readable late after its last bit.
     Latency,
-    /// The DPR may not know how long a frame is while it arrives, and read most of it after its last bit.
+    /// The DPR may not know how long a frame is while it arrives, and may read most of it after its last bit.
     Length,
     /// The flight controller may make no transaction.
     Transactions,
-    /// The flight controller is owed no service of the SSI, what it reads is not what the DPR has sent, and what it has
-    /// written is not known.
+    /// The flight controller may go unserved over the SSI, what it reads may differ from what the DPR has sent, and
+    /// what it has written is not known.
     Service,
-    /// Link-Status may tell a RAM fault.
+    /// Link-Status may report a RAM fault.
     RamFault,
-    /// Link-Status may tell wrongly whether there is a field: the front end tells the DPR when it comes and goes, and
-    /// may not have.
+    /// Link-Status may state wrongly whether there is a field: the front end informs the DPR when the field comes and
+    /// goes, and may have failed to do so.
     NoField,
-    /// Link-Status may tell a flash fault.
+    /// Link-Status may report a flash fault.
     FlashFault,
-    /// What Link-Status has counted since the DPR's start may be off.
+    /// The counters that Link-Status has kept since the DPR's start may be wrong.
     LinkCounters,
-    /// A self-test may fail.
+    /// A self-test of the DPR may fail.
     SelfTest,
     /// HORUS may count faults.
     HorusComplaints,
@@ -207,22 +209,23 @@ pub enum Excuse {
 /// When an excuse ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// This time after the cause has gone, ns, or at the next start of the board that was disturbed.
+    /// The excuse ends this many ns after the cause has gone, or at the next start of the board that was disturbed.
     After(u64),
-    /// At this board's next start after the cause has gone: what it keeps, it keeps until then.
+    /// The excuse ends at this board's next start after the cause has gone, because the board keeps some state until
+    /// then.
     Start(Board),
 }
 
 use End::{After, Start};
 
 impl Disturbance {
-    /// What it may take away, and until when.
+    /// Returns what the disturbance may take away, and until when.
     #[rustfmt::skip]
     const fn takes(self) -> &'static [(Excuse, End)] {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
-        // A test that is under way when the bit is hit.
+        // A self-test may be under way when the bit is hit.
         const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
@@ -252,7 +255,7 @@ impl Disturbance {
                 (Excuse::Transactions, After(0)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // What HORUS sends is cut off, lost or damaged: the DPR counts that.
+            // The DPR counts frames that are cut off, lost or damaged.
             Self::Air | Self::Emission | Self::Restart { board: Horus } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Hang { board: Horus } => &[
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -277,7 +280,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // Bytes of its line may be lost.
+            // Bytes of the receiver's line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
                 (Excuse::Taking, After(bounds::READ_SETTLED)),
@@ -313,7 +316,7 @@ impl Disturbance {
             ],
             Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
-            // A firmware whose code is broken answers for what it counts.
+            // A firmware whose code is broken is not excused for the faults that it counts.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
@@ -323,20 +326,20 @@ impl Disturbance {
         }
     }
 
-    /// Whether it may take this away.
+    /// Returns whether the disturbance may take this away.
     #[must_use]
     pub fn may_take(self, excuse: Excuse) -> bool {
         self.takes().iter().any(|(own, _)| *own == excuse)
     }
 
-    /// Whether a front end may have to be brought up again after it, for which the link has
+    /// Returns whether a front end may have to be brought up again after the disturbance, for which the link has
     /// [`bounds::BRING_UP_CYCLES`].
     #[must_use]
     pub const fn brings_up(self) -> bool {
         matches!(self, Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. })
     }
 
-    /// The board that is disturbed: its next start ends what is excused, unless the cause is still there.
+    /// Returns the board that is disturbed, whose next start ends what is excused unless the cause is still there.
     const fn board(self) -> Option<Board> {
         match self {
             Self::FrontEnd { board, .. }
@@ -357,17 +360,17 @@ impl Disturbance {
     }
 }
 
-/// An excuse that is valid at present.
+/// An excuse that holds at present.
 #[derive(Clone, Copy, Debug)]
 struct Valid {
     excuse: Excuse,
-    /// The receiver that it is of; of all of them, or of none, where there is none.
+    /// The receiver that the excuse is for; `None` where it is for all receivers or concerns none.
     receiver: Option<usize>,
-    /// The board whose start ends it.
+    /// The board whose start ends the excuse.
     board: Option<Board>,
-    /// Until when its cause is there, ns.
+    /// Until when the excuse's cause is there, ns.
     until: u64,
-    /// Until when it is valid, ns, if no start ends it before.
+    /// Until when the excuse holds, ns, if no start ends it before.
     over: u64,
 }
 
@@ -377,9 +380,9 @@ const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// For each excuse, until when it is valid, ns.
+    /// The instant until which each excuse holds, ns.
     over: [u64; EXCUSES],
-    /// From when on, and until when, the DPR's front end does not answer, ns.
+    /// The last period in which the DPR's front end did not answer: its beginning and its end, ns.
     silent: (u64, u64),
 }
 
@@ -392,7 +395,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // An access that the restart has cut off.
+                // The reset may have cut off an access.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -433,10 +436,10 @@ impl Disturbances {
         *over = (*over).max(valid.over);
     }
 
-    /// A board starts, or loses its supply.
+    /// Records that a board starts, or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // What was excused until now was.
+        // An excuse that has held until now stays on record, and ends now.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -444,33 +447,33 @@ impl Disturbances {
         }
     }
 
-    /// Whether this is excused at `at`, ns.
+    /// Returns whether something is excused at `at`, ns.
     #[must_use]
     pub fn excuse(&self, excuse: Excuse, at: u64) -> bool {
         at < self.until(excuse)
     }
 
-    /// Until when this is excused as far as is known, ns; an instant of before if it is not.
+    /// Returns until when something is excused as far as is known, ns; an instant in the past if it is not excused.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
     }
 
-    /// Whether this is excused of a receiver (from 0) at `at`, ns.
+    /// Returns whether something is excused of a receiver (from 0) at `at`, ns.
     #[must_use]
     pub fn excuse_of(&self, receiver: usize, excuse: Excuse, at: u64) -> bool {
         let concerns = |valid: &&Valid| valid.excuse == excuse && valid.receiver.is_none_or(|of| of == receiver);
         self.excuse(excuse, at) && self.valid.iter().filter(concerns).any(|valid| at < valid.over)
     }
 
-    /// From when on, and until when, the DPR's front end does not answer, ns: the last time.
+    /// Returns the last period in which the DPR's front end did not answer: its beginning and its end, ns.
     #[must_use]
     pub fn silent_front_end(&self) -> (u64, u64) {
         self.silent
     }
 }
 
-/// The excuse of what a board counts.
+/// Returns the excuse for the faults that a board counts.
 #[must_use]
 pub const fn complaints(board: Board) -> Excuse {
     match board {
@@ -479,7 +482,7 @@ pub const fn complaints(board: Board) -> Excuse {
     }
 }
 
-/// The excuse of a board's front end being used against its data sheet.
+/// Returns the excuse for the use of a board's front end against its data sheet.
 #[must_use]
 pub const fn front_end_use(board: Board) -> Excuse {
     match board {
@@ -534,7 +537,8 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// What is excused, and for how long after the cause has gone, ns; nothing for until the next start.
+    /// Returns each excuse that holds, and for how long after the cause has gone, ns; `None` if it holds until the next
+    /// start.
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
@@ -661,7 +665,7 @@ mod tests {
         assert_eq!(excused(ENDS, Board::Dpr), [false; 2]);
         assert_eq!(excused(ENDS - 1, Board::Dpr), [true; 2], "its cause is still there");
         assert_eq!(excused(ENDS, Board::Horus), [true; 2]);
-        // What the DPR counts because of HORUS it counts until its own start.
+        // The DPR keeps its counts of what HORUS caused until its own start.
         let of_horus = |board| {
             let events = [(BEGINS, injected(HORUS_FRONT_END, ENDS)), (ENDS, reset(board))];
             [Excuse::Sending, Excuse::DprComplaints].map(|excuse| after(&events).excuse(excuse, ENDS + 1))
@@ -671,7 +675,7 @@ mod tests {
         let off = What::Power { board: Board::Dpr, on: false };
         let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
         assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
-        // Misuse of the SSI is no board's.
+        // Misuse of the SSI disturbs no board, so no board's start ends its excuse.
         let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
         assert!(disturbances.excuse(Excuse::Service, ENDS));
     }
@@ -680,7 +684,7 @@ mod tests {
     fn each_of_two_disturbances_that_overlap_excuses_as_it_would_alone() {
         let longer = [(BEGINS, injected(RECEIVE_BIT, ENDS)), (BEGINS + 1, injected(IMAGE_BIT, BEGINS + 2))];
         assert_eq!(after(&longer).until(Excuse::UnsoundImage), ENDS + bounds::BUFFER_REPLACED);
-        // A start between them ends the one whose cause has gone.
+        // A start between the two ends the excuses of the disturbance whose cause has gone.
         let both = [
             (BEGINS, injected(DPR_FRONT_END, BEGINS + 1)),
             (BEGINS, injected(IMAGE_BIT, ENDS)),
@@ -693,7 +697,7 @@ mod tests {
     #[test]
     fn a_start_forgets_nothing_of_what_was_excused_before_it() {
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
-        // What is over is dropped with the next disturbance.
+        // The next disturbance drops the excuses that are over.
         let over = [(BEGINS, injected(silent, ENDS)), (ENDS, injected(Disturbance::Air, ENDS))];
         for board in [Board::Horus, Board::Dpr] {
             let start = [over[0].clone(), over[1].clone(), (ENDS + 1, reset(board))];

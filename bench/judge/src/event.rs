@@ -1,40 +1,40 @@
-//! What a log holds.
+//! The events that a log holds.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Disturbance;
 
-/// What a run is known by before anything happens.
+/// What is known of a run before anything happens.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// Of this format: [`Header::VERSION`].
+    /// The version of the log's format: [`Header::VERSION`].
     pub version: u32,
-    /// Receivers in the profile: 1, 2, 3 or 5.
+    /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
-    /// Seed of everything random.
+    /// The seed of everything random in the run.
     pub seed: u64,
-    /// What the cores' time costs: `fast`, `optimistic` or `pessimistic`.
+    /// The clock that charges the cores' time: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
 }
 
 impl Header {
-    /// The format that this crate writes and reads.
+    /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Whether the cores' time is the longest that silicon may take.
+    /// Returns whether the run's clock charges the longest time that the cores may take on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"
     }
 }
 
-/// One of the two boards.
+/// One of the two boards of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Board {
-    /// The sending side.
+    /// HORUS, the sending side.
     Horus,
-    /// The receiving side.
+    /// The DPR, the receiving side.
     Dpr,
 }
 
@@ -46,19 +46,19 @@ pub enum Cause {
     PowerOn,
     /// The supply fell below the part's threshold for a moment.
     BrownOut,
-    /// The reset pin.
+    /// The reset pin was pulled.
     Pin,
-    /// A watchdog.
+    /// The watchdog reset the part.
     Watchdog,
     /// The core locked up.
     Lockup,
-    /// The firmware.
+    /// The firmware requested the reset.
     Software,
-    /// The part woke from a sleep that ends so.
+    /// The part woke from a sleep that ends in a reset.
     Wakeup,
 }
 
-/// Bytes; in a stored log two hexadecimal digits each.
+/// A string of bytes, stored in a log as two hexadecimal digits each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bytes(pub Vec<u8>);
 
@@ -98,11 +98,11 @@ impl<'de> Deserialize<'de> for Bytes {
     }
 }
 
-/// What the DPR's SPI peripheral shows of its buffers, which decide what a transaction meets.
+/// An observation of the buffers of the DPR's SPI peripheral, which decide what a transaction gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SsiEvent {
-    /// The processor has taken the buffers: a transaction that begins now reads 0xFF throughout.
+    /// The processor has taken the buffers, so a transaction that begins now reads 0xFF throughout.
     Held,
     /// The processor has given the buffers back.
     Released,
@@ -112,224 +112,231 @@ pub enum SsiEvent {
     Busy,
 }
 
-/// Something that happened. Of several at one instant, the order here is the order in the log.
+/// Something that happened. The order of the variants is the order in the log of events at one instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum What {
     /// A board's supply goes on or off.
     Power {
-        /// Which.
+        /// The board whose supply changes.
         board: Board,
-        /// On.
+        /// Whether the supply goes on.
         on: bool,
     },
     /// A board's microcontroller restarts.
     Reset {
-        /// Which.
+        /// The board that restarts.
         board: Board,
-        /// Why.
+        /// The cause of the reset.
         cause: Cause,
-        /// The bench did it on purpose: the pin, the supply.
+        /// Whether the bench reset the board on purpose, by the pin or the supply.
         asked: bool,
     },
-    /// The bench does something wrong on purpose; what it does to a board's supply or reset pin is told beside it.
+    /// The bench disturbs something on purpose. A change of a board's supply or reset pin is logged separately.
     Injected {
-        /// The kind of fault in words, as the faults' list calls it: for whoever reads or counts it. No rule does.
+        /// The kind of fault in words, as the list of faults names it, for people who read or count faults. No rule
+        /// uses it.
         kind: String,
-        /// What it disturbs.
+        /// What the fault disturbs.
         disturbs: Disturbance,
-        /// When its cause goes away, ns; the event's instant for what has no duration.
+        /// When the fault's cause goes away, ns; the event's instant if the fault has no duration.
         until: u64,
     },
-    /// A board hangs, because the bench has its core execute nothing more and take no interrupt from now on, or because
-    /// its part has warned it of a supply that falls, after which its firmware has to do nothing more either. What ends
-    /// it is the board's next start, or its supply going off.
+    /// A board hangs. Either the bench has its core execute nothing more and take no interrupt from now on, or its part
+    /// has warned it of a falling supply, after which its firmware has to do nothing more either. The board's next
+    /// start, or its supply going off, ends the hang.
     Hung {
-        /// Which.
+        /// The board that hangs.
         board: Board,
     },
     /// A board's part has warned its running firmware of a falling supply: the board has to enter its safe state.
     Warned {
-        /// Which.
+        /// The board that was warned.
         board: Board,
     },
-    /// A board's external oscillator fails, or works again. It works before the first of these.
+    /// A board's external oscillator fails, or works again. It works until the first of these events.
     Crystal {
-        /// Whose.
+        /// The board whose oscillator changes.
         board: Board,
-        /// It works.
+        /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins that tells HORUS's state are others; before the first of these no input is active.
+    /// The levels of a pair of pins that tells HORUS's state change. No input is active before the first of these
+    /// events.
     StateInput {
-        /// 0 the relay, 1 the motor cut, 2 the emergency measure.
+        /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
-        /// The pin that is high while the input is active.
+        /// The level of the pin that is high while the input is active.
         active: bool,
-        /// The pin that is high while it is not.
+        /// The level of the pin that is high while the input is inactive.
         inactive: bool,
     },
     /// HORUS's TICK pin rose: its 10 ms timer began the next cycle.
     Tick,
-    /// Where the simulated aircraft is at the tick of this instant. In a run that plays a recording nobody knows that.
+    /// The place of the simulated aircraft at the tick of this instant. A run that plays a recording has no such event,
+    /// because the place is not known.
     Aircraft {
-        /// 1e-9 degrees north.
+        /// The latitude in 1e-9 degrees, north positive.
         latitude: i64,
-        /// 1e-9 degrees east.
+        /// The longitude in 1e-9 degrees, east positive.
         longitude: i64,
-        /// Above the ellipsoid, mm.
+        /// The height above the ellipsoid, mm.
         height: i64,
     },
     /// Chip select of HORUS's front end rose after the byte of a transmit command.
     Command,
     /// HORUS's front end switched its carrier.
     Field {
-        /// On.
+        /// Whether the carrier is on.
         on: bool,
     },
     /// A frame of HORUS's front end has ended on the air; the instant is the end of its last bit.
     Sent {
-        /// Its first preamble bit, ns.
+        /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// Nominal bit rate, bit/s.
+        /// The nominal bit rate, bit/s.
         bit_rate: u32,
-        /// LEN, payload, CRC-16.
+        /// LEN, payload and CRC-16.
         bytes: Bytes,
-        /// All bytes that were announced were sent.
+        /// Whether all bytes that were announced were sent.
         whole: bool,
     },
-    /// The DPR's antenna sees a carrier, or none any more.
+    /// A carrier begins or ends at the DPR's antenna.
     FieldHeard {
-        /// It sees one.
+        /// Whether there is a carrier.
         on: bool,
     },
     /// A frame has ended at the DPR's antenna; the instant is the end of its last bit. A frame that was lost on the air
-    /// is not heard.
+    /// has no such event.
     Heard {
-        /// Its first preamble bit, ns.
+        /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// LEN, payload, CRC-16 as they arrived.
+        /// LEN, payload and CRC-16 as they arrived.
         bytes: Bytes,
-        /// All bytes that were announced arrived.
+        /// Whether all bytes that were announced arrived.
         whole: bool,
     },
-    /// The DPR's front end began to send: an answer.
+    /// The DPR's front end began to send, which would be an answer.
     Answer,
-    /// A receiver on a bus has something to say: it waits there until HORUS reads it.
+    /// A receiver on a bus has bytes to send, which wait in it until HORUS reads them.
     Offered {
-        /// Which, from 0.
+        /// The receiver's number, from 0.
         receiver: usize,
-        /// The bytes.
+        /// The bytes that wait.
         bytes: Bytes,
     },
     /// A receiver began to put bytes on its line, without a gap between them.
     Fed {
-        /// Which, from 0.
+        /// The receiver's number, from 0.
         receiver: usize,
-        /// What one byte takes, ns: the n-th byte has crossed the line n + 1 times this after the event's instant.
+        /// The time that one byte takes, ns: byte n (from 0) has crossed the line n + 1 of these times after the
+        /// event's instant.
         byte_ns: u64,
-        /// The bytes.
+        /// The bytes that cross the line.
         bytes: Bytes,
-        /// The line carried them so that a UART reads every one of them as it is: no noise, break, or other rate; on a
-        /// bus, as the receiver said them, in a transaction that was ended as it should be.
+        /// Whether the bytes arrive as the receiver sent them. On a UART this means that the line has no noise, no
+        /// break and no other bit rate; on a bus, that the transaction carried them unchanged and ended as it should.
         clean: bool,
-        /// On a bus, since when they had waited in the receiver, ns; nothing on a UART, where nothing waits.
+        /// The instant since when the bytes had waited in a receiver on a bus, ns; `None` for a UART, where no bytes
+        /// wait.
         #[serde(default)]
         since: Option<u64>,
     },
-    /// A simulated receiver is set so from now on; before the first of these of a receiver nothing is known of that.
+    /// A simulated receiver has these settings from now on. Nothing is known of them before a receiver's first such
+    /// event.
     Settings {
-        /// Which, from 0.
+        /// The receiver's number, from 0.
         receiver: usize,
-        /// By which dynamic model it navigates, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
+        /// The dynamic model by which the receiver navigates, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
         model: u8,
-        /// It puts out the message that HORUS takes positions from, NAV-PVT.
+        /// Whether the receiver sends NAV-PVT, the message that HORUS takes positions from.
         position: bool,
     },
     /// The DPR's FRESH pin rose or fell.
     Fresh {
-        /// It rose.
+        /// Whether the pin rose.
         high: bool,
-        /// Where it rose: what a transaction would have read that began when the DPR's SPI peripheral was first ready
-        /// for one; nothing if one was under way, or began before that.
+        /// Where the pin rose, the bytes that a transaction would have read that began when the DPR's SPI peripheral
+        /// was first ready for one; `None` if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
-    /// The DPR's SPI peripheral took or gave its buffers.
+    /// The state of the buffers of the DPR's SPI peripheral changed.
     Ssi(SsiEvent),
     /// The flight controller's chip select fell.
     Selected,
     /// The flight controller's chip select rose: a transaction is over.
     Transaction {
-        /// When chip select fell, ns, by the instant at which the DPR's pin saw it.
+        /// When the DPR's pin detected the fall of chip select, ns.
         selected: u64,
-        /// What the flight controller sent.
+        /// The bytes that the flight controller sent.
         mosi: Bytes,
-        /// What it read.
+        /// The bytes that the flight controller read.
         miso: Bytes,
     },
-    /// What the flight controller's client says after the transaction that ended at this instant.
+    /// The verdict of the flight controller's client after the transaction that ended at this instant.
     Decided {
-        /// The timestamp of the position to fly by, ms; nothing if there is none.
+        /// The timestamp of the position to fly by, ms; `None` if there is none.
         position: Option<u32>,
-        /// How old the sample is that was read last, when the transaction began, µs; nothing if that is not known.
+        /// The age, when the transaction began, of the sample that was read last, µs; `None` if it is not known.
         age_us: Option<u32>,
     },
-    /// The flight controller forwarded a profile to the base station, untouched.
+    /// The flight controller forwarded a profile to the base station without changing it.
     Forwarded {
-        /// The profile: the objects of the image, without Link-Status.
+        /// The profile, which is the objects of the image without Link-Status.
         profile: Bytes,
     },
     /// The base station took a profile.
     Arrived {
         /// The profile as it arrived.
         profile: Bytes,
-        /// Which of its objects the base station shows as valid: bit 0 Reported-Position, bit n GPSn.
+        /// The objects that the base station shows as valid: bit 0 is Reported-Position, bit n is GPSn.
         shown: u8,
     },
-    /// What the base station says of the drone at this instant: from time to time, and whenever its alarms change.
+    /// What the base station states about the drone at this instant. The event occurs from time to time, and whenever
+    /// the alarms change.
     Station {
-        /// How old the Reported-Position is that it shows, µs; nothing if it shows none.
+        /// The age of the Reported-Position that the base station shows, µs; `None` if it shows none.
         age_us: Option<u64>,
-        /// The alarms that hold, by the names that programs know them by.
+        /// The alarms that hold, by the names that programs use for them.
         alarms: Vec<String>,
     },
     /// A part found an access that silicon does not answer, or a state that its manual forbids.
     Finding {
-        /// On which board.
+        /// The board whose part made the finding.
         board: Board,
-        /// Its core has met a fault or locked up: the board does nothing but restart from now on.
+        /// Whether the board's core has met a fault or locked up, after which the board can only restart.
         fault: bool,
-        /// In words.
+        /// The finding in words.
         text: String,
     },
     /// A front end was used against its data sheet.
     Misuse {
-        /// On which board.
+        /// The board whose front end was misused.
         board: Board,
-        /// In words.
+        /// The misuse in words.
         text: String,
     },
     /// The bench acted on a board later than it was due, so the run is not exact.
     Late {
-        /// On which board.
+        /// The board on which the bench acted late.
         board: Board,
-        /// In words.
+        /// The delay in words.
         text: String,
     },
-    /// At the end of the run: a counter that the firmware keeps, read from RAM as a debug probe reads it.
+    /// The value of a counter of a firmware at the end of the run, read from RAM as a debug probe reads it.
     Counter {
-        /// Whose.
+        /// The board whose firmware keeps the counter.
         board: Board,
-        /// Its name.
+        /// The counter's name.
         name: String,
-        /// Its value; nothing if the image has no such counter.
+        /// The counter's value; `None` if the program has no such counter.
         value: Option<u32>,
     },
-    /// At the end of the run: in which part of the time the core was awake, in ten thousandths.
+    /// The share of the time in which a core was awake, in ten thousandths, at the end of the run.
     Load {
-        /// Whose.
+        /// The board whose core it is.
         board: Board,
-        /// 10 000 is always.
+        /// The share in ten thousandths; 10 000 means always.
         per_10_000: u32,
     },
     /// The run is over.
@@ -339,14 +346,14 @@ pub enum What {
 /// Something that happened, and when.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// Virtual ns since the run began.
+    /// The instant in virtual ns since the run began.
     pub at: u64,
-    /// What.
+    /// What happened.
     pub what: What,
 }
 
 impl What {
-    /// Where it stands among events of one instant.
+    /// Returns the event's place among events of one instant.
     #[must_use]
     pub fn rank(&self) -> u8 {
         match self {

@@ -1,14 +1,14 @@
-//! Which of the cycles that reach the DPR's antenna it shows: the sequence (docs/design.md#sequence), seen from
+//! Which of the cycles that reach the DPR's antenna the DPR shows: the sequence (docs/design.md#sequence), seen from
 //! outside.
 //!
-//! The judge cannot know everything that decides: whether a frame was received that came while the listener was being
-//! armed, or on which side of a limit a step falls that is nearly at it. So it keeps *every*
-//! state that a DPR which does right can be in (`State`), and lets each frame lead each state to all its successors.
-//! What they all agree on [must](Certainty::Must) be, what none allows must [never](Certainty::Never) be, and nothing
-//! is asked of the rest. While all is clear there is one state; after something unclear the states become one again
-//! when the sequence has been found from all of them, which takes four cycles.
+//! The judge cannot observe everything that decides: it cannot tell whether the listener received a frame that came
+//! while it was being armed, or on which side of a limit a step falls that is close to it. Therefore it keeps *every*
+//! state that a correct DPR can be in (`State`), and lets each frame lead each state to all its successors. What all
+//! states agree on [must](Certainty::Must) be, what none of them allows must [never](Certainty::Never) be, and the
+//! judge requires nothing of the rest. While everything is clear there is one state. After something unclear the states
+//! become one again when the sequence has been found from all of them, which takes four cycles.
 //!
-//! This is written from the design and shares no code with `profile::sequence`, which the firmware runs.
+//! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
 use std::ops::Range;
 
@@ -18,19 +18,19 @@ use profile::{CYCLE_MS, Layout, air};
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, What, bounds};
 
-/// What can be said of something that the DPR decides.
+/// What the judge can say about something that the DPR decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
-    /// A DPR that does right does not.
+    /// A correct DPR does not do it.
     Never,
-    /// It may or may not.
+    /// A correct DPR may do it or not.
     May,
-    /// A DPR that does right does.
+    /// A correct DPR does it.
     Must,
 }
 
 impl Certainty {
-    /// What is said by all of `answers`, of which there is at least one.
+    /// Returns what all of `answers` say, of which there is at least one.
     fn of(answers: impl IntoIterator<Item = bool>) -> Self {
         let (mut any, mut all) = (false, true);
         for answer in answers {
@@ -45,33 +45,34 @@ impl Certainty {
     }
 }
 
-/// A frame with a length of the profile that reached the antenna of a running DPR.
+/// A frame of one of the profile's lengths that reached the antenna of a running DPR.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Delivery {
-    /// Its first preamble bit, ns.
+    /// When the frame's first preamble bit began, ns.
     pub started: u64,
-    /// The end of its last bit, ns.
+    /// When the frame's last bit ended, ns.
     pub ended: u64,
-    /// Its number in its cycle.
+    /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// When the sample was taken that it carries, by the constants of the profile, ns.
+    /// When the sample that the frame carries was taken, by the constants of the profile, ns.
     pub sampled: u64,
-    /// The timestamp of its first valid object, ms.
+    /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
-    /// Whether the DPR received it: must or may.
+    /// Whether the DPR received the frame.
     pub received: Certainty,
-    /// Whether its cycle is in sequence, and it was received.
+    /// Whether the DPR received the frame and its cycle is in sequence.
     pub shown: Certainty,
-    /// Whether the DPR took it for a restart of HORUS: a step back.
+    /// Whether the DPR took the frame for a restart of HORUS, which is a step back of the timestamp.
     pub restarted: Certainty,
-    /// Number, bytes and fate of its valid objects.
+    /// The number of each valid object, its bytes, and whether it is shown.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
-    /// How many places it has.
+    /// The number of objects that the frame has room for.
     pub places: u32,
 }
 
 impl Delivery {
-    /// Whether it is the second frame of the cycle whose first is `first`, as far as its end and what is intact tell.
+    /// Returns whether this is the second frame of the cycle whose first frame is `first`, as far as its end and its
+    /// intact objects show.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -80,7 +81,7 @@ impl Delivery {
     }
 }
 
-/// What a cycle is to the cycles before it.
+/// How a cycle follows the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -89,23 +90,24 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// By exactly one cycle, and as punctual as the search demands.
+        /// Whether the step is exactly one cycle, and as punctual as the search requires.
         exact: bool,
     },
 }
 
-/// A state that a DPR which does right can be in.
+/// A state that a correct DPR can be in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct State {
-    /// The last cycle: its timestamp, ms, and the instant of its sample, ns.
+    /// The timestamp of the last cycle, ms, and the instant of its sample, ns.
     last: Option<(u32, u64)>,
-    /// How many cycles in a row have advanced as the search demands; with [`bounds::SEARCH_CYCLES`] it is found.
+    /// The number of cycles in a row that have advanced as the search requires; at [`bounds::SEARCH_CYCLES`] the
+    /// sequence is found.
     found: u8,
-    /// Which of the last cycle's frames have come: bit 0 the first.
+    /// The frames of the last cycle that have arrived: bit 0 stands for the first.
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
-    /// Whether the last cycle had the timestamp of the one before.
+    /// Whether the last cycle had the timestamp of the cycle before it.
     frozen: bool,
 }
 
@@ -114,7 +116,7 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// The states that a cycle's frame may lead to, and whether it is a step back there.
+    /// Passes to `to` each state that a cycle's frame may lead to, and whether the frame is a step back there.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -142,7 +144,7 @@ impl State {
         }
     }
 
-    /// What the step to a cycle may be taken for.
+    /// Passes to `to` each kind of step as which the DPR may take this cycle.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -175,7 +177,8 @@ impl State {
         }
     }
 
-    /// Until when a cycle can still continue the last one, `band` (ns) later than the design says; 0 if none can.
+    /// Returns until when a cycle can still continue the last one, ns, `band` (ns) later than the design says; 0 if
+    /// none can.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
         let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
@@ -186,34 +189,34 @@ impl State {
     }
 }
 
-/// A state in which nothing has come for so long, ns, is as good as one in which nothing ever came: what comes next
-/// is not in sequence.
+/// The time, ns, after the last cycle from which on a state counts as one in which no cycle has ever arrived, since the
+/// next cycle is then not in sequence.
 const FORGOTTEN: u64 = 300_000_000;
 
-/// Everything that a DPR which does right can have made of what reached its antenna.
+/// Everything that a correct DPR can have made of the frames that reached its antenna.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
-    /// Never empty.
+    /// The states that the DPR can be in; never empty.
     states: Vec<State>,
-    /// Until when frames may escape the listener, since the carrier came, ns.
+    /// Until when the listener may miss frames after the carrier has come, ns.
     armed: u64,
-    /// The end of the last frame of whatever length, ns.
+    /// The end of the last frame, of whatever length, ns.
     last_end: Option<u64>,
-    /// The end of the last whole frame that nothing kept the listener from hearing, ns.
+    /// The end of the last whole frame that no disturbance kept the listener from receiving, ns.
     last_whole: u64,
-    /// Between two whole frames so far apart that the DPR may have taken its front end for deaf, ns.
+    /// A period without whole frames, long enough for the DPR to take its front end for deaf, ns.
     silence: Range<u64>,
 }
 
 impl Expectation {
-    /// At power-on.
+    /// Returns the state at power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
         Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
     }
 
-    /// Takes the next event, and answers the frame if it is one that the DPR may have received.
+    /// Takes the next event. Returns the frame, if the event is one that the DPR may have received.
     pub fn take(&mut self, event: &Event, context: &Context) -> Option<Delivery> {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
@@ -223,11 +226,11 @@ impl Expectation {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
             What::Heard { started, whole, bytes } => {
-                // A listener may believe LEN rather than what arrives.
+                // A listener may go by LEN rather than by the bytes that arrive.
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
-                // What a listener may not have heard ends no silence.
+                // A frame that the listener may have missed ends no silence.
                 if whole && !context.disturbances().excuse(Excuse::Hearing, *started) {
                     let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
                     if event.at > silent_from {
@@ -246,7 +249,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // While it hangs it hands nothing on: what has not reached an image by then reaches none.
+        // A hung DPR passes nothing on, so what has not reached an image by then reaches none.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }
@@ -280,7 +283,8 @@ impl Expectation {
         })
     }
 
-    /// A frame with a timestamp has come: whether its cycle is shown if it was received, and taken for a step back.
+    /// Enters a frame with a timestamp. Returns whether its cycle is shown and whether it counts as a step back, if the
+    /// frame was received.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -310,12 +314,13 @@ impl Expectation {
                 frozen: false,
             };
             self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
-            // What it was held to be the same as may be what the DPR has not heard.
+            // The cycle may also count as frozen, because the earlier cycle with its timestamp may be one that the DPR
+            // did not receive.
             self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
             (Certainty::May, Certainty::May)
         };
-        // It may have been missed.
+        // The DPR may have missed the frame.
         if received < Certainty::Must {
             for mut state in before {
                 if state.last.is_some_and(|(_, at)| sampled.saturating_sub(at) > FORGOTTEN) {
@@ -329,7 +334,7 @@ impl Expectation {
         verdict
     }
 
-    /// Until when the sequence must be held and until when it may be, ns; 0 if it is not.
+    /// Returns until when the sequence must be held and until when it may be held, ns; 0 if it is not held.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -338,20 +343,21 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Whether the last cycle had the timestamp of the one before it.
+    /// Returns whether the last cycle had the timestamp of the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))
     }
 
-    /// Whether nothing had been heard for so long at `at` (ns) that the DPR may have taken its front end for deaf.
+    /// Returns whether no frame had arrived for so long at `at` (ns) that the DPR may have taken its front end for
+    /// deaf.
     #[must_use]
     pub fn is_silent(&self, at: u64) -> bool {
         at > self.last_whole + bounds::SILENCE || self.silence.contains(&at)
     }
 }
 
-/// The age of a cycle's sample at the last bit of its frame number `number`, ns.
+/// Returns the age of a cycle's sample at the last bit of its frame `number` (from 0), ns.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     let us = match layout.receivers() {
@@ -381,13 +387,14 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // A last cycle of each of the last 300 ms, with the sequence found or so far on the way to that.
+        // Each cycle of the last 300 ms may be the last one, with the sequence found or with any number of the search's
+        // steps.
         assert!((100..150).contains(&most), "{most}");
     }
 
     #[test]
     fn a_sample_is_as_old_at_the_last_bit_as_its_slot_and_its_frame_are_long() {
-        // The slots of the table in `profile::air`, µs.
+        // These are the slots of the table in `profile::air`, µs.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {
@@ -400,7 +407,7 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// What the step from 1000 ms, sampled at [`AT`], may be taken for.
+    /// Returns what the step from 1000 ms, sampled at [`AT`], may be taken for.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];
@@ -426,18 +433,18 @@ mod tests {
             (1_005, ms(5), Step::Irregular),
             (990, ms(10), Step::Back),
             (999, ms(10), Step::Back),
-            // Half of all timestamps are ahead.
+            // Half of all timestamps count as ahead of a given one, and the other half as behind it.
             (1_000 + u32::MAX / 2, ms(10), Step::Irregular),
             (1_000 + u32::MAX / 2 + 1, ms(10), Step::Back),
         ] {
             assert_eq!(steps(timestamp, sampled), [expected], "{timestamp}");
         }
-        // Across the end of all timestamps.
+        // The timestamps wrap around at the end of their range.
         let state = State { last: Some((u32::MAX - 5, AT)), ..State::default() };
         state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
     }
 
-    /// The limits are those of docs/design.md#sequence, and around each lies a band in which either is right.
+    /// The limits are those of docs/design.md#sequence. Around each lies a band in which either verdict is right.
     #[test]
     fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
         let late = Step::TooEarlyOrLate;
@@ -446,12 +453,12 @@ mod tests {
             (1_010, 400_000, vec![EXACT, INEXACT]),
             (1_010, 600_000, vec![EXACT, INEXACT]),
             (1_010, 600_001, vec![INEXACT]),
-            // 2.5 ms and 2 % of 10 ms.
+            // The tolerance is 2.5 ms and 2 % of 10 ms.
             (1_010, 2_399_999, vec![INEXACT]),
             (1_010, 2_400_000, vec![late, INEXACT]),
             (1_010, 3_000_000, vec![late, INEXACT]),
             (1_010, 3_000_001, vec![late]),
-            // And of 260 ms.
+            // The tolerance is 2.5 ms and 2 % of 260 ms.
             (1_260, 0, vec![INEXACT]),
             (1_260, 7_399_999, vec![INEXACT]),
             (1_260, 7_400_000, vec![late, INEXACT]),

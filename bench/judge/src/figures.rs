@@ -1,4 +1,4 @@
-//! What was measured. A series that is empty has no figures, so that absence does not look like a good value.
+//! The measured figures of a run. An empty series has no figures, so that absence does not look like a good value.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// The span of a series; nothing of an empty one.
+    /// Returns the span of a series; `None` for an empty one.
     pub fn of(series: impl IntoIterator<Item = u64>) -> Option<Self> {
         series.into_iter().fold(None, |span: Option<Self>, value| {
             Some(span.map_or(Self { min: value, max: value }, |span| Self {
@@ -25,26 +25,26 @@ impl Span {
         })
     }
 
-    /// Peak to peak.
+    /// Returns the difference of the greatest and the least value.
     #[must_use]
     pub const fn width(self) -> u64 {
         self.max - self.min
     }
 }
 
-/// Quantiles of a series: nearest rank, so each is a value that occurred.
+/// Quantiles of a series by nearest rank, so that each is a value that occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Quantiles {
     /// The median.
     pub p50: u64,
-    /// 99.9 % of the series are at or below this.
+    /// The value that 99.9 % of the series do not exceed.
     pub p999: u64,
     /// The greatest value.
     pub max: u64,
 }
 
 impl Quantiles {
-    /// The quantiles of a series; nothing of an empty one.
+    /// Returns the quantiles of a series; `None` for an empty one.
     pub fn of(series: impl IntoIterator<Item = u64>) -> Option<Self> {
         let mut sorted: Vec<u64> = series.into_iter().collect();
         sorted.sort_unstable();
@@ -56,7 +56,7 @@ impl Quantiles {
     }
 }
 
-/// A greatest value alone.
+/// The greatest value of a series, without further figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Max {
     /// The greatest value.
@@ -64,69 +64,73 @@ pub struct Max {
 }
 
 impl Max {
-    /// The greatest of a series; nothing of an empty one.
+    /// Returns the greatest value of a series; `None` for an empty one.
     pub fn of(series: impl IntoIterator<Item = u64>) -> Option<Self> {
         series.into_iter().max().map(|max| Self { max })
     }
 }
 
-/// What faults were injected, and what came of them.
+/// The faults that were injected, and their consequences.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Faults {
-    /// How many of each kind.
+    /// The number of injected faults of each kind.
     pub injected: BTreeMap<String, u64>,
-    /// How many objects were read as valid that HORUS never sent so, that were out of sequence, stale or expired.
+    /// The number of objects read as valid that HORUS never sent so, that were out of sequence, stale or expired.
     pub invalid_shown_valid: u64,
-    /// The longest from the end of a cause to the first valid object of a cycle that HORUS sent after it, in cycles of
-    /// 10 ms begun; `None` without causes.
+    /// The longest time from the end of a cause to the first valid object of a cycle that HORUS sent after it, in
+    /// cycles of 10 ms begun; `None` without causes.
     pub max_recovery_cycles: Option<u64>,
-    /// The same over the causes after which no front end had to be brought up again.
+    /// The value of `max_recovery_cycles` over the causes after which no front end had to be brought up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
-/// A receiver was excluded.
+/// The exclusion of a receiver by the voter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Exclusion {
-    /// Which, from 1.
+    /// The receiver's number, from 1.
     pub receiver: usize,
-    /// The tick with whose objects it began, ns.
+    /// The tick with whose objects the exclusion began, ns.
     pub from_ns: u64,
-    /// The tick with whose objects it was over, or the restart that ended it, ns; `None` if it lasted to the run's end.
+    /// The tick with whose objects the exclusion was over, or the restart that ended it, ns; `None` if it lasted to the
+    /// run's end.
     pub until_ns: Option<u64>,
-    /// How far it was from the farthest of the others when it began, along the ground, m; `None` if that is not known.
+    /// The receiver's distance from the farthest of the others when the exclusion began, along the ground, m; `None` if
+    /// it is not known.
     pub away_m: Option<f64>,
-    /// The same in height.
+    /// The receiver's distance in height from the farthest of the others when the exclusion began, m; `None` if it is
+    /// not known.
     pub height_m: Option<f64>,
 }
 
-/// What HORUS's voter did, over the profiles that HORUS sent.
+/// What HORUS's voter decided, over the profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
-    /// Cycles in which so many receivers agree.
+    /// The number of cycles for each number of receivers that agree.
     pub agree: BTreeMap<u64, u64>,
-    /// Cycles with fewer than are fitted.
+    /// The number of cycles in which fewer receivers agree than are fitted.
     pub degraded: u64,
-    /// Cycles without a position.
+    /// The number of cycles without a position.
     pub none: u64,
-    /// How far a valid position was from where the aircraft was at its tick, along the ground, mm: the worst; `None`
-    /// where there was no position, or nobody knows where the aircraft was.
+    /// The largest distance of a valid position from the aircraft's place at its tick, along the ground, mm; `None` if
+    /// there was no position, or the aircraft's place is not known.
     pub worst_mm: Option<u64>,
-    /// Who was excluded, in order of their beginnings: the first [`Voter::MOST_EXCLUSIONS`].
+    /// The exclusions in order of their beginnings; only the first [`Voter::MOST_EXCLUSIONS`] are kept.
     pub exclusions: Vec<Exclusion>,
 }
 
 impl Voter {
-    /// So many exclusions are kept.
+    /// The number of exclusions that are kept.
     pub const MOST_EXCLUSIONS: usize = 1_000;
 
-    /// HORUS sent a Reported-Position with this status.
+    /// Counts a Reported-Position with this status, which HORUS sent.
     pub(crate) fn reported(&mut self, status: ReportedStatus) {
         *self.agree.entry(status.receivers_agreeing().into()).or_default() += 1;
         self.degraded += u64::from(status.degraded());
         self.none += u64::from(!status.position_valid());
     }
 
-    /// Receiver (from 0) is `excluded` at the tick `at`, or not, and so far away from the others.
+    /// Records whether a receiver (from 0) is excluded at the tick `at`, and its distance from the others along the
+    /// ground and in height, m.
     pub(crate) fn excluded(&mut self, receiver: usize, at: u64, excluded: bool, away: Option<(f64, Option<f64>)>) {
         let of_this = |exclusion: &Exclusion| exclusion.receiver == receiver + 1 && exclusion.until_ns.is_none();
         match self.exclusions.iter().rposition(of_this) {
@@ -143,37 +147,37 @@ impl Voter {
     }
 }
 
-/// Figures of a run, ns unless said otherwise.
+/// The figures of a run, in ns unless stated otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
-    /// Frames whose last bit was on the air.
+    /// The number of frames whose last bit was on the air.
     pub frames_sent: u64,
-    /// Bits per second of the last frame; 0 if there was none.
+    /// The bit rate of the last frame, bit/s; 0 if there was none.
     pub bit_rate: u64,
-    /// From the first preamble bit to the last bit of the longest frame; 0 if there was none.
+    /// The time from the first preamble bit to the last bit of the longest frame; 0 if there was none.
     pub air_time_ns: u64,
-    /// Between the first frames of two cycles in a row.
+    /// The time between the first frames of two consecutive cycles.
     pub period_ns: Option<Span>,
-    /// From the tick to the transmit command of the cycle's first frame.
+    /// The time from the tick to the transmit command of the cycle's first frame.
     pub tick_to_command_ns: Option<Span>,
-    /// From the tick to the first preamble bit of the cycle's first frame.
+    /// The time from the tick to the first preamble bit of the cycle's first frame.
     pub tick_to_air_ns: Option<Span>,
-    /// From the tick that stamps the objects to the image that holds them being what the next transaction gets.
+    /// The time from the tick that stamps the objects until the next transaction gets the image that holds them.
     pub sample_to_readable: Option<Quantiles>,
-    /// From the cycle's last bit on the air to the same.
+    /// The time from the cycle's last bit on the air until the next transaction gets the image that holds its objects.
     pub last_bit_to_readable: Option<Max>,
-    /// From chip select rising to the DPR being able to serve the next transaction.
+    /// The time from the rise of chip select until the DPR can serve the next transaction.
     pub ready_ns: Option<Max>,
-    /// Cycles of HORUS whose Reported-Position was read and had a valid position.
+    /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// When chip select fell for the first of the transactions that brought no valid position any more, ns; `None` if
-    /// the last one brought one, or none ever did.
+    /// When chip select fell for the first of the final transactions without a valid position, ns; `None` if the last
+    /// transaction brought a valid position, or none ever did.
     pub invalid_since_ns: Option<u64>,
     /// For each receiver, when the last byte of its last valid position had crossed its line, ns.
     pub last_solution_ns: Vec<Option<u64>>,
-    /// The voter.
+    /// What the voter decided.
     pub voter: Voter,
-    /// Faults.
+    /// The injected faults and their consequences.
     pub faults: Faults,
 }
 

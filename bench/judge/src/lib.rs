@@ -1,28 +1,28 @@
-//! The event log of a run of the link, and what is judged of it.
+//! The event log of a run of the link, and its verdict.
 //!
-//! Boards, chips and the world beside them write one [`Log`]: what a logic analyser on the wires, an antenna between
-//! the boards and a debug probe would see, each with its instant. [`judge`] is a pure function of that log, so a log
-//! can be stored, judged again and tested without a bench. It knows the wire format (`profile`) and the design's bounds
-//! ([`bounds`]), and nothing of how a firmware is made: what a firmware counts about itself is evidence beside what was
-//! seen from outside, never instead of it.
+//! Boards, chips and the world beside them write one [`Log`]. It holds, each with its instant, what a logic analyser on
+//! the wires, an antenna between the boards and a debug probe would see. [`judge`] is a pure function of that log, so a
+//! log can be stored, judged again and tested without a bench. This crate uses the wire format (`profile`) and the
+//! design's bounds ([`bounds`]), and nothing of how a firmware is made: what a firmware counts about itself supplements
+//! the observations from outside and never replaces them.
 //!
 //! # Where to add a violation
 //!
-//! A line in [`Violation`] says what it is; the rule that finds it is in one of the files of [`rules`]; a row of the
-//! bench's table of violations (`bench/tests/violations/`) provokes it and no other. A violation without a row fails
-//! that table.
+//! A new violation needs a line in [`Violation`] that says what it is, a rule in one of the files of [`rules`] that
+//! finds it, and a row in the bench's table of violations (`bench/tests/violations/`) that provokes it and no other. A
+//! violation without a row fails that table.
 //!
 //! # What is excused
 //!
-//! What the bench does wrong on purpose is in the log with its type, and what each type excuses, from when until when,
-//! is in [`disturbance`] alone.
+//! The log records each disturbance that the bench makes on purpose, with its type. What each type excuses, from when
+//! until when, is in [`disturbance`] alone.
 //!
 //! # How rules are kept apart
 //!
-//! One cause shall show as one violation. So each rule asks of a stage only what the stage before it has brought: a
-//! frame is asked for where there was a tick, an object is asked to be shown where it reached the DPR's antenna whole,
-//! the base station is asked for what the flight controller has forwarded. What is missing at a stage is that stage's
-//! violation alone: absence is one, too.
+//! One cause shall show as one violation. Therefore each rule requires of a stage only what the stage before it has
+//! brought. The judge requires a frame where there was a tick, requires an object to be shown where it reached the
+//! DPR's antenna whole, and requires of the base station what the flight controller has forwarded. What is missing at a
+//! stage is a violation of that stage alone, because absence is a violation too.
 #![forbid(unsafe_code)]
 
 pub mod bounds;
@@ -49,7 +49,7 @@ use rules::Rule as _;
 pub use verdict::{Broken, Findings, Verdict};
 pub use violation::Violation;
 
-/// Judges a log.
+/// Judges a log and returns the verdict.
 #[must_use]
 pub fn judge(log: &Log) -> Verdict {
     let mut judge = Judge::new(&log.header);
@@ -59,7 +59,7 @@ pub fn judge(log: &Log) -> Verdict {
     judge.finish()
 }
 
-/// [`judge`], an event at a time, for a run that is too long to be kept.
+/// Judges a log like [`judge`], but one event at a time, for a run that is too long to be kept.
 #[derive(Clone, Debug)]
 pub struct Judge {
     context: Context,
@@ -68,25 +68,25 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// Nothing has happened yet.
+    /// Returns a judge of a run in which nothing has happened yet.
     #[must_use]
     pub fn new(header: &Header) -> Self {
         Self { context: Context::new(header), rules: rules::Rules::new(header), findings: Findings::default() }
     }
 
-    /// Takes the next event: events come in order of time.
+    /// Takes the next event. Events come in order of time.
     pub fn take(&mut self, event: &Event) {
         self.context.take(event);
         self.rules.take(event, &self.context, &mut self.findings);
     }
 
-    /// What was broken so far: how often each violation occurred.
+    /// Returns the violations so far, and how often each occurred.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         &self.findings
     }
 
-    /// The run is over.
+    /// Ends the run and returns the verdict.
     #[must_use]
     pub fn finish(mut self) -> Verdict {
         let mut figures = Figures::default();

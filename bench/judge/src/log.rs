@@ -1,4 +1,4 @@
-//! A log in memory and as a file: one JSON object per line, the header first.
+//! A log in memory, and as a file with one JSON object per line, the header first.
 
 use std::io::{self, BufRead, Write};
 
@@ -9,7 +9,7 @@ use crate::{Event, Header, What};
 /// A run's events, in order of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Log {
-    /// What the run is known by.
+    /// What is known of the run before anything happens.
     pub header: Header,
     /// What happened.
     pub events: Vec<Event>,
@@ -18,44 +18,44 @@ pub struct Log {
 /// Why a stored log cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// The file.
+    /// The file cannot be read.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// A line is not an event, or the first not a header.
+    /// A line is not an event, or the first line is not a header.
     #[error("line {line}")]
     Line {
-        /// Which, from 1.
+        /// The number of the line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// What is wrong with the line.
         source: serde_json::Error,
     },
-    /// There is no header.
+    /// The file has no header.
     #[error("the log is empty")]
     Empty,
-    /// It is of a format that this version does not read.
+    /// The log has a format that this version does not read.
     #[error("the log has format {found}, and this version reads format {}", Header::VERSION)]
     Version {
-        /// The file's.
+        /// The version of the file's format.
         found: u32,
     },
-    /// An event before its predecessor.
+    /// An event is earlier than the event before it.
     #[error("line {line}: an event at {at} ns after one at {before} ns")]
     Order {
-        /// Which, from 1.
+        /// The number of the line, from 1.
         line: usize,
-        /// Its instant, ns.
+        /// The instant of the event, ns.
         at: u64,
-        /// The instant of the event before it, ns.
+        /// The instant of the event before the one on this line, ns.
         before: u64,
     },
 }
 
 impl Log {
-    /// Reads a stored log. Half a line at its end, which a run leaves that was killed, is no event.
+    /// Reads a stored log. Half a line at the end, which a killed run leaves, is ignored.
     ///
     /// # Errors
     ///
-    /// [`LogError`].
+    /// Returns a [`LogError`] if the file cannot be read, or does not hold a log of this format.
     pub fn read(from: impl BufRead) -> Result<Self, LogError> {
         let mut lines = (1..).zip(from.lines()).peekable();
         let (line, first) = lines.next().ok_or(LogError::Empty)?;
@@ -79,7 +79,7 @@ impl Log {
         Ok(Self { header, events })
     }
 
-    /// Whether the run came to its end: the log of one that was killed ends anywhere.
+    /// Returns whether the run came to its end. The log of a killed run may end after any event.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.events.last().is_some_and(|event| event.what == What::End)
@@ -89,7 +89,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Returns the writer's error.
     pub fn write(&self, to: impl Write) -> io::Result<()> {
         let mut writer = LogWriter::new(to, &self.header)?;
         for event in &self.events {
@@ -99,37 +99,37 @@ impl Log {
     }
 }
 
-/// Writes a log as it comes.
+/// Writes a log while its events occur.
 #[derive(Debug)]
 pub struct LogWriter<W: Write>(W);
 
 impl<W: Write> LogWriter<W> {
-    /// Begins a log.
+    /// Begins a log by writing its header.
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Returns the writer's error.
     pub fn new(mut to: W, header: &Header) -> io::Result<Self> {
         serde_json::to_writer(&mut to, header)?;
         to.write_all(b"\n")?;
         Ok(Self(to))
     }
 
-    /// The next event.
+    /// Writes the next event.
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Returns the writer's error.
     pub fn take(&mut self, event: &Event) -> io::Result<()> {
         serde_json::to_writer(&mut self.0, event)?;
         self.0.write_all(b"\n")
     }
 
-    /// The log is complete.
+    /// Ends the log, and writes out what is buffered.
     ///
     /// # Errors
     ///
-    /// What the writer says.
+    /// Returns the writer's error.
     pub fn finish(mut self) -> io::Result<()> {
         self.0.flush()
     }

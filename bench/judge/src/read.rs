@@ -1,4 +1,4 @@
-//! What bytes on the wires mean, worked out once for all rules: frames on the air, transactions on the SSI.
+//! The meaning of the bytes on the wires, worked out once for all rules: frames on the air, transactions on the SSI.
 
 use std::ops::Range;
 
@@ -6,39 +6,39 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 use profile::ssi::REQUEST_SIZE;
 use profile::{GpsValues, Layout, LinkStatus, LinkValues, Object, Rejection, ReportedValues};
 
-/// What an object says.
+/// The values of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Reported-Position.
+    /// The values of Reported-Position.
     Reported(ReportedValues),
-    /// A GPS object.
+    /// The values of a GPS object.
     Gps(GpsValues),
 }
 
-/// What stands in an object's place.
+/// The contents of an object's place.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
-    /// An intact object that belongs there.
+    /// An intact object that belongs in this place.
     Valid {
-        /// ms since HORUS's start.
+        /// The object's timestamp, ms since HORUS's start.
         timestamp: u32,
-        /// What it says.
+        /// The object's values.
         values: Values,
     },
-    /// 0x00 or 0xFF throughout.
+    /// The place is 0x00 or 0xFF throughout.
     Vacant,
-    /// Anything else.
+    /// The place holds anything else, which was rejected for this reason.
     Unsound(Rejection),
 }
 
-/// An object's place and what stands in it.
+/// An object's place and its contents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// The object's number in the profile: 0 Reported-Position, n GPSn.
+    /// The object's number in the profile: 0 is Reported-Position, n is GPSn.
     pub index: usize,
-    /// What is there.
+    /// The contents of the place.
     pub state: State,
-    /// Its bytes.
+    /// The bytes of the place.
     pub bytes: Vec<u8>,
 }
 
@@ -58,7 +58,7 @@ impl Placed {
         Self { index, state, bytes: bytes.to_vec() }
     }
 
-    /// Its timestamp, ms, if it is valid.
+    /// Returns the object's timestamp, ms, if the object is valid.
     #[must_use]
     pub fn timestamp(&self) -> Option<u32> {
         match self.state {
@@ -68,7 +68,7 @@ impl Placed {
     }
 }
 
-/// Whether a place holds nothing: 0x00 or 0xFF throughout, as a scrub leaves it.
+/// Returns whether a place is empty: 0x00 or 0xFF throughout, as a scrub leaves it.
 #[must_use]
 pub fn is_vacant(bytes: &[u8]) -> bool {
     bytes.iter().all(|byte| *byte == 0) || bytes.iter().all(|byte| *byte == 0xFF)
@@ -79,15 +79,16 @@ pub fn is_vacant(bytes: &[u8]) -> bool {
 pub struct Frame {
     /// The payload between LEN and CRC-16.
     pub payload: Vec<u8>,
-    /// Its number in the cycle by its length, from 0; `None` if no frame of the profile is that long.
+    /// The frame's number in the cycle, from 0, which its length determines; `None` if no frame of the profile is that
+    /// long.
     pub number: Option<usize>,
-    /// Its objects; none if it has no frame's length.
+    /// The frame's objects; empty if the frame has none of the profile's lengths.
     pub objects: Vec<Placed>,
 }
 
 impl Frame {
-    /// The frame in `bytes`: LEN, payload, CRC-16. One that is not `whole` has the payload that its LEN announces if
-    /// that arrived before it broke off.
+    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. The payload of a frame that is not `whole` is as long as its
+    /// LEN announces, if that many bytes arrived before it broke off.
     #[must_use]
     pub fn of(layout: Layout, bytes: &[u8], whole: bool) -> Self {
         let announced = bytes.first().map_or(0, |len| usize::from(*len));
@@ -105,7 +106,7 @@ impl Frame {
         Self { payload: payload.to_vec(), number, objects }
     }
 
-    /// The timestamp of its first valid object, ms.
+    /// Returns the timestamp of the frame's first valid object, ms.
     #[must_use]
     pub fn timestamp(&self) -> Option<u32> {
         self.objects.iter().find_map(Placed::timestamp)
@@ -117,22 +118,22 @@ impl Frame {
 pub struct Reading {
     /// When chip select fell, ns.
     pub selected: u64,
-    /// When it rose, ns.
+    /// When chip select rose, ns.
     pub deselected: u64,
-    /// Which byte of the image came first.
+    /// The offset in the map of the first byte that was read.
     pub offset: usize,
-    /// Everything read 0xFF: the DPR was busy, or nothing was readable.
+    /// Whether every byte read 0xFF: the DPR was busy, or no image was readable.
     pub silent: bool,
-    /// Link-Status, if all of it was read.
+    /// The values of Link-Status, or the reason why it was rejected; `None` unless all of it was read.
     pub link: Option<Result<LinkValues, Rejection>>,
     /// The objects that were read whole.
     pub objects: Vec<Placed>,
-    /// What was read.
+    /// The bytes that were read.
     pub miso: Vec<u8>,
 }
 
 impl Reading {
-    /// What `miso` brought of the image, read from byte `offset` on.
+    /// Decodes what `miso` brought of the image, read from byte `offset` on.
     #[must_use]
     pub fn of(layout: Layout, selected: u64, deselected: u64, offset: usize, miso: &[u8]) -> Self {
         let within = |place: Range<usize>| {
@@ -153,35 +154,35 @@ impl Reading {
         }
     }
 
-    /// Whether every object that was read whole, and Link-Status, is intact or vacant.
+    /// Returns whether Link-Status and every object that was read whole are intact or vacant.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let unsound = |placed: &Placed| matches!(placed.state, State::Unsound(_));
         !self.objects.iter().any(unsound) && !matches!(self.link, Some(Err(_)))
     }
 
-    /// The timestamp of its first valid object, ms.
+    /// Returns the timestamp of the first valid object that was read, ms.
     #[must_use]
     pub fn timestamp(&self) -> Option<u32> {
         self.objects.iter().find_map(Placed::timestamp)
     }
 }
 
-/// Which part of the image the next transaction shows: the request of one chooses the window of the next.
+/// The part of the map that the next transaction shows. The request in one transaction chooses the window of the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
 }
 
 impl Window {
-    /// Which byte of the image comes first.
+    /// Returns the offset in the map of the window's first byte.
     #[must_use]
     pub fn offset(self) -> usize {
         self.offset
     }
 
-    /// A transaction is over, in which the flight controller sent `mosi`. What a busy DPR was asked for it has not
-    /// heard, and it still shows what it was asked for before (`dpr_fw::ssi`).
+    /// Updates the window after a transaction in which the flight controller sent `mosi`. A busy DPR does not receive
+    /// the request, and still shows the window that was requested before (`dpr_fw::ssi`).
     pub fn transaction(&mut self, layout: Layout, mosi: &[u8], silent: bool) {
         if silent {
             return;
@@ -193,26 +194,26 @@ impl Window {
     }
 }
 
-/// What the flight controller asks for with the first bytes of a transaction (docs/design.md#ssi).
+/// The request in the first bytes of a transaction (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// Nothing: the line is idle.
+    /// The flight controller requests nothing, because the line is idle.
     Nothing,
-    /// A window that lies in the map.
+    /// The flight controller requests a window that lies in the map.
     Window {
-        /// Its first byte.
+        /// The offset of the window's first byte.
         offset: usize,
     },
-    /// A window that is empty, or does not lie in the map.
+    /// The flight controller requests a window that is empty, or does not lie in the map.
     Outside,
-    /// Something whose CRC is wrong.
+    /// The request has a wrong CRC.
     Damaged,
-    /// The transaction ended in the middle of it.
+    /// The transaction ended within the request.
     Short,
 }
 
 impl Asked {
-    /// What `mosi` asks of a map of so many bytes.
+    /// Returns what `mosi` requests of a map of `map_len` bytes.
     #[must_use]
     pub fn of(mosi: &[u8], map_len: usize) -> Self {
         let request = &mosi[..mosi.len().min(REQUEST_SIZE)];
@@ -232,7 +233,7 @@ impl Asked {
     }
 }
 
-/// Whether the last four bytes are the frame CRC of those before them, most significant byte first
+/// Returns whether the last four bytes are the frame CRC of those before them, most significant byte first
 /// (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {

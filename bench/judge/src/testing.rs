@@ -1,4 +1,4 @@
-//! Logs for the tests of the rules: a flawless run, to be changed by what a test wants to be found.
+//! Logs for the tests of the rules: a flawless run, in which a test changes what the rule has to find.
 
 use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
@@ -8,44 +8,44 @@ use crate::{
     Board, Broken, Bytes, Cause, Context, Disturbance, Event, Figures, Findings, Header, Log, Violation, What, bounds,
 };
 
-/// ns in a millisecond.
+/// A millisecond, in ns.
 pub(crate) const MS: u64 = 1_000_000;
 /// When the first tick comes, ns.
 pub(crate) const FIRST_TICK: u64 = 20 * MS;
-/// From a tick to the transmit command of the cycle's first and second frame.
+/// The times from a tick to the transmit commands of the cycle's first and second frame, ns.
 pub(crate) const COMMAND: [u64; 2] = [100_000, 4_130_000];
-/// From a command to its frame's first bit.
+/// The time from a command to its frame's first bit, ns.
 pub(crate) const LATENCY: u64 = 3_650;
-/// What a byte takes on a receiver's line, ns.
+/// The time that a byte takes on a receiver's line, ns.
 pub(crate) const BYTE_NS: u64 = 21_702;
 
-/// The layout for so many receivers.
+/// Returns the layout for this number of receivers.
 pub(crate) fn layout(gps: usize) -> Layout {
     Layout::for_receivers(gps).unwrap()
 }
 
-/// A header for so many receivers.
+/// Returns a header for this number of receivers.
 pub(crate) fn header(gps: usize) -> Header {
     Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned() }
 }
 
-/// Events of a run that are sorted when all are there.
+/// The events of a run, which are sorted when all have been added.
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
-    /// Receivers.
+    /// The number of receivers.
     pub(crate) gps: usize,
     /// The events, in any order.
     pub(crate) events: Vec<Event>,
 }
 
 impl Events {
-    /// Nothing.
+    /// Returns a run without events.
     pub(crate) fn new(gps: usize) -> Self {
         Self { gps, events: vec![] }
     }
 
-    /// HORUS sends `cycles` cycles in which no receiver has said anything; the field is on before the first tick, and
-    /// the run ends before the tick after the last.
+    /// Returns a run in which HORUS sends `cycles` cycles and no receiver has sent anything. The field is on before the
+    /// first tick, and the run ends before the tick after the last one.
     pub(crate) fn flawless(gps: usize, cycles: u64) -> Self {
         let mut events = Self::new(gps);
         events.field(8 * MS, true);
@@ -60,23 +60,23 @@ impl Events {
         self
     }
 
-    /// The run is over at `at`, wherever it was before; what comes later goes.
+    /// Ends the run at `at` instead of where it ended before, and removes later events.
     pub(crate) fn end(&mut self, at: u64) -> &mut Self {
         self.events.retain(|event| event.at <= at && event.what != What::End);
         self.add(at, What::End)
     }
 
-    /// The carrier.
+    /// Switches the carrier.
     pub(crate) fn field(&mut self, at: u64, on: bool) -> &mut Self {
         self.add(at, What::Field { on })
     }
 
-    /// HORUS starts anew.
+    /// Restarts a board.
     pub(crate) fn reset(&mut self, at: u64, board: Board, asked: bool) -> &mut Self {
         self.add(at, What::Reset { board, cause: Cause::PowerOn, asked })
     }
 
-    /// `cycles` cycles from the tick at `first` on, which is the first of a start of HORUS.
+    /// Adds `cycles` cycles, of which the tick at `first` is the first after a start of HORUS.
     pub(crate) fn cycles(&mut self, first: u64, cycles: u64) -> &mut Self {
         for number in 1..=cycles {
             self.cycle(first + (number - 1) * bounds::CYCLE, number as u32 * 10);
@@ -84,12 +84,12 @@ impl Events {
         self
     }
 
-    /// A tick and the frames of its cycle, stamped `timestamp` (ms).
+    /// Adds a tick and the frames of its cycle, stamped `timestamp` (ms).
     pub(crate) fn cycle(&mut self, tick: u64, timestamp: u32) -> &mut Self {
         self.cycle_of(tick, &silent_reported(timestamp), &vec![silent_gps(timestamp); self.gps])
     }
 
-    /// A tick and the frames of its cycle that say this.
+    /// Adds a tick and the frames of its cycle, with these values.
     pub(crate) fn cycle_of(&mut self, tick: u64, reported: &ReportedValues, gps: &[GpsValues]) -> &mut Self {
         self.add(tick, What::Tick);
         let objects = objects(reported, gps);
@@ -102,7 +102,7 @@ impl Events {
         self
     }
 
-    /// A frame with this payload.
+    /// Adds a frame with this payload.
     pub(crate) fn frame(&mut self, started: u64, payload: &[u8]) -> &mut Self {
         let took = profile::air::air_time_ns(payload.len() as u8);
         let mut bytes = vec![payload.len() as u8 + 1];
@@ -111,18 +111,18 @@ impl Events {
         self.add(started + took, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true })
     }
 
-    /// A receiver puts bytes on its line.
+    /// Adds bytes that a receiver puts on its line.
     pub(crate) fn fed(&mut self, at: u64, receiver: usize, bytes: Vec<u8>) -> &mut Self {
         self.add(at, What::Fed { receiver, byte_ns: BYTE_NS, bytes: Bytes(bytes), clean: true, since: None })
     }
 
-    /// Takes the events away for which `which` holds.
+    /// Removes the events for which `which` holds.
     pub(crate) fn without(&mut self, mut which: impl FnMut(&Event) -> bool) -> &mut Self {
         self.events.retain(|event| !which(event));
         self
     }
 
-    /// The log.
+    /// Returns the log, with the events in order.
     pub(crate) fn log(&self) -> Log {
         let mut events = self.events.clone();
         events.sort_by_key(|event| (event.at, event.what.rank()));
@@ -130,19 +130,19 @@ impl Events {
     }
 }
 
-/// What Reported-Position says before any receiver has said anything.
+/// Returns the values of Reported-Position before any receiver has sent anything.
 pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {
     let absent = ReportedValues::absent(timestamp);
     ReportedValues { status: absent.status.with_degraded(true), ..absent }
 }
 
-/// What a GPS object says of a receiver that has not said anything.
+/// Returns the values of a GPS object whose receiver has not sent anything.
 pub(crate) fn silent_gps(timestamp: u32) -> GpsValues {
     let absent = GpsValues::absent(timestamp);
     GpsValues { status: absent.status.with_stale(true), ..absent }
 }
 
-/// A profile's objects.
+/// Returns a profile's objects.
 pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u8>> {
     let mut objects = vec![profile::ReportedPosition::seal(reported).as_bytes().to_vec()];
     objects.extend(
@@ -153,7 +153,7 @@ pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u
     objects
 }
 
-/// What one rule finds in a log, and the figures.
+/// Returns what one rule finds in a log, and the figures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     let (mut context, mut findings, mut figures) = (Context::new(&log.header), Findings::default(), Figures::default());
     for event in &log.events {
@@ -164,24 +164,24 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// What one rule finds in a log: which violation, how often, when first (ns); and the figures.
+/// Returns what one rule finds in a log (which violation, how often, and when first, ns), and the figures.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
 }
 
-/// A front end that does not answer.
+/// The disturbance by which the DPR's front end does not answer.
 pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
-/// The same of HORUS.
+/// The disturbance by which HORUS's front end does not answer.
 pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
-/// A flight controller that reads in a way in which it must not.
+/// The disturbance by which the flight controller reads as it must not.
 pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
-/// A bit of a buffer that frames are received into.
+/// The disturbance of a bit of a buffer into which frames are received.
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
-/// A bit of an image.
+/// The disturbance of a bit of an image.
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// The bench disturbs this until then.
+/// Returns the event that the bench disturbs this until `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

@@ -1,33 +1,33 @@
-//! What HORUS put on the air.
+//! Keeps what HORUS put on the air.
 
 use std::collections::VecDeque;
 
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// The time for which frames that were sent, or reached the antenna, are kept, ns: a transaction may be long, and an
-/// image that is not replaced may be old.
+/// The time for which frames that were sent, or that reached the antenna, are kept, ns. A transaction may be long, and
+/// an image that is not replaced may be old.
 pub const KEPT: u64 = 2_000_000_000;
 
-/// So many frames are remembered: ten seconds, or five with two frames a cycle. An image cannot be that old unless
-/// it has expired for long.
+/// The number of frames that are remembered: ten seconds, or five with two frames a cycle. An image cannot be that old
+/// unless it has been expired for long.
 const REMEMBERED: usize = 1_000;
 
-/// So many ticks are remembered: a frame ends before the next tick but one.
+/// The number of ticks that are remembered. Few suffice, because a frame ends before the next tick but one.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.
 #[derive(Clone, Debug)]
 pub struct SentFrame {
-    /// Its place among all frames that were sent: the order of age, also across a restart of HORUS.
+    /// The frame's number among all frames that were sent. It is the order of age, also across a restart of HORUS.
     pub serial: u64,
-    /// Which start of HORUS sent it.
+    /// The number of HORUS's start that sent the frame.
     horus_start: u64,
-    /// Its first preamble bit, ns.
+    /// When the frame's first preamble bit began, ns.
     pub started: u64,
-    /// The tick that it belongs to, ns, if the TICK pin showed one.
+    /// The tick that the frame belongs to, ns, if the TICK pin showed one.
     pub tick: Option<u64>,
-    /// Number in the profile and bytes of its valid objects.
+    /// The number in the profile, and the bytes, of each valid object of the frame.
     objects: Vec<(usize, Vec<u8>)>,
 }
 
@@ -62,8 +62,8 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // Of the start of HORUS before the last nothing can be shown any more, once no transaction that is
-                // judged can have begun then.
+                // A frame from an earlier start of HORUS than the last but one cannot be shown any more, once no
+                // transaction that is judged can have begun during that start.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
@@ -73,7 +73,7 @@ impl Truth {
         }
     }
 
-    /// The last frame begun by `before` (ns) that carried object number `index` with these bytes.
+    /// Returns the last frame begun by `before` (ns) that carried object number `index` with these bytes.
     #[must_use]
     pub fn find(&self, index: usize, bytes: &[u8], before: u64) -> Option<&SentFrame> {
         let carried = |frame: &&SentFrame| {
@@ -91,7 +91,7 @@ mod tests {
 
     const FRAME: u64 = 5 * MS;
 
-    /// The truth of one receiver's profiles, with the context that it needs.
+    /// The truth of one receiver's profiles, with the context that it requires.
     struct Rig {
         context: Context,
         truth: Truth,
@@ -116,7 +116,7 @@ mod tests {
             self.take(at, What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true });
         }
 
-        /// A frame whose objects are stamped `timestamp` (ms), the last of them damaged if it is not `intact`.
+        /// Sends a frame whose objects are stamped `timestamp` (ms); the last object is damaged unless `intact` is set.
         fn send(&mut self, started: u64, timestamp: u32, intact: bool) {
             let mut payload = objects(timestamp).concat();
             *payload.last_mut().unwrap() ^= u8::from(!intact);
@@ -124,7 +124,7 @@ mod tests {
             self.take(started + FRAME, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true });
         }
 
-        /// The serial number and the tick of the frame that is found for an object of this timestamp.
+        /// Returns the serial number and the tick of the frame that is found for an object of this timestamp.
         fn found(&self, index: usize, timestamp: u32, before: u64) -> Option<(u64, Option<u64>)> {
             let frame = self.truth.find(index, &objects(timestamp)[index], before)?;
             Some((frame.serial, frame.tick))
@@ -135,7 +135,7 @@ mod tests {
         testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
     }
 
-    /// The tick of a frame that began at `started` and ended after all of these ticks.
+    /// Returns the tick of a frame that began at `started` and ended after all of these ticks.
     fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
         let mut rig = Rig::new();
         ticks.iter().for_each(|at| rig.tick(*at));
@@ -154,7 +154,7 @@ mod tests {
         for after in [bounds::CYCLE, bounds::CYCLE + 1, 4 * bounds::CYCLE] {
             assert_eq!(tick_of(tick + after, &[tick]), None, "{after} ns");
         }
-        // A tick during the frame is the next cycle's, and of two before it the nearer one counts.
+        // A tick during the frame belongs to the next cycle, and of two ticks before it the nearer one counts.
         assert_eq!(tick_of(tick + MS, &[tick, tick + 2 * MS]), Some(tick));
         assert_eq!(tick_of(tick + 3 * MS, &[tick, tick + 2 * MS]), Some(tick + 2 * MS));
     }
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
         assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
         assert_eq!(rig.found(0, 30, u64::MAX), None);
-        // Reported-Position's bytes in the place of GPS1, and a part of its own.
+        // These are Reported-Position's bytes in the place of GPS1, and a part of Reported-Position in its own place.
         assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
         assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
     }
@@ -226,7 +226,7 @@ mod tests {
         rig.send(10 * MS + KEPT - FRAME + 1, 60, true);
         assert_eq!(rig.found(0, 10, u64::MAX), None);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
-        // However old they are, those of the start before and of this one stay.
+        // The frames of the start before and of this start stay, however old they are.
         rig.send(9_000 * MS, 70, true);
         assert_eq!(rig.found(0, 20, u64::MAX), None);
         assert_eq!([30, 40].map(|timestamp| rig.found(0, timestamp, u64::MAX).map(|it| it.0)), [Some(3), Some(4)]);

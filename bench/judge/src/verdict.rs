@@ -1,4 +1,4 @@
-//! What came of judging.
+//! The verdict on a run.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,13 @@ use crate::{Figures, Violation};
 /// A violation that occurred.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Broken {
-    /// Which.
+    /// The violation.
     pub violation: Violation,
-    /// How often.
+    /// How often it occurred.
     pub count: u64,
-    /// When first, ns.
+    /// When it first occurred, ns.
     pub first_at: u64,
-    /// The first in words, with its figures.
+    /// The first occurrence in words, with its figures.
     pub words: String,
 }
 
@@ -27,12 +27,12 @@ impl std::fmt::Display for Broken {
     }
 }
 
-/// Violations as they are found.
+/// The violations found so far.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings(BTreeMap<Violation, Broken>);
 
 impl Findings {
-    /// Notes one that occurred at `at` (ns); `words` is called for the first of its kind alone.
+    /// Records a violation that occurred at `at` (ns). `words` is called only for the first of its kind.
     pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
         self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
             violation,
@@ -42,13 +42,13 @@ impl Findings {
         });
     }
 
-    /// How often a violation occurred so far.
+    /// Returns how often a violation has occurred so far.
     #[must_use]
     pub fn count(&self, violation: Violation) -> u64 {
         self.0.get(&violation).map_or(0, |broken| broken.count)
     }
 
-    /// Which occurred so far, and how often.
+    /// Returns the violations that have occurred so far, and how often each has.
     pub fn counts(&self) -> impl Iterator<Item = (Violation, u64)> + '_ {
         self.0.values().map(|broken| (broken.violation, broken.count))
     }
@@ -58,17 +58,17 @@ impl Findings {
     }
 }
 
-/// What came of a log.
+/// The result of judging a log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// Every violation that occurred, in the order of [`Violation`].
     pub violations: Vec<Broken>,
-    /// What was measured.
+    /// The measured figures.
     pub figures: Figures,
 }
 
 impl Verdict {
-    /// Which violations occurred.
+    /// Returns the kinds of violations that occurred.
     pub fn kinds(&self) -> impl Iterator<Item = Violation> + '_ {
         self.violations.iter().map(|broken| broken.violation)
     }

@@ -1,11 +1,11 @@
-//! What the base station shows against what was forwarded: on logs that are spoilt in one way each.
+//! Tests what the base station shows and what was forwarded, on logs that are each changed in one way.
 
 mod common;
 
 use bench_judge::{Log, Violation, Violation::*, What, bounds};
 use common::*;
 
-/// A flawless log and the place in it of a profile that was forwarded; its arrival comes next.
+/// Returns a flawless log and the place in it of a profile that was forwarded; the event after it is its arrival.
 fn forwarding(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -41,9 +41,9 @@ fn a_profile_that_does_not_arrive_within_100_ms_or_by_the_end_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // What comes so late was not forwarded, as far as anybody can tell.
+    // A profile that arrives this late counts as not forwarded.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
-    // The last of the run.
+    // The missing profile is the last of the run.
     let mut log = log;
     let last = log.events.iter().rposition(|event| matches!(event.what, What::Arrived { .. })).unwrap();
     let at = log.events.remove(last).at;
@@ -65,7 +65,7 @@ fn a_profile_of_which_a_bit_was_changed_on_the_way_is_a_violation_and_not_missed
             *shown &= !(1 << hit.unwrap());
             assert_eq!(found(&log), [(BaseChanged, 1)], "{gps} {byte}");
         }
-        // Another length.
+        // The profile arrives with another length.
         let mut log = log;
         let (profile, shown) = arrived(&mut log, place + 1);
         profile.truncate(100);
@@ -77,7 +77,8 @@ fn a_profile_of_which_a_bit_was_changed_on_the_way_is_a_violation_and_not_missed
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // Changed long before, just before, and twice lost but once changed.
+    // A changed profile arrives long before the missing one was forwarded, or just before, or two profiles are missing
+    // and one arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -173,16 +174,16 @@ fn an_object_that_is_shown_and_not_valid_in_its_place_is_a_violation() {
         let mut log = log.clone();
         let (profile, _) = arrived(&mut log, place + 1);
         profile[plan.layout.in_profile(index).unwrap().start + 20] ^= 1;
-        // The change is the channel's, and showing it is the base station's.
+        // The channel is blamed for the change, and the base station for showing it.
         assert_eq!(found(&log), [(BaseChanged, 1), (BaseInvalid, 1)], "{index}");
     }
-    // An object that the profile does not have.
+    // The base station shows an object that the profile does not have.
     for index in plan.layout.objects()..8 {
         let mut log = log.clone();
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two in each other's places.
+    // Two objects are in each other's places.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -235,7 +236,7 @@ fn objects_of_two_cycles_shown_as_one_are_a_violation() {
         let mut log = log.clone();
         mixed(&mut log, place + 1, index);
         assert_eq!(found(&log), [(BaseMixed, 1)], "{index}");
-        // Not shown with the others, it is as if it had been changed on the way.
+        // If the object is not shown with the others, the profile counts as changed on the way.
         *arrived(&mut log, place + 1).1 &= !(1 << index);
         assert_eq!(found(&log), [(BaseChanged, 1)], "{index}");
     }
@@ -257,12 +258,12 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // Nor does it have to be shown.
+    // The torn object does not have to be shown either.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// How often a profile was not forwarded, and when first, ns.
+/// Returns how often a profile was not forwarded, and when first, ns.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
@@ -271,7 +272,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_that_is_read_and_not_forwarded_at_once_is_a_violation() {
     let log = Plan::new(3, 40).log();
-    // Another one than the one before it.
+    // The profile differs from the one before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,
@@ -282,14 +283,14 @@ fn a_new_profile_that_is_read_and_not_forwarded_at_once_is_a_violation() {
     kept.events.drain(place..=place + 1);
     assert_eq!(not_forwarded(&kept), [(1, log.events[place].at)]);
     assert_eq!(not_forwarded(&log), []);
-    // A nanosecond later is not at once.
+    // A nanosecond later is too late, because the profile must be forwarded at once.
     let at = log.events[place].at;
     let mut late = log;
     late.events[place].at += 1;
     late.events[place + 1].at += 1;
     sort(&mut late);
     assert_eq!(not_forwarded(&late), [(1, at)]);
-    // What the flight controller does while it misuses the SSI is its own.
+    // While the flight controller misuses the SSI, it need not forward anything.
     insert(&mut kept, 1, injected(MISUSE, u64::MAX));
     assert_eq!(not_forwarded(&kept), []);
 }

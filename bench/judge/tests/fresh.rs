@@ -1,4 +1,4 @@
-//! What FRESH announces against what is read: on logs that are spoilt in one way each.
+//! Tests what FRESH announces and what is read, on logs that are each changed in one way.
 
 mod common;
 
@@ -8,7 +8,7 @@ use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
-/// The places in the log of the rises of FRESH after which something is offered.
+/// Returns the places in the log of the rises of FRESH, later than `after`, at whose fall something is offered.
 fn rises(log: &Log, after: u64) -> Vec<usize> {
     let rises = log.events.iter().enumerate();
     let rises = rises.filter(|(_, event)| event.at > after && matches!(event.what, What::Fresh { high: true, .. }));
@@ -20,7 +20,7 @@ fn rises(log: &Log, after: u64) -> Vec<usize> {
     rises.filter(|(_, event)| falls(event.at)).map(|(place, _)| place).collect()
 }
 
-/// What is offered when the FRESH that rose at `place` falls.
+/// Returns what is offered when the FRESH that rose at `place` falls.
 fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
     let at = log.events[place].at + 2_000;
     let mut events = log.events.iter_mut().filter(|event| event.at == at);
@@ -32,7 +32,7 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// The log, in which FRESH offers at its rise what it otherwise offers at its fall.
+/// Returns the log with FRESH offering at its rise what it otherwise offers at its fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
     for place in rises(&log, 0) {
@@ -83,7 +83,7 @@ fn fresh_with_an_unsound_image_is_a_violation_and_what_is_read_of_it_is_not_anot
             assert_eq!(found(&log), [(FreshUnreadable, 1)], "{byte}");
             assert_eq!(judged(&log).violations[0].first_at, rose);
         }
-        // Nothing but 0xFF.
+        // Every byte that is offered is 0xFF.
         let mut log = log.clone();
         let bytes = match &mut log.events[rise].what {
             What::Fresh { offered: Some(bytes), .. } => bytes,
@@ -134,27 +134,27 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     insert(&mut again, quiet, What::Fresh { high: true, offered: Some(image.clone().into()) });
     assert_eq!(found(&again), [(FreshNotNew, 1)]);
     assert_eq!(judged(&again).violations[0].first_at, quiet);
-    // The same with an image without objects, and with an older one.
+    // The verdict is the same for an image without objects, and for an older image.
     let mut plan = plan;
     let first = plan.publications[1].clone();
     plan.publications.insert(2, Publication { at: first.at + 900_000, ..first.clone() });
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
     plan.publications[2].image = plan.publications[0].image.clone();
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
-    // While a bit of an image may be hit, one that says the same may replace it, but no older one.
+    // While a bit of an image may be hit, an image with the same content may replace it, but no older one.
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The same where nothing is known of what FRESH offers but what is read.
+        // The verdict is the same if only what is read, and not what FRESH offers, is known.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
         assert_eq!(is_old, shows == 0, "read: {shows}");
     }
-    // An image of the same time and counts that tells another status is another image.
+    // An image with the same time and counts but another status is another image.
     let values = LinkStatus::verify(&first.image[..LinkStatus::SIZE]).unwrap().values();
     let known = LinkValues { age_100us: 300, ..values };
     let old = LinkValues { age_100us: 299, ..values };
@@ -175,7 +175,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // Nothing is seen of what FRESH announces but what is read.
+    // What FRESH announces is known only from what is read.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -230,7 +230,7 @@ fn every_image_is_readable_without_fresh_where_fresh_is_stuck() {
     let verdict = judged(&stuck);
     assert_eq!(found(&stuck), [(FreshMissing, images)]);
     assert_eq!(verdict.figures.last_bit_to_readable, None);
-    // From some instant to another.
+    // FRESH is stuck from one instant to another.
     let mut stuck = log.clone();
     stuck.events.retain(|event| !(200 * MS..300 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
     assert_eq!(found(&stuck), [(FreshMissing, 10)]);
@@ -243,7 +243,7 @@ fn fresh_that_rises_after_the_image_is_readable_is_one_violation() {
     let soon = |place: &usize| next(log.events[*place].at) < log.events[*place].at + 2 * MS;
     let place = rises(&log, 200 * MS).into_iter().find(soon).unwrap();
     let at = log.events[place].at;
-    // During the first transaction that brings the image, and after it.
+    // FRESH rises during the first transaction that brings the image, or after it.
     for (after, violations) in [(1, [(LateReadable, 1)]), (400_000, [(FreshMissing, 1)])] {
         let mut log = log.clone();
         let image = offered(&mut log, place).clone();
@@ -268,7 +268,7 @@ fn a_transaction_that_lasts_for_longer_than_announcements_are_kept_is_not_judged
     insert(&mut log, over, What::Ssi(bench_judge::SsiEvent::Ready));
     let miso = image.into();
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
-    // That it lasts for so long is the flight controller's fault.
+    // The flight controller is at fault for the long transaction.
     assert_eq!(found(&log), [(NoTransaction, 1)]);
     insert(&mut log, from, injected(MISUSE, over));
     assert_eq!(found(&log), []);
@@ -289,14 +289,14 @@ fn an_image_may_be_unsound_or_tell_the_same_again_for_as_long_as_it_may_hold_a_b
         inject(&mut log, rose + 2_000);
         let violations = if hit { vec![] } else { vec![(FreshUnreadable, 1)] };
         assert_eq!(found(&log), violations, "offered, {longer}");
-        // One is read.
+        // An unsound image is read.
         let (_, mut log, place) = run(3);
         miso(&mut log, place)[100] ^= 1;
         let What::Transaction { selected, .. } = log.events[place].what else { unreachable!("a transaction") };
         inject(&mut log, selected);
         let violations = if hit { vec![] } else { vec![(Damaged, 1)] };
         assert_eq!(found(&log), violations, "read, {longer}");
-        // One replaces another that says the same.
+        // An image replaces another one with the same content.
         let (_, mut log, place) = run(3);
         let quiet = log.events[place].at + 600_000;
         let image = miso(&mut log, place).clone();

@@ -1,4 +1,5 @@
-//! A DPR that hangs owes the SSI nothing until it restarts, and what is read of it has to be right as ever.
+//! Tests that a DPR that hangs owes the SSI nothing until it restarts, and that what is read from it still has to be
+//! right.
 
 mod common;
 
@@ -6,16 +7,17 @@ use bench_judge::{Board, Disturbance, Event, Log, SsiEvent, Violation, Violation
 use common::*;
 
 const MS: u64 = 1_000_000;
-/// The DPR restarts.
+/// When the DPR restarts, ns.
 const RESTARTS: u64 = 330 * MS;
-/// When its first image after that is put in; the flight controller's last transaction before is over then.
+/// When the DPR's first image after the restart is put in, ns; the flight controller's last transaction before is over
+/// by then.
 const BACK: u64 = 344_950_000;
 
 fn hung() -> What {
     What::Hung { board: Board::Dpr }
 }
 
-/// From `from` on nothing can be read, until the DPR is back after a restart.
+/// Returns a log in which nothing can be read from `from` on until the DPR is back after a restart.
 fn silent(plan: &Plan, from: u64) -> Log {
     let mut log = plan.log();
     blind(&mut log, from, BACK);
@@ -25,15 +27,15 @@ fn silent(plan: &Plan, from: u64) -> Log {
     log
 }
 
-/// The task of the DPR that is dead where one is.
+/// The disturbance by which a task of the DPR is dead.
 const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
 
-/// A log in which the DPR hangs from `at` on.
+/// Returns what is found in a log in which the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, hung())
 }
 
-/// A log in which one of the DPR's tasks is dead from `at` on.
+/// Returns what is found in a log in which one of the DPR's tasks is dead from `at` on.
 fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
 }
@@ -49,7 +51,8 @@ fn nothing_that_a_dpr_which_hangs_does_not_serve_is_blamed_and_otherwise_it_is()
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // The last transaction before the hang was not got ready for: told if that had to be by then.
+        // The DPR did not become ready after the last transaction before the hang, which is reported if it had to be
+        // ready by then.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();
@@ -72,7 +75,7 @@ fn a_run_that_ends_while_the_dpr_hangs_tells_nothing_that_it_did_not_serve() {
     assert_eq!(judged_at(&log, first - MS), []);
     let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
     assert!(told.contains(&Silent), "{told:?}");
-    // With one transaction alone after it, it is that it was not ready.
+    // With only one transaction after the hang, the violation is that the DPR was not ready.
     log.events.retain(|event| {
         event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
     });
@@ -80,7 +83,7 @@ fn a_run_that_ends_while_the_dpr_hangs_tells_nothing_that_it_did_not_serve() {
     assert_eq!(found(&log), [(NotReady, 1)]);
 }
 
-/// The transaction that ended last before `before`.
+/// Returns when the last transaction before `before` ended, ns.
 fn last_end(log: &Log, before: u64) -> u64 {
     let is_end = |event: &&Event| matches!(event.what, What::Transaction { .. }) && event.at < before;
     log.events.iter().rfind(is_end).unwrap().at
@@ -88,7 +91,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // After a transaction, and by itself.
+    // The DPR waits too long after a transaction, or by itself.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

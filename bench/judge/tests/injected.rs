@@ -1,4 +1,4 @@
-//! What a rule makes of what the bench does wrong on purpose: what it excuses, and what it does not.
+//! Tests what a rule excuses, and does not excuse, of the disturbances that the bench makes on purpose.
 
 mod common;
 
@@ -9,12 +9,13 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// What is found at the SSI: what a test changes of what was read is not forwarded so.
+/// Returns what is found at the SSI. What a test changes in what was read is not changed in what was forwarded, so that
+/// violation is left out.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// The flight controller reads what no DPR sends, from `from` to `to`.
+/// Returns a log in which the flight controller reads bytes that the DPR did not send, from `from` to `to`.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
@@ -31,11 +32,11 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // A moment later it is.
+    // A moment later, what the flight controller reads counts as damage.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
-    // And so it is from the very instant on.
+    // The excuse ends at exactly this instant.
     for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
         let mut plan = Plan::new(3, 60);
         plan.selects.retain(|selected| selected.abs_diff(over) > 2 * MS);
@@ -48,7 +49,7 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
         insert(&mut log, from, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
-    // And no other fault excuses it.
+    // No other fault excuses the damage.
     let mut log = read_by_wrong_clocks(from, over);
     insert(&mut log, from, injected(Disturbance::Air, until));
     assert_eq!(found(&log), [(Violation::Damaged, 30)]);
@@ -94,7 +95,7 @@ fn two_images_of_one_millisecond_that_differ_in_what_they_count_are_two() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
-    // Two images without objects, 300 us apart, of which the second counts one rejected object more.
+    // There are two images without objects, 300 µs apart, of which the second counts one rejected object more.
     let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
     let at = publication.at;
     plan.publications[place].image = plan.image(at, None, values(50));
@@ -105,7 +106,7 @@ fn two_images_of_one_millisecond_that_differ_in_what_they_count_are_two() {
     assert_eq!(found(&plan.log()), []);
 }
 
-/// Frames of the log whose bytes `change` has changed at the antenna.
+/// Changes with `change` the first frame that reached the antenna at or after `at`.
 fn heard(log: &mut Log, at: u64, change: impl Fn(&mut Vec<u8>, &mut bool)) {
     let event = log.events.iter_mut().find(|event| event.at >= at && matches!(event.what, What::Heard { .. }));
     if let Some(Event { what: What::Heard { bytes, whole, .. }, .. }) = event {
@@ -121,7 +122,7 @@ fn a_frame_whose_len_was_damaged_has_the_time_of_one_that_is_read_at_its_end() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // No transaction is in the way.
+            // No transaction delays the image.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();
@@ -135,7 +136,8 @@ fn a_frame_whose_len_was_damaged_has_the_time_of_one_that_is_read_at_its_end() {
     }
 }
 
-/// The objects that the context finds in a frame of one receiver that broke off after so many of its bytes.
+/// Returns the frame's number and the number of objects that the context finds in a frame of one receiver that broke
+/// off after `bytes` of its bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -185,14 +187,14 @@ fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_i
     let dropped = |kind: Disturbance, until| {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 299 * MS, injected(kind, until));
-        // Between two frames: the next tick is at 300 ms.
+        // The field goes off between two frames, since the next tick is at 300 ms.
         insert(&mut log, 299 * MS + 1, What::Field { on: false });
         insert(&mut log, 299 * MS + 2, What::Field { on: true });
         kinds(&log).contains(&Violation::FieldDropped)
     };
     assert!(dropped(DPR_FRONT_END, 299 * MS));
     assert!(!dropped(HORUS_FRONT_END, 299 * MS));
-    // Until the firmware has brought it up again.
+    // The excuse lasts until the firmware has brought the front end up again.
     let before = |ns| 299 * MS + 1 - bounds::FRONT_END_RECOVERY - ns;
     let mut log = Plan::new(3, 40).log();
     for (ns, blamed) in [(0, true), (1, true)] {
@@ -231,7 +233,7 @@ fn what_a_front_end_had_not_handed_over_when_its_supply_failed_need_not_be_shown
         let place = plan.showing(300);
         let ended = plan.publications[place].at - common::TO_FRESH;
         let mut log = plan.log();
-        // The cycle is heard, and no image shows it.
+        // The cycle reaches the antenna, and no image shows it.
         let layout = Layout::for_receivers(3).unwrap();
         let shown = |bytes: &[u8]| bytes[layout.in_image(0).unwrap()].starts_with(&300_u32.to_le_bytes());
         for (_, miso) in transactions(&mut log).filter(|(_, miso)| shown(miso)) {

@@ -1,4 +1,4 @@
-//! How soon a cycle is readable: on logs that are spoilt in one way each.
+//! Tests how soon a cycle is readable, on logs that are each changed in one way.
 
 mod common;
 
@@ -90,7 +90,7 @@ fn frames_that_were_delayed_or_lost_on_the_air_and_cycles_without_a_tick_are_not
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // Nor is the time since a tick of long ago.
+    // The time since a tick of long ago is not measured either.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,7 +131,7 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
     }
 }
 
-/// A bit of the buffer that holds LEN.
+/// The hit bit may be one of the buffer's bits that hold LEN.
 #[test]
 fn a_frame_in_a_buffer_with_a_hit_bit_may_be_as_late_as_one_stored_whole() {
     for gps in [1, 3] {
@@ -144,7 +144,7 @@ fn a_frame_in_a_buffer_with_a_hit_bit_may_be_as_late_as_one_stored_whole() {
             let number = plan.showing(200);
             let ended = plan.publications[number].at - TO_FRESH;
             plan.publications[number].at = ended + after;
-            // No transaction is in the way.
+            // No transaction delays the image.
             plan.selects.retain(|selected| !(ended - MS..ended + MS).contains(selected));
             let mut log = plan.log();
             insert(&mut log, ended - 10 * MS, injected(kind, ended + MS));
@@ -167,7 +167,7 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
         let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
         let mut again = first.unwrap().clone();
         let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
-        // The fault has gone just before the frame, and the front end is being brought up.
+        // The fault ends just before the frame, and the front end is being brought up.
         let until = *started - 1_000;
         *started += 850_000;
         again.at += 850_000;
@@ -225,7 +225,7 @@ fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_l
     assert!(after > bounds::SAMPLE_TO_READABLE);
     assert_eq!(samples(&plan).unwrap().max, after);
     assert!(found(&plan.log()).contains(&(LateSample, 1)));
-    // A single tick, a cycle before the frame or just less.
+    // There is a single tick, a cycle before the frame or just less.
     for (less, measured) in [(0, false), (1, true)] {
         let mut plan = Plan::new(3, 40);
         let began = started(&plan, cycle).unwrap();
@@ -237,7 +237,7 @@ fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_l
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // A single tick, between the two frames of the last cycle.
+    // There is a single tick, between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

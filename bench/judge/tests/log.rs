@@ -1,4 +1,4 @@
-//! The log in memory, as a file, and as it is judged.
+//! Tests the log in memory, as a file, and as it is judged.
 
 mod common;
 
@@ -14,7 +14,7 @@ fn stored(log: &Log) -> Vec<u8> {
     file
 }
 
-/// One event of each kind, in the order of their declaration.
+/// Returns one event of each kind, in the order of their declaration.
 fn one_of_each() -> Vec<What> {
     let text = || "line 1\nline 2 \"\u{e9}\"".to_owned();
     vec![
@@ -74,7 +74,7 @@ fn a_stored_log_reads_back_equal() {
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
     let log = Plan::new(5, 20).log();
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
-    // Event by event, it is the same file.
+    // The file is the same if it is written event by event.
     let mut file = vec![];
     let mut writer = LogWriter::new(&mut file, &log.header).unwrap();
     log.events.iter().for_each(|event| writer.take(event).unwrap());
@@ -97,7 +97,7 @@ fn bytes_are_stored_as_two_hexadecimal_digits_each() {
     assert!(serde_json::from_str::<Event>(&line.replace("\"000fa5ff\"", "[0,15]")).is_err());
 }
 
-/// What reading a file with these lines says.
+/// Returns the error of reading a file with these lines.
 fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
@@ -119,12 +119,12 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // A last line that is empty is none.
+        // A last line that is empty does not count, so another line follows.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
         assert_eq!(error.to_string(), format!("line {at}"));
-        // What is wrong with it comes as the source.
+        // The source of the error states what is wrong with the line.
         assert!(std::error::Error::source(&error).is_some());
     }
     let newer = HEADER.replace("\"version\":3", "\"version\":4");
@@ -144,7 +144,7 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     for end in header..whole.len() - 1 {
         let cut = Log::read(&whole[..end]).unwrap();
         let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
-        // A line without its end may be whole.
+        // A line without its end may still be complete.
         assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
         assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
         assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");
@@ -174,19 +174,19 @@ fn what_the_file_says_is_passed_on() {
     let error = Log::read(std::io::BufReader::new(Broken)).unwrap_err();
     assert!(matches!(error, LogError::Io(_)));
     assert_eq!(error.to_string(), "the disk is gone");
-    // In the middle, too.
+    // Reading also fails if the error occurs in the middle of the file.
     let begun = std::io::Read::chain(HEADER.as_bytes(), std::io::Read::chain(&b"\n"[..], Broken));
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
     assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
-    // What is flushed last may be what does not fit.
+    // The bytes that are flushed last may be those that do not fit.
     let mut room = [0; 1 << 20];
     let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
     assert!(log.write(buffered).is_err());
     assert!(log.write(&mut room[..]).is_ok());
 }
 
-/// A log with violations of many kinds.
+/// Returns a log with violations of many kinds.
 fn spoilt() -> Log {
     let mut log = Plan::new(3, 60).log();
     let places = repeats(&log);
@@ -213,7 +213,7 @@ fn judging_is_a_function_of_the_log_alone() {
     for event in &log.events {
         judge.take(event);
     }
-    // What is found at the end is added to what was found before.
+    // The findings at the end are added to those before.
     let counts: Vec<_> = judge.findings().counts().collect();
     let verdict_of_events = judge.clone().finish();
     for (violation, count) in counts {
@@ -283,7 +283,7 @@ fn what() -> impl Strategy<Value = What> {
 }
 
 proptest! {
-    /// Whatever happens, in whatever order: a log is judged without a panic, reads back equal, and has one verdict.
+    /// Any events in any order are judged without a panic, read back equal, and have one verdict.
     #[test]
     fn any_log_reads_back_equal_and_has_one_verdict(
         steps in prop::collection::vec((0..20_000_000_u64, what()), 0..60),

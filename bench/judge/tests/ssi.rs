@@ -1,4 +1,4 @@
-//! Whether the flight controller reads, and whether the DPR serves it: on logs that are spoilt in one way each.
+//! Tests whether the flight controller reads and whether the DPR serves it, on logs that are each changed in one way.
 
 mod common;
 
@@ -9,12 +9,13 @@ use profile::LinkValues;
 
 const MS: u64 = 1_000_000;
 const CYCLE: u64 = 10 * MS;
-/// Between the flight controller's last transaction before an image is published, and FRESH for that image.
+/// An instant between the flight controller's last transaction before an image is published and FRESH for that image,
+/// ns.
 const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // With five receivers an image is put in just after a transaction, which then takes longer.
+    // The DPR is ready after the same time with every number of receivers.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -55,7 +56,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
         let mut log = without_transactions(from, to).log();
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
         insert(&mut log, from, injected(silent, until));
-        // What is over is dropped with the next.
+        // An excuse that is over is dropped with the next disturbance.
         insert(&mut log, until, injected(Disturbance::Air, until));
         let off = What::Power { board: Board::Horus, on: false };
         insert(&mut log, to - MS, off);
@@ -64,7 +65,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     }
 }
 
-/// A run in which the flight controller reads nothing from `from` to `to` (ns).
+/// Returns a run in which the flight controller reads nothing from `from` to `to` (ns).
 fn without_transactions(from: u64, to: u64) -> Plan {
     let mut plan = Plan::new(3, 60);
     let took = plan.transaction_ns();
@@ -82,7 +83,7 @@ fn a_flight_controller_that_reads_nothing_for_longer_than_100_ms_is_a_violation(
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // Twice, and to the end of the run.
+    // The flight controller twice reads nothing for so long, the second time to the end of the run.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -119,7 +120,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
     let verdict = judged(&plan.log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NeverReady, bounds::START));
-    // In its start-up time nothing is asked of it.
+    // Nothing is required of the DPR in its start-up time.
     let mut plan = Plan::new(3, 8);
     plan.publications.clear();
     assert_eq!(plan.end, bounds::START);
@@ -128,7 +129,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() {
-    // It restarts before it is selected, or while it is.
+    // The DPR restarts before it is selected, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
     }
@@ -156,7 +157,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // Let go earlier, it has to be ready.
+    // If the DPR is deselected earlier, it has to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -166,12 +167,12 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// The DPR restarts at `at`, and publishes nothing until `back`: the log, in which nothing of it is seen meanwhile.
+/// Returns the log of a run in which the events `what` happen at `at`, and nothing is seen of the DPR until `back`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// [`restarted`] in a run of this plan.
+/// Returns the log of [`restarted`] for a run of this plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -192,11 +193,11 @@ fn a_dpr_that_is_not_ready_in_time_after_a_restart_is_a_violation_and_starts_ane
         assert_eq!(found(&log), [(NeverReady, 1)], "{what:?}");
         assert_eq!(verdict.violations[0].first_at, 350 * MS);
     }
-    // Without a supply it is asked for nothing.
+    // Nothing is required of a DPR without a supply.
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // Without a restart it is a silence.
+    // If the DPR did not restart, the violation is a silence.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -225,7 +226,7 @@ fn a_dpr_that_restarts_counts_anew() {
     let mut plan = Plan::new(3, 60);
     let first = plan.publications.iter().position(|publication| publication.at >= BACK).unwrap();
     let at = plan.publications[first].at;
-    // Its first image has no objects, and its clock and counters are those of a start.
+    // The DPR's first image has no objects, and its clock and counters are those of a start.
     plan.publications[first].image = plan.image(at - 250 * MS, None, LinkValues::default());
     assert_eq!(found(&restarted_in(&plan, 250 * MS, BACK, &[dpr_reset(true)])), []);
     let unasked = found(&restarted_in(&plan, 250 * MS, BACK, &[]));
@@ -238,7 +239,8 @@ fn a_dpr_owes_readiness_again_from_the_instant_at_which_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // The only transaction of the cycle, so that its end is that of the misuse, and what it brought is forwarded.
+        // This is the only transaction of the cycle, so that its end is that of the misuse, and what it brought is
+        // forwarded.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -266,7 +268,7 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     assert_eq!(found(&log), []);
 }
 
-/// Moves what the SPIS shows at `from` to `to` (ns).
+/// Moves the events of the DPR's SPI peripheral at `from` to `to` (ns).
 fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
     let mut log = log.clone();
     let mut count = 0;
@@ -296,7 +298,8 @@ fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // Until after the next one, which meets it busy, and so does the one after that.
+    // The DPR stays busy until after the next transaction, which it does not serve, and neither does it serve the one
+    // after.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -306,7 +309,8 @@ fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
     assert_eq!(found(&late), [(NotReady, 1)]);
 }
 
-/// Where the flight controller misuses the SSI, the end of a transaction that was not served may be served late.
+/// While the flight controller misuses the SSI, the DPR may take the buffers late after a transaction that it did not
+/// serve.
 #[test]
 fn buffers_taken_after_a_transaction_owed_nothing_are_not_held_back() {
     for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
@@ -349,7 +353,7 @@ fn a_dpr_that_is_never_ready_again_is_a_violation_and_one_alone() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // How long it would have taken nobody knows.
+    // It is not known how long the DPR would have taken.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -384,7 +388,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // Still so at the end of the run.
+    // The buffers are still held at the end of the run.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -408,7 +412,7 @@ fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
         blind(&mut log, ended, ended + transactions * CONTROL_CYCLE);
         assert_eq!(found(&log), violations, "{transactions}");
     }
-    // One now and one then.
+    // Two transactions that are not successive meet the DPR busy.
     let mut log = log.clone();
     blind(&mut log, ended, ended + 1);
     blind(&mut log, ended + 2 * CONTROL_CYCLE, ended + 2 * CONTROL_CYCLE + 1);
@@ -427,7 +431,7 @@ fn a_silence_that_lasts_to_the_end_of_the_run_is_a_violation_and_so_is_one_that_
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // A DPR that hangs is restarted within 100 ms, and that is judged elsewhere.
+    // A DPR that hangs is restarted within 100 ms, which another rule judges.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -455,7 +459,7 @@ fn buffers_that_hardware_takes_because_an_images_time_is_over_are_not_held_back(
     plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
     let log = plan.log();
     assert_eq!(found(&log), []);
-    // So it is if the DPR's clock is as fast as it may be, and no faster.
+    // The image may also expire as early as the DPR's fastest clock allows, but no earlier.
     for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
         let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
         assert_eq!(found(&log), violations, "{after}");
@@ -546,7 +550,7 @@ fn a_flight_controller_that_runs_away_gets_so_many_transactions_for_each_image_a
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // That of the first transaction with this image.
+        // This profile is the one that the first transaction with this image brought.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -592,7 +596,7 @@ fn a_silence_that_a_restart_ends_may_be_as_long_as_an_image_lives_and_a_start_ta
     }
 }
 
-/// A log of a DPR that never gets ready, in which these happen.
+/// Returns whether a DPR that never becomes ready is reported in a log of these events.
 fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
     let mut log = Plan::new(3, 0).log();
     log.events.clear();
@@ -606,11 +610,11 @@ fn a_dpr_need_not_get_ready_while_it_is_kept_selected_for_longer_than_a_cycle_no
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // It is still selected when its time is over, and just afterwards.
+        // The DPR is still selected when its time is over, and just afterwards.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // It was let go just before that, and has so long to get ready.
+        // The DPR was deselected just before that, and has [`bounds::SSI_READY`] to become ready.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -676,7 +680,7 @@ fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The longest time to readiness may have been before.
+    // The longest time to readiness may have occurred before the restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -700,7 +704,7 @@ fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_viola
             .map(|event| event.at)
             .collect();
         let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
-        // One that repeats an image, and is not the last of the run.
+        // The transaction repeats an image, and is not the last of the run.
         let mut log = log;
         let repeats = |event: &Event| match event.what {
             What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),
@@ -714,7 +718,7 @@ fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_viola
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH rises once more, for what is there already, shortly before the transaction or within it.
+    // FRESH rises once more for the image that is there already, shortly before the transaction or within it.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -4,45 +4,46 @@ use dpr_fw::RECEIVERS;
 use on_target_tests::profile_suite as suite;
 use profile::{crc, Profile};
 
-/// Bytes of a payload.
+/// The number of bytes in a payload.
 pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
-/// Objects of a profile.
+/// The number of objects in a profile.
 pub(crate) const OBJECTS: usize = RECEIVERS + 1;
-/// Bytes of an object's CRC, which is its end.
+/// The number of bytes of an object's CRC, which is the object's end.
 const CRC: usize = 4;
-/// Where the first byte of the latitude is in every object.
+/// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;
 
 /// What is wrong with a frame.
 #[derive(Clone, Copy, Debug, defmt::Format)]
 pub(crate) enum Case {
-    /// Nothing.
+    /// The frame has no fault.
     Good,
-    /// A bit in the first byte of this object.
+    /// A bit in the first byte of this object is wrong.
     FirstByte(usize),
-    /// A bit in the last byte of this object.
+    /// A bit in the last byte of this object is wrong.
     LastByte(usize),
-    /// A bit in each object.
+    /// A bit in each object is wrong.
     EveryObject,
-    /// GPS1 and GPS2 stand in each other's place, with valid CRCs.
+    /// GPS1 and GPS2 are in each other's place, with valid CRCs.
     Swapped,
-    /// This object is of the cycle before, with valid CRCs.
+    /// This object is from the cycle before, with valid CRCs.
     OfTheCycleBefore(usize),
-    /// The latitude of Reported-Position was changed and its frame CRC computed anew; its position CRC is wrong.
+    /// The latitude of Reported-Position was changed and its frame CRC computed anew, so that its position CRC is
+    /// wrong.
     Position,
-    /// Zeros throughout.
+    /// The payload is zeros throughout.
     Zeros,
-    /// Ones throughout.
+    /// The payload is ones throughout.
     Ones,
-    /// Nothing, but the timestamp is the one before.
+    /// The frame is good, but its timestamp is that of the cycle before.
     Repeated,
-    /// Nothing, but the timestamp is 500 ms ahead.
+    /// The frame is good, but its timestamp is 500 ms ahead.
     Ahead,
-    /// Nothing, but the timestamp is 0.
+    /// The frame is good, but its timestamp is 0.
     Restarted,
 }
 
-/// All of them.
+/// All cases.
 pub(crate) const CASES: [Case; 20] = [
     Case::Good,
     Case::FirstByte(0),
@@ -66,11 +67,11 @@ pub(crate) const CASES: [Case; 20] = [
     Case::Restarted,
 ];
 
-/// What the sequence says of a frame.
+/// The verdicts of the sequence on a frame.
 pub(crate) const CLASSES: [&str; 3] = ["in sequence", "out of sequence", "no object intact"];
 
 impl Case {
-    /// How many objects of the frame are accepted if it follows a cycle that is in sequence.
+    /// Returns how many objects of the frame are accepted if it follows a cycle that is in sequence.
     pub(crate) const fn accepted(self) -> u32 {
         let all = OBJECTS as u32;
         match self {
@@ -81,8 +82,8 @@ impl Case {
         }
     }
 
-    /// Which of [`CLASSES`] it is of. Whether a timestamp is known, and what the sequence says of it, decides what is
-    /// done; the frame's bytes decide nothing beyond that.
+    /// Returns the index of the frame's class in [`CLASSES`]. What the DPR does depends only on whether a timestamp is
+    /// known and what the sequence says of it, not on the other bytes of the frame.
     pub(crate) const fn class(self) -> usize {
         match self {
             Self::Repeated | Self::Ahead | Self::Restarted => 1,
@@ -91,7 +92,7 @@ impl Case {
         }
     }
 
-    /// The payload of the cycle with `timestamp`.
+    /// Returns the payload of the cycle with `timestamp`.
     pub(crate) fn payload(self, timestamp: u32) -> [u8; SIZE] {
         let good = |timestamp| {
             let (reported, gps) = suite::inputs(timestamp);

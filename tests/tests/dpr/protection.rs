@@ -1,16 +1,16 @@
-//! The debug port's protection: without this a part of revision 3 answers no debugger any more after its next reset
-//! that is not a soft one.
+//! Opens the debug port of a part of revision 3, which otherwise answers no debugger after the next reset other than a
+//! soft reset.
 
 use dpr_fw::debug_port;
 use nrf52840_hal::pac;
 
-/// What decides about the debug port, as in the flight image.
+/// The registers that decide about the debug port, as in the flight image.
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
 }
 
-/// APPROTECT.DISABLE, which the register description of this PAC does not have.
+/// The address of APPROTECT.DISABLE, which the register description of this PAC does not have.
 const APPROTECT_DISABLE: u32 = 0x4000_0558;
 
 impl debug_port::Registers for Protection<'_> {

@@ -1,4 +1,4 @@
-//! The SSI's end of a transaction, the hand-over of images and receive areas, and the port task.
+//! Times the end of a transaction on the SSI, the hand-over of images and receive areas, and the port task.
 
 use core::{hint::black_box, ops::Range};
 
@@ -24,13 +24,13 @@ use profile::{
 
 use super::commit::Own;
 
-/// Bytes of the map that is shown.
+/// The number of bytes of the map that is shown.
 const LEN: usize = Map::<RECEIVERS>::LEN;
 
-/// What a transaction brings in.
+/// The bytes that a transaction brings.
 type Mosi = [u8; RECEIVE_BYTES];
 
-/// A request, an object, and what is driven behind it.
+/// Returns the MOSI of a request, an object, and the byte that is driven behind it.
 fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
     let mut bytes = [beyond; RECEIVE_BYTES];
     bytes[..8].copy_from_slice(&request);
@@ -41,7 +41,8 @@ fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
 const NOTHING: [u8; 8] = [0; 8];
 const IDLE: [u8; Uplink::SIZE] = [0; Uplink::SIZE];
 
-/// Requests: nothing, windows, damaged ones, windows that lie outside, and chance (a fixed seed).
+/// Returns requests: for nothing, for windows, damaged ones, for windows that lie outside, and random ones (from a
+/// fixed seed).
 fn requests() -> [[u8; 8]; 16] {
     let window = |offset, length| encode(Request { offset, length });
     let mut damaged = window(96, 60);
@@ -70,7 +71,7 @@ fn requests() -> [[u8; 8]; 16] {
     all
 }
 
-/// `Windows::transaction` with the window that follows from it.
+/// Times `Windows::transaction`, with the window that follows from it.
 pub(crate) fn windows(cycles: &Cycles) {
     let mut taken = Taken::NONE;
     let mut asked_for = 0;
@@ -89,14 +90,14 @@ pub(crate) fn windows(cycles: &Cycles) {
     taken.assert("ssi::Windows::transaction", bounds(250, 180, 240, 16));
 }
 
-/// The SSI's hardware, of which everything is at hand at once, with the receive areas that it lends.
+/// A model of the SSI's hardware in which everything is available at once, with the receive areas that it lends.
 struct Wires<'m, 'a, 'q> {
     mosi: &'m [u8],
     image: Option<Received<&'a mut ImageMemory, ()>>,
     area: Option<Filling<&'a mut ReceiveArea>>,
     areas: SsiEnd<'q, &'a mut ReceiveArea>,
     released: u32,
-    /// The cycle count when the events were taken, and when the buffers were released.
+    /// The cycle counts when the events were taken, and when the buffers were released.
     begun_at: u32,
     released_at: u32,
     handed_over: Option<HandedOver>,
@@ -111,7 +112,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // What an area is judged by when it is dropped: the object's identifier and status.
+        // This word has the object's identifier and status, by which an area is judged when it is dropped.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -143,7 +144,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
 }
 
-/// `Server::serve` after each kind of transaction, with its area handed over, and with the areas used up.
+/// Times `Server::serve` after each kind of transaction, with its area handed over, and with the areas used up.
 pub(crate) fn serve(cycles: &Cycles) {
     let requests = requests().map(|request| mosi(request, &[0x5A; Uplink::SIZE], 0));
     let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
@@ -162,7 +163,7 @@ pub(crate) fn serve(cycles: &Cycles) {
         released_at: 0,
         handed_over: None,
     };
-    // With the next area at hand, with one that the port task has returned since, and with none.
+    // The next area is at hand, or the port task has returned it just now, or there is none.
     let mut released = [Taken::NONE; 3];
     let mut whole = [Taken::NONE; 3];
     let mut granted = 0;
@@ -192,8 +193,7 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the release; the rest is what is counted, and the queues of the areas.
-    // The flight controller waits until the release; what comes after it (what is counted, and the areas' queues) is
+    // The flight controller waits until the release. What comes after it (counting, and the queues of the areas) is
     // bounded, and depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
@@ -203,7 +203,7 @@ pub(crate) fn serve(cycles: &Cycles) {
     whole[2].assert("Server::serve, areas used up", bounds(500, 400, 540, u32::MAX));
 }
 
-/// `Exchange`: an image is begun, published and taken.
+/// Times `Exchange`, where an image is begun, published and taken.
 pub(crate) fn exchange(cycles: &Cycles) {
     let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
     let mut exchange = Exchange::new(images.each_mut());
@@ -219,7 +219,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
         let before = streamed.take();
         let (took, (image, newer)) = cycles.timed(|| exchange.take(before));
         defmt::assert!(newer);
-        // The first image that is taken has no other before it.
+        // The first image that is taken has no other image before it.
         if round > 0 {
             take.note(took);
         }
@@ -232,7 +232,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
     take.assert("Exchange::take", bounds(65, 55, 75, 8));
 }
 
-/// `Rotation`: a frame is handed on, read and done with.
+/// Times `Rotation`, where a frame is handed on, read and done with.
 pub(crate) fn rotation(cycles: &Cycles) {
     let mut memory: [ReceiveMemory; 3] = [[0; RECEIVE_WORDS]; 3];
     let (mut filling, mut rotation, _) = Rotation::<_, u32>::new(memory.each_mut());
@@ -255,8 +255,8 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// `WritePort::transaction` and `WritePort::prepare`. They run below everything but idle: their bound counts, not their
-/// spread.
+/// Times `WritePort::transaction` and `WritePort::prepare`. They run at a priority above idle only, so only their bound
+/// counts, not their spread.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };
@@ -277,15 +277,15 @@ pub(crate) fn port(cycles: &Cycles) {
         mosi([0xFF; 8], &[0xFF; Uplink::SIZE], 0xFF),
         mosi(NOTHING, Uplink::seal(base, &values(5)).as_bytes(), 0),
         mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0),
-        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0), // not newer
+        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0), // is not newer than the one before
         mosi(NOTHING, CommandObject::seal(own, 6, Command::ClearCounters).as_bytes(), 0),
         mosi(NOTHING, CommandObject::seal(own, 7, Command::SelfTest).as_bytes(), 0),
-        mosi(NOTHING, CommandObject::seal(own, 8, Command::SelfTest).as_bytes(), 0), // busy
-        mosi(NOTHING, &sealed(8, 0), 0),                                             // unknown word
-        mosi(NOTHING, &sealed(40, 1), 0),                                            // reserved bytes
-        mosi(NOTHING, &sealed(5, 0x77), 0),                                          // identifier
+        mosi(NOTHING, CommandObject::seal(own, 8, Command::SelfTest).as_bytes(), 0), // meets a test that is under way
+        mosi(NOTHING, &sealed(8, 0), 0),                                             // has an unknown word
+        mosi(NOTHING, &sealed(40, 1), 0),                                            // has reserved bytes that are set
+        mosi(NOTHING, &sealed(5, 0x77), 0),                                          // has a wrong identifier
         mosi(NOTHING, &damaged, 0),
-        mosi(chance, &damaged, 1), // request, object and rest are wrong
+        mosi(chance, &damaged, 1), // has a wrong request, object and rest
         mosi(outside, &IDLE, 0),
     ];
     let mut port = WritePort::new();

@@ -1,4 +1,4 @@
-//! The transmitter's calls of a cycle, with a port that only notes what it was asked for.
+//! Times the transmitter's calls of a cycle, with a port that only records what it was asked for.
 
 use core::{hint::black_box, ops::Range};
 
@@ -20,22 +20,22 @@ use st25r3916::{
 
 /// The address byte of the driver's status read.
 const STATUS_READ: u8 = 0x59;
-/// I_txe, end of transmission, in the main interrupts.
+/// The bit I_txe, end of transmission, of the main interrupts.
 const TXE: u8 = 0x08;
 
-/// What the transmitter has started.
+/// A transfer that the transmitter has started.
 #[derive(Clone, Copy)]
 enum Started {
     Short([u8; Short::MAX], usize),
     Load,
 }
 
-/// The port.
+/// The port, which carries out nothing.
 struct Wires {
     started: Option<Started>,
-    /// What the last transfer has clocked in, and how much of it.
+    /// The bytes that the last transfer has clocked in, and their number.
     response: ([u8; Short::MAX], usize),
-    /// The pin reads high once.
+    /// Whether the pin reads high once.
     irq: bool,
     ticket: Ticket,
     loads: u32,
@@ -86,8 +86,8 @@ impl transmitter::FrontEndPort for Wires {
     }
 }
 
-/// Answers what was started, until the transmitter waits for nothing but an offer. `main` is what the first status
-/// read shows.
+/// Answers what was started, until the transmitter waits only for an offer. `main` has the main interrupts that the
+/// first status read shows.
 fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u8) {
     for _ in 0..200 {
         let wires = transmitter.port();
@@ -99,7 +99,7 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
                 wires.response = (chip.respond(&bytes[..len]), len);
             }
             Some(Started::Load) => wires.response.1 = 0,
-            // A wait, which ends at once, or nothing but the offer.
+            // Either a wait is pending, which ends at once, or the transmitter waits only for the offer.
             None => wires.irq = true,
         }
         transmitter.poll();
@@ -112,7 +112,7 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
     defmt::panic!("the transmitter does not settle");
 }
 
-/// `Transmitter::offer`, `poll` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
+/// Times `Transmitter::offer`, `poll` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
 pub(crate) fn cycle(cycles: &Cycles) {
     let telemetry = Telemetry::new();
     let wires = Wires { started: None, response: ([0; 8], 0), irq: false, ticket: Ticket::NONE, loads: 0 };
@@ -128,7 +128,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     {
         let tick = tick as u32 + 1;
         let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
-        // The first turn is not timed: the flash cache is warm for all the others.
+        // The first turn is not timed, so that the flash cache is warm for all others.
         let timed = tick > 1;
         let note = |taken: &mut Taken, took| {
             if timed {
@@ -158,7 +158,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
         note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
         defmt::assert_eq!(transmitter.port().loads, 2 * tick);
         settle(&mut transmitter, &mut chip, TXE);
-        // A slot without a ticket.
+        // This slot has no ticket.
         note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);
@@ -166,7 +166,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
     loaded.assert("Transmitter::poll, head loaded", bounds(270, 290, 640, 8));
     slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
-    // It asks the port for what a lost edge may have left waiting, as `poll` does.
+    // The call also asks the port for what a lost edge may have left waiting, as `poll` does.
     skipped.assert("Transmitter::slot, nothing fired", bounds(90, 105, 240, 8));
     due.assert("Ticket::due", bounds(65, 50, 110, 32));
 }

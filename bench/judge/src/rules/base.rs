@@ -1,15 +1,16 @@
-//! What the base station shows against what was forwarded.
+//! Compares what the base station shows with what was forwarded.
 //!
-//! A transaction that brings a whole and sound profile of another cycle than the one that was forwarded last has it
-//! forwarded at once, unless [`Excuse::Service`] holds: then the flight controller's own conduct is at fault.
+//! When a transaction brings a whole and sound profile of another cycle than the one that was forwarded last, the
+//! flight controller has to forward it at once, unless [`Excuse::Service`] holds: then the conduct of the flight
+//! controller itself is at fault.
 //!
 //! # One cause, one violation
 //!
-//! - Bytes that were changed on the way are [`Violation::BaseChanged`], and the profile that they were is not missed as
-//!   well.
+//! - Bytes that were changed on the way are [`Violation::BaseChanged`], and the profile that they came from is not
+//!   missed as well.
 //! - A profile whose shown objects are of several cycles, and that was not forwarded so, is [`Violation::BaseMixed`]
-//!   alone. One that was forwarded so is a torn read, which another rule finds in the transaction.
-//! - In a profile that mixes cycles an object that is not shown is not hidden.
+//!   alone. If it was forwarded so, it is a torn read, which another rule finds in the transaction.
+//! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
 
 use std::collections::VecDeque;
 
@@ -19,21 +20,21 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// Profiles that are kept of what transactions read: the flight controller forwards at once.
+/// The number of read profiles that are kept. Few suffice, because the flight controller forwards at once.
 const READ: usize = 4;
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// The profiles that transactions brought last.
+    /// The profiles that the last transactions brought.
     read: VecDeque<Vec<u8>>,
-    /// What was forwarded and has not arrived: when, and its bytes.
+    /// The profiles that were forwarded and have not arrived: when each was forwarded, ns, and its bytes.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// When something arrived that was not forwarded.
+    /// When each profile arrived that was not forwarded, ns.
     strange: VecDeque<u64>,
     /// When a profile was read that has to be forwarded at once, ns, and its timestamp, ms.
     owed: Option<(u64, u32)>,
-    /// The timestamp that was forwarded last, ms.
+    /// The timestamp of the profile that was forwarded last, ms.
     forwarded: Option<u32>,
 }
 
@@ -93,7 +94,7 @@ impl Rule for Base {
 }
 
 impl Base {
-    /// It is `now`: what had to be forwarded before is told.
+    /// Reports at `now` a profile that had to be forwarded earlier and was not.
     fn owes(&mut self, now: u64, findings: &mut Findings) {
         if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
             self.forwarded = Some(timestamp);
@@ -102,7 +103,7 @@ impl Base {
     }
 
     fn arrived(&mut self, at: u64, profile: &[u8], shown: u8, layout: Layout, findings: &mut Findings) {
-        // The timestamps of the objects that are valid in their places, each with whether it is shown.
+        // These are the timestamps of the objects that are valid in their places.
         let mut valid = 0_u8;
         let mut stamps = [None; 8];
         for (index, stamp) in stamps.iter_mut().enumerate().take(layout.objects()) {
@@ -136,7 +137,7 @@ impl Base {
         }
     }
 
-    /// What was forwarded at `until` or before and has not arrived is missed, unless it arrived changed.
+    /// Reports as missed what was forwarded before `until` and has not arrived, unless it arrived changed.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -145,12 +146,12 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // Nothing that is still to arrive can be one of these.
+        // A profile that is still to arrive cannot be one of these.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }
 
-/// The timestamp of a profile's first object that is valid, ms.
+/// Returns the timestamp of a profile's first valid object, ms.
 fn timestamp(layout: Layout, profile: &[u8]) -> Option<u32> {
     let stamp = |index| {
         let bytes = layout.in_profile(index).and_then(|place| profile.get(place))?;

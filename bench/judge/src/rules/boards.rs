@@ -1,18 +1,18 @@
-//! Restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness.
+//! Judges restarts, findings, misuse, load, the firmwares' own counters and the bench's own lateness.
 //!
 //! # When a counter is a complaint
 //!
-//! What a firmware counts about itself is evidence beside what is seen from outside. A fault counter that is not zero
-//! is a violation only if nothing in the log explains it:
+//! What a firmware counts about itself supplements what is seen from outside. A fault counter that is not zero is a
+//! violation only if nothing in the log explains it:
 //!
-//! | explained by | since |
+//! | explained by | because |
 //! |---|---|
-//! | an injected fault, as far as [`complaints`] says | the bench did it |
-//! | a start of HORUS: what the DPR counts | a frame was cut off |
-//! | HORUS's field going off while HORUS runs | HORUS brings its front end up again, the DPR loses frames |
-//! | a frame that reached the DPR's antenna changed or not at all: what the DPR counts | the air is no board's fault |
+//! | an injected fault, as far as [`complaints`] says | the bench caused it |
+//! | a start of HORUS, for what the DPR counts | a frame was cut off |
+//! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
+//! | a frame that reached the DPR's antenna changed or not at all, for what the DPR counts | no board is at fault |
 //!
-//! A board's own start ends what explains its complaints of before: it counts from zero then.
+//! When a board starts, the explanations of its earlier complaints end, because it counts from zero then.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
@@ -31,12 +31,12 @@
 //!
 //! The bench can stop a board's core. The board's own watchdog must then restart it within the longest time that this
 //! watchdog may take, unless the board restarts for another reason or loses its supply before. That one reset by the
-//! watchdog counts as asked for; any other reset of a hung board is judged as usual, since a core that executes nothing
+//! watchdog counts as asked for. Any other reset of a hung board is judged as usual, since a core that executes nothing
 //! cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays hung is
 //! reported once.
 //!
-//! The same holds of a board one of whose tasks is dead ([`Disturbance::DeadTask`]), but that its watchdog may be fed
-//! once more for what that task had done before, and that the rest of its firmware runs on.
+//! The same holds for a board with a dead task ([`Disturbance::DeadTask`]), with two differences: its watchdog may be
+//! fed once more for what that task had done before, and the rest of its firmware runs on.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ use super::Rule;
 use crate::disturbance::{complaints, front_end_use};
 use crate::{Board, Cause, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// A violation of HORUS, and its like of the DPR.
+/// A violation of HORUS, and the corresponding violation of the DPR.
 #[derive(Clone, Copy)]
 struct Of {
     horus: Violation,
@@ -75,23 +75,23 @@ struct Complaint {
     value: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// Something beside what the bench injects explains that HORUS's firmware, or the DPR's, counts faults since its
-    /// last start.
+    /// Whether something other than an injected fault explains that HORUS's firmware, or the DPR's, counts faults since
+    /// its last start.
     explained: [bool; 2],
-    /// Faults of a core that no restart has ended yet: on which board, when, in words.
+    /// The faults of a core that no restart has ended yet: the board, the instant, ns, and the fault in words.
     faulted: Vec<(Board, u64, String)>,
-    /// Which board last restarted unasked, and when.
+    /// The board that last restarted unasked, and when, ns.
     restarted: Option<(Board, u64)>,
-    /// By when each board that hangs must have restarted, ns, until it has or that is told.
+    /// By when each hung board must have restarted, ns, until it has restarted or the violation has been reported.
     restart_due: [Option<u64>; 2],
-    /// How long each board was stopped until now, and since when it is, ns: what a firmware does that has been stopped
-    /// is no load.
+    /// How long each board was stopped until now, and since when it is stopped, ns. The activity of a stopped board's
+    /// core is not counted as load.
     stopped: [(u64, Option<u64>); 2],
-    /// HORUS's carrier is on.
+    /// Whether HORUS's carrier is on.
     field: bool,
     /// The last frame that HORUS sent whole, until it has reached the antenna.
     on_the_way: Option<Vec<u8>>,
@@ -132,7 +132,7 @@ impl Rule for Boards {
                 let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
-                    // The fault that ended in this restart is told by it.
+                    // The report of this restart covers the fault that led to it.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
@@ -158,7 +158,7 @@ impl Rule for Boards {
                 }
             }
             What::Sent { bytes, whole, .. } => {
-                // The one before was not heard.
+                // The frame before this one did not reach the antenna.
                 self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
@@ -166,14 +166,14 @@ impl Rule for Boards {
                 let as_sent = self.on_the_way.take().is_some_and(|sent| sent == bytes.0);
                 self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
-            // The restart that a lockup is stands before it.
+            // Where a lock-up restarts the board, the log has the restart before this finding.
             What::Finding { board, fault: true, text } => {
                 if self.restarted != Some((*board, at)) {
                     self.faulted.push((*board, at, text.clone()));
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that does not know, or cannot read, what its front end is doing goes on using it.
+            // A firmware that cannot tell, or cannot read, what its front end is doing goes on using it.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
@@ -219,26 +219,27 @@ impl Rule for Boards {
 }
 
 impl Boards {
-    /// A board's watchdog has to restart it by `due` at the latest.
+    /// Records that a board's watchdog has to restart it by `due` at the latest.
     fn restart_by(&mut self, board: Board, due: u64) {
         let restart_due = &mut self.restart_due[board as usize];
         *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
-    /// A board starts at `at`, or loses its supply: it counts from zero. What HORUS was sending is cut off.
+    /// Records that a board starts at `at`, or loses its supply. The board then counts from zero, and a frame of HORUS
+    /// is cut off.
     fn starts(&mut self, board: Board, at: u64) {
         self.goes_on(board, at);
         self.explained[board as usize] = false;
         self.explained[Board::Dpr as usize] |= board == Board::Horus;
     }
 
-    /// A board is not stopped any more at `at`.
+    /// Records that a board is not stopped any more at `at`.
     fn goes_on(&mut self, board: Board, at: u64) {
         let (stopped, since) = &mut self.stopped[board as usize];
         *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
     }
 
-    /// It is `now`: a board whose watchdog has not bitten by then stays hung.
+    /// Reports each board as staying hung whose watchdog should have bitten before `now`.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
@@ -248,7 +249,7 @@ impl Boards {
     }
 }
 
-/// The longest that the watchdog of a board takes to bite that hangs so long after its start, ns.
+/// Returns the longest time, ns, that the watchdog of a board takes to bite that hangs `after_start` after its start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -257,7 +258,7 @@ const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     }
 }
 
-/// What a start takes of a board's processor at most, ns.
+/// Returns the most processor time that a start of a board takes, ns.
 const fn start_work(board: Board) -> u64 {
     match board {
         Board::Horus => bounds::HORUS_START_WORK,
@@ -265,7 +266,7 @@ const fn start_work(board: Board) -> u64 {
     }
 }
 
-/// Whether a firmware counts faults under this name.
+/// Returns whether a firmware counts faults under this name.
 fn counts_faults(board: Board, name: &str) -> bool {
     let name = name.rsplit('.').next().unwrap_or(name);
     match board {
@@ -281,7 +282,7 @@ mod tests {
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-    /// A run in which every frame is heard, so that nothing explains a complaint.
+    /// Returns a run in which the DPR receives every frame, so that nothing explains a complaint.
     fn run() -> Events {
         let mut events = Events::flawless(3, 10);
         let heard: Vec<_> = events
@@ -402,7 +403,7 @@ mod tests {
     const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
     const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
 
-    /// A board hangs at 50 ms, and `after` that something happens; the run ends at 600 ms.
+    /// Returns what is broken if a board hangs at 50 ms and `what` happens `after` that; the run ends at 600 ms.
     fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
         let mut events = run();
         events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);
@@ -423,7 +424,7 @@ mod tests {
             assert_eq!(hung(board, longest, bites()), []);
             assert_eq!(hung(board, longest + 1, bites()), [stays], "told once, and it hung until then");
             assert_eq!(hung(board, 600 * MS, bites()), [stays], "it never comes");
-            // Of a board that does not hang it is unasked, and of the other one as well.
+            // The reset of a board that does not hang is unasked, and so is that of the other board.
             let mut events = run();
             events.add(70 * MS, bites()).end(600 * MS);
             assert_eq!(broken(&events), [(RESTARTED[nth], 1, 70 * MS)]);
@@ -487,7 +488,7 @@ mod tests {
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
             assert_eq!(dead(20 * MS, reset(board, Cause::Lockup)), [(RESTARTED[nth], 1, 70 * MS)]);
-            // A hang as well does not put the restart off.
+            // A hang in addition to the dead task does not put the restart off.
             assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
     }
@@ -552,7 +553,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// A run in which both boards complain, and one thing more.
+    /// Returns what is broken in a run in which both boards complain, with one further change.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -572,7 +573,7 @@ mod tests {
         let (of_horus, of_dpr) = ([both[0]], [both[1]]);
         assert_eq!(complaining(|_| {}), both);
         assert_eq!(complaining(|events| _ = events.field(60 * MS, false)), []);
-        // A board that starts counts from zero; what HORUS was sending is cut off.
+        // A board that starts counts from zero, and the frame that HORUS was sending is cut off.
         assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Horus, true)), of_horus);
@@ -661,7 +662,7 @@ mod tests {
                     *whole = false;
                 }
             }
-            // The end of the run is none of a frame's.
+            // A whole frame follows, so that the run does not end with the frame that broke off.
             let bytes = events.events.iter().find_map(|event| match &event.what {
                 What::Sent { bytes, .. } => Some(bytes.clone()),
                 _ => None,

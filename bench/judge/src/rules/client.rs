@@ -1,19 +1,20 @@
-//! What the flight controller's client says against what was on the wires.
+//! Compares the verdict of the flight controller's client with what was on the wires.
 //!
 //! | the client | violation |
 //! |---|---|
 //! | flies by a position not sent as valid, or older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
-//! | tells another age than the sample's that it read last | `ClientAge` |
+//! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! How old a sample is follows from its frame at the DPR's antenna and the slot that the profile gives it: what the air
-//! adds before that nobody can tell. Of a sample that came several times the oldest and the youngest count. One that
-//! Link-Status called younger when it was read first is no older than that for the client: it knows nothing else of the
-//! sample's age but how long ago FRESH rose, and whether Link-Status tells the truth is that rule's.
+//! The age of a sample follows from its frame at the DPR's antenna and the slot that the profile gives it; a delay on
+//! the air before that cannot be determined. If a sample arrived several times, the oldest and the youngest arrival
+//! count. If Link-Status stated a lower age when the sample was first read, the client may go by that age: all it knows
+//! of a sample's age is what Link-Status states and how long ago FRESH rose. Another rule judges whether Link-Status
+//! states the truth.
 //!
-//! A client reads what it is given: what is no cycle in sequence, or is disturbed, it need not fly by, and so nothing
-//! is asked of its sequence then. While [`Excuse::Service`] holds it is the flight controller that does not follow its
-//! client, so that no age is asked of it; a position that must not be flown by is asked for always.
+//! The client need not fly by data that are not in sequence or are disturbed, so this rule then requires nothing of its
+//! sequence. While [`Excuse::Service`] holds, the flight controller itself does not follow its client, so this rule
+//! requires no age. Flying by a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -28,7 +29,7 @@ use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 /// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// So long is remembered what was sent, ns: a client that flies by what is older flies by none of these.
+/// How long sent samples are kept, ns. A client that flies by an older sample flies by none of those kept.
 const KEPT: u64 = 2_000_000_000;
 
 /// A Reported-Position at the DPR's antenna.
@@ -36,63 +37,63 @@ const KEPT: u64 = 2_000_000_000;
 struct Sample {
     timestamp: u32,
     valid: bool,
-    /// The instant of its sample, ns.
+    /// The instant at which the sample was taken, ns.
     at: u64,
 }
 
-/// The transaction that is over.
+/// The transaction that has ended.
 #[derive(Clone, Copy, Debug)]
 struct Read {
     selected: u64,
-    /// The timestamp of Reported-Position in it, ms, and whether its position is valid.
+    /// The timestamp of the Reported-Position in the transaction, ms, and whether its position is valid.
     sample: Option<(u32, bool)>,
-    /// What Link-Status called its age, ns.
+    /// The age that Link-Status stated, ns.
     told: u64,
 }
 
-/// A sample, as it was read first.
+/// A sample, as the client first read it.
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// When the transaction began, ns.
+    /// When the transaction began that first brought the sample, ns.
     selected: u64,
-    /// When FRESH had announced it at the earliest, ns.
+    /// The earliest instant at which FRESH can have announced the sample, ns.
     announced: u64,
-    /// What Link-Status called its age then, ns.
+    /// The age that Link-Status stated in that first transaction, ns.
     told: u64,
 }
 
 impl First {
-    /// The least and the greatest age of the sample at `at`, ns, as far as Link-Status tells it.
+    /// Returns the least and the greatest age of the sample at `at`, ns, as far as Link-Status shows it.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
     }
 }
 
-/// Valid samples that were read in sequence.
+/// A row of valid samples that were read in sequence.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The last one's timestamp, ms.
+    /// The timestamp of the last sample, ms.
     timestamp: u32,
-    /// When the transaction began that brought it first, ns.
+    /// When the transaction began that first brought the last sample, ns.
     selected: u64,
     count: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Client {
     layout: Layout,
     samples: VecDeque<Sample>,
-    /// When FRESH rose last, ns.
+    /// When FRESH last rose, ns.
     fresh: u64,
     read: Option<Read>,
-    /// What was read last and is valid, and how many in a row were in sequence before it and with it.
+    /// The row of valid samples in sequence that ends with the one read last.
     row: Option<Row>,
     /// The sample that was read last.
     newest: Option<First>,
-    /// The sample whose age was wrong, which is told.
+    /// The sample whose wrong age has been reported.
     told: Option<u32>,
     hides: bool,
 }
@@ -143,7 +144,7 @@ impl Rule for Client {
 }
 
 impl Client {
-    /// What was read last continues what was read before, or not.
+    /// Continues the row with the sample that was read last, or begins a new one.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
@@ -166,7 +167,8 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // Data that are older than what was read before, or expired, it cannot tell from others: another rule's matter.
+        // The client cannot tell data that are older than what it read before, or expired, from others. Another rule
+        // judges those.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -219,8 +221,9 @@ impl Client {
     }
 }
 
-/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not
-/// be flown by before its image expires, it counts as not valid.
+/// Returns the timestamp of Reported-Position and whether its position is valid, if a transaction brought it and
+/// Link-Status intact. The position does not count as valid if Link-Status states so great an age that it may become
+/// too old to fly by before its image expires.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
@@ -240,7 +243,7 @@ mod tests {
     use super::*;
     use crate::testing::{Events, MISUSE, MS, found, header, injected, silent_reported};
 
-    /// When the sample of cycle number `n` was taken, ns.
+    /// Returns when the sample of cycle number `n` was taken, ns.
     const fn sampled(n: u64) -> u64 {
         100 * MS + n * bounds::CYCLE
     }
@@ -263,12 +266,12 @@ mod tests {
         log.add(ended, What::Heard { started: ended - MS, bytes: bytes.into(), whole: true });
     }
 
-    /// A transaction that began at `selected`, brought that of cycle number `n`, and what the client said of it.
+    /// Logs a transaction that began at `selected` and brought cycle number `n`, and the client's verdict.
     fn read(log: &mut Events, selected: u64, n: u64, valid: bool, position: Option<u64>, age: Option<u64>) {
         read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
     }
 
-    /// As [`read`]; Link-Status calls it so old, in its unit.
+    /// Does the same as [`read`], with `told` as the age that Link-Status states, in its unit.
     fn read_as(
         log: &mut Events,
         selected: u64,
@@ -290,7 +293,8 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// What is found where cycle 1 is heard, and read so long after its sample, ns, with this position and age.
+    /// Returns what is found if cycle 1 arrives and is read `after` its sample, ns, with this position and age from the
+    /// client.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -325,7 +329,7 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // It comes twice, the second time 5 ms late: either may be what the DPR has shown.
+        // The frame arrives twice, the second time 5 ms late, and the DPR may have shown either.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -338,7 +342,7 @@ mod tests {
 
     #[test]
     fn no_age_is_asked_of_a_sample_from_before_the_one_that_was_read() {
-        // Cycles 1 and 2 are heard; one is read rightly, and then one with an age of nothing.
+        // Cycles 1 and 2 arrive. One is read with its right age, and then one with an age of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
             (1..=2).for_each(|n| heard(&mut log, n, true));
@@ -356,7 +360,7 @@ mod tests {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             read_as(&mut log, sampled(1) + 20 * MS, first / AGE_UNIT, 1, true, Some(1), Some(first));
-            // The next transaction shows the same sample, and Link-Status says 400 ms.
+            // The next transaction shows the same sample, and Link-Status states 400 ms.
             read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
             let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
             let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
@@ -371,14 +375,14 @@ mod tests {
 
     #[test]
     fn a_sample_is_no_older_for_the_client_than_link_status_called_it() {
-        // Read 10 ms after its sample, 4 ms after FRESH, and flown by until the limit and 1 ms.
+        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and flown by until 1 ms beyond the limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
             fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
             read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
-            // It reads an image without objects, and says what it said before.
+            // The client reads an image without objects, and repeats its verdict.
             let at = sampled(1) + limit + MS;
             let link = LinkStatus::seal(&LinkValues::default());
             log.add(
@@ -390,7 +394,7 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // By 60, 47 · 100 µs at FRESH: the truth, and 1.3 ms younger.
+        // Link-Status states 6 ms, which is the truth, or 4.7 ms, which is 1.3 ms too little.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -421,7 +425,8 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // The next is read so long after the one before, and Link-Status calls all of them so old, in its unit.
+        // The last sample is read `by` later than the others, and Link-Status states the age `told` for all of them, in
+        // its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {
@@ -435,7 +440,7 @@ mod tests {
         assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
         let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
         assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
-        // The same timestamps again, of another start.
+        // The later samples are read so late that they may be of another start with the same timestamps.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);

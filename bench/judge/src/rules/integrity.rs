@@ -1,47 +1,49 @@
-//! Whether a fault has the consequence that the design demands (docs/design.md#start-and-supply).
+//! Judges whether a fault has the consequence that the design requires (docs/design.md#start-and-supply).
 //!
 //! | fault | consequence | within |
 //! |---|---|---|
 //! | a bit of HORUS's flash changes | HORUS stops: its field goes off | [`bounds::HORUS_FLASH_FOUND`] |
 //! | a bit of the DPR's flash changes | Link-Status says so | [`bounds::DPR_FLASH_FOUND`] |
-//! | a bit of a buffer of the DPR is stuck | Link-Status tells a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
-//! | HORUS is warned of a supply that falls | its field goes off | [`bounds::SAFE_STATE`] |
-//! | the DPR is warned of a supply that falls | transactions read 0xFF | [`bounds::SAFE_STATE`] |
+//! | a bit of a buffer of the DPR is stuck | Link-Status reports a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
+//! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
+//! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
-//! Both boards compare their flash with its CRC continuously and at their start, and check their supply there. So a
-//! start of the board, or the loss of its supply, ends what was required of it: a board that does not start has
-//! noticed. A stuck bit must be told while it is stuck, and only while new cycles are shown, because buffers take turns
-//! then.
+//! Both boards compare their flash with its CRC continuously and at their start, and check their supply at the start.
+//! Therefore a start of the board, or the loss of its supply, ends what was required of it: a board that does not start
+//! has noticed the fault. A stuck bit must be reported while it is stuck, and only while new cycles are shown, because
+//! only then do buffers take turns.
 //!
-//! The outside cannot know what a changed bit of other RAM, or of a register, does: that is for the other rules.
+//! The judge cannot tell from outside what a changed bit of other RAM, or of a register, does. The other rules judge
+//! its consequences.
 
 use super::Rule;
 use crate::disturbance::{Excuse, Memory};
 use crate::read::Reading;
 use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, What, bounds};
 
-/// A bit of a buffer that is stuck.
+/// A stuck bit of one of the DPR's buffers.
 #[derive(Clone, Copy, Debug)]
 struct Stuck {
-    /// Until when, ns.
+    /// Until when the bit is stuck, ns.
     until: u64,
-    /// Timestamp of the cycle that was shown last, ms.
+    /// The timestamp of the cycle that was last shown, ms.
     shown: Option<u32>,
-    /// How many cycles were shown since.
+    /// The number of cycles that have been shown since the bit was stuck.
     cycles: u32,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Integrity {
-    /// By when each board has to have noticed that its flash was changed, ns; nothing where it has, where that is told,
-    /// or where there is nothing to notice.
+    /// By when each board has to have noticed that its flash was changed, ns; `None` if it has noticed, if the
+    /// violation has been reported, or if nothing was changed.
     flash_due: [Option<u64>; 2],
-    /// The same of the supply that each board was warned of.
+    /// By when each board has to have reacted to the warning of its supply, ns; `None` in the cases given for
+    /// `flash_due`.
     supply_due: [Option<u64>; 2],
-    /// The DPR's buffer has a bit that Link-Status does not tell of yet.
+    /// The stuck bit of a buffer of the DPR that Link-Status has not reported yet.
     stuck: Option<Stuck>,
-    /// HORUS's carrier is on.
+    /// Whether HORUS's carrier is on.
     field: bool,
 }
 
@@ -62,14 +64,14 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // A bit that flips beside one that is stuck leaves that stuck.
+                    // If another bit flips once while a bit is stuck, the stuck bit stays stuck.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
                     _ => {}
                 }
             }
-            // A front end that is out of order may not take the command.
+            // A front end that is out of order may not accept the command that switches the field off.
             What::Warned { board }
                 if *board == Board::Dpr || self.field && !context.disturbances().excuse(Excuse::Sending, at) =>
             {
@@ -101,7 +103,7 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
-    /// A transaction is over. What it reads is not known to be what the DPR has sent where that is `excused`.
+    /// Judges a transaction. Where it is `excused`, what it read may differ from what the DPR has sent.
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
@@ -127,7 +129,7 @@ impl Integrity {
         }
     }
 
-    /// It is `now`: what is overdue is told once.
+    /// Reports each consequence that is overdue at `now`, once.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {
@@ -160,7 +162,7 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// What is found where a bit of `memory` is changed at 5 ns and these events happen, in a run until `end`.
+    /// Returns what is found if a bit of `memory` is changed at 5 ns and these events happen, in a run until `end`.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -175,7 +177,7 @@ mod tests {
         transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
     }
 
-    /// A transaction that shows the cycle of this timestamp (ms), with or without a RAM fault.
+    /// Returns a transaction that shows the cycle of this timestamp (ms), with or without a RAM fault.
     fn shows(timestamp: u32, fault: bool) -> What {
         let status = LinkStatusBits::new().with_ram_fault(fault);
         let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();
@@ -270,7 +272,7 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        // A board that starts checks its supply when it has started.
+        // A board that is starting checks its supply when it has started.
         let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
         let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
         assert_eq!(starting(due), []);

@@ -1,20 +1,20 @@
-//! The rules: each a type that takes every event and notes what is broken.
+//! The rules. Each is a type that takes every event and records what is broken.
 //!
-//! | file | asks |
+//! | file | what it judges |
 //! |---|---|
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
-//! | [`content`] | what HORUS sends against the bytes that its receivers were fed |
+//! | [`content`] | what HORUS sends, compared with the bytes that its receivers were fed |
 //! | [`receivers`] | whether HORUS reads what its receivers offer |
 //! | [`position`] | whether there is a position, and whether the aircraft was there |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
 //! | [`integrity`] | whether a fault of memory has its consequence |
-//! | [`ssi`] | transactions, readiness, FRESH, what is torn or damaged |
-//! | [`shown`] | what is shown against what reached the DPR's antenna: absence, sequence, age |
-//! | [`link_status`] | Link-Status against the wires |
-//! | [`port`] | Port-Status and uplinks against what the flight controller wrote |
-//! | [`client`] | what the flight controller's client says against the wires |
-//! | [`base`] | what the base station shows against what was forwarded, and whether it was |
-//! | [`station`] | the base station's ages and alarms against what has arrived there |
+//! | [`ssi`] | transactions, readiness, FRESH, and what is torn or damaged |
+//! | [`shown`] | what is shown, compared with what reached the DPR's antenna: absence, sequence, age |
+//! | [`link_status`] | Link-Status, compared with what was on the wires |
+//! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
+//! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
+//! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
+//! | [`station`] | the base station's ages and alarms, compared with what has arrived there |
 
 pub mod base;
 pub mod boards;
@@ -32,35 +32,35 @@ pub mod station;
 
 use crate::{Context, Event, Figures, Findings, Header};
 
-/// An instant for a person.
+/// Returns an instant in words for a human reader.
 fn ms(at: u64) -> String {
     format!("{:.6} ms", at as f64 / 1e6)
 }
 
-/// Whether counter or timestamp `a` is after `b`: both wrap.
+/// Returns whether counter or timestamp `a` is after `b`, both of which wrap.
 fn is_later(a: u32, b: u32) -> bool {
     (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
-/// What takes every event of a run and notes what is broken.
+/// A rule, which takes every event of a run and records what is broken.
 pub trait Rule {
-    /// Nothing has happened yet.
+    /// Returns the rule's state before anything has happened.
     ///
     /// # Panics
     ///
-    /// If there is no profile for the header's number of receivers.
+    /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
     /// Takes the next event, which `context` has taken already.
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
 
-    /// The run is over.
+    /// Ends the run: judges what is still open, and adds the rule's figures.
     fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
-        /// All rules.
+        /// All rules, each of which takes every event.
         #[derive(Clone, Debug)]
         pub struct Rules {
             $($name: $rule,)*

@@ -1,13 +1,14 @@
-//! Whether the position that HORUS sends is where the aircraft was, and whether there is one at all.
+//! Judges whether the position that HORUS sends is where the aircraft was, and whether there is one at all.
 //!
-//! A run of simulated receivers has the flight's truth in its log ([`What::Aircraft`]), at each tick. A valid
-//! Reported-Position has to be within [`bounds::POSITION_OFF_M`] of where the aircraft was at some instant of the last
-//! [`bounds::POSITION_OLDEST`]. While fewer receivers are disturbed than a quorum has, the voter must hold it so, but
-//! that a receiver agrees with others up to [`bounds::AGREEMENT_M`] from them. While as many are disturbed as that, and
-//! with one or two receivers where there is no majority against any, nothing is asked.
+//! A run of simulated receivers has the flight's truth in its log at each tick ([`What::Aircraft`]). A valid
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was at some instant of the last
+//! [`bounds::POSITION_OLDEST`]. While fewer receivers are disturbed than a quorum has, the voter must keep to this
+//! limit, but it is widened by [`bounds::AGREEMENT_M`], because a disturbed receiver within that distance of the others
+//! agrees with them. While a quorum of receivers or more are disturbed, nothing is required; nor with one or two
+//! receivers of which one is disturbed, because then there is no majority against it.
 //!
-//! A position that is missing for [`bounds::POSITION_WITHIN`] is told unless something was found since it was there
-//! last that keeps HORUS from having one: a cause is told once.
+//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation that keeps HORUS from
+//! having a position was found since there last was one: a cause is reported once.
 
 use std::collections::VecDeque;
 
@@ -19,7 +20,7 @@ use crate::disturbance::Excuse;
 use crate::read::{State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// What keeps HORUS from having a position, or from sending it.
+/// The violations that keep HORUS from having a position, or from sending it.
 const EXPLAIN: &[Violation] = &[
     Violation::NotRead,
     Violation::NotConfigured,
@@ -38,23 +39,23 @@ const EXPLAIN: &[Violation] = &[
     Violation::HorusStaysHung,
 ];
 
-/// Where the aircraft was.
+/// The place of the aircraft at an instant.
 #[derive(Clone, Copy, Debug)]
 struct Truth {
     at: u64,
     place: Geodetic,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Position {
     receivers: usize,
     truths: VecDeque<Truth>,
-    /// Since when a position is waited for, ns.
+    /// Since when a position is missing, ns.
     waits_since: u64,
-    /// How much was found by then that explains its absence.
+    /// The number of violations found by then that explain its absence.
     explained: u64,
-    /// Its absence is told.
+    /// Whether the absence has been reported.
     told: bool,
     worst_mm: Option<u64>,
 }
@@ -115,13 +116,13 @@ impl Rule for Position {
 }
 
 impl Position {
-    /// How many receivers may be wrong at `at`, ns.
+    /// Returns how many receivers may be wrong at `at`, ns.
     fn disturbed(&self, at: u64, context: &Context) -> usize {
         let disturbances = context.disturbances();
         (0..self.receivers).filter(|receiver| disturbances.excuse_of(*receiver, Excuse::Position, at)).count()
     }
 
-    /// A position is waited for from `at` on.
+    /// Begins to wait for a position at `at`.
     fn wait(&mut self, at: u64, findings: &Findings) {
         (self.waits_since, self.explained, self.told) = (at, explaining(findings), false);
     }
@@ -133,7 +134,7 @@ impl Position {
         }
     }
 
-    /// HORUS has sent a valid position in a frame that `started` then, ns.
+    /// Judges a valid position that HORUS has sent in a frame that `started` then, ns.
     fn sent(&mut self, started: u64, values: &ReportedValues, context: &Context, findings: &mut Findings) {
         let mut before = self.truths.iter().rev().filter(|truth| truth.at <= started);
         let Some(now) = before.clone().next().copied() else { return };
@@ -163,7 +164,7 @@ impl Position {
     }
 }
 
-/// How much was found so far that explains that there is no position.
+/// Returns the number of violations so far that explain that there is no position.
 fn explaining(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| EXPLAIN.contains(violation)).map(|(_, count)| count).sum()
 }
@@ -175,10 +176,10 @@ mod tests {
     use crate::{Disturbance, Figures as AllFigures};
 
     const HOME: (i64, i64, i64) = (47_500_000_000, 8_700_000_000, 500_000);
-    /// One metre north in 1e-9 degrees here, within 0.1 %.
+    /// The number of 1e-9 degrees in a metre to the north here, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// The position that is so many mm north of home and above it.
+    /// Returns the position that lies this many mm north of home and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -192,7 +193,8 @@ mod tests {
         }
     }
 
-    /// At each of `cycles` ticks from 20 ms on the aircraft is where `truth` says (mm north), and HORUS says `says`.
+    /// Returns the verdict on a run in which at each of `cycles` ticks from 20 ms on the aircraft is where `truth` says
+    /// (mm north), and HORUS sends what `says` returns.
     fn run(
         gps: usize,
         cycles: u64,
@@ -238,7 +240,7 @@ mod tests {
     #[test]
     fn a_position_may_be_as_old_as_a_solution_may_be_valid() {
         let oldest = bounds::POSITION_OLDEST / bounds::CYCLE;
-        // The aircraft leaves after the first tick, and HORUS goes on saying where it was then.
+        // The aircraft leaves after the first tick, and HORUS goes on sending the place of that tick.
         let leaves = |number: u64| if number == 1 { 0 } else { 50_000 };
         assert_eq!(run(1, 1 + oldest, leaves, |_| Some((0, 0)), vec![]).0, []);
         let late = run(1, 2 + oldest, leaves, |_| Some((0, 0)), vec![]).0;
@@ -254,7 +256,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // Another one than those that there are.
+            // In this case the disturbed receiver is not one of those fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();
@@ -268,7 +270,7 @@ mod tests {
 
     #[test]
     fn a_position_that_is_missing_for_too_long_is_told_once() {
-        // The run goes on for 9 ms after its last tick: with so many, until just after a position is due.
+        // The run goes on for 9 ms after its last tick, so with this many ticks it ends just after a position is due.
         let late = bounds::POSITION_WITHIN / bounds::CYCLE - 1;
         let none = |cycles: u64, events| run(3, cycles, |_| 0, |_| None, events).0;
         assert_eq!(none(late - 1, vec![]), []);
@@ -280,7 +282,7 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // There was one, 30 ms after the first tick.
+        // There was a position, 30 ms after the first tick.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

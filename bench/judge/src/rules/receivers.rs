@@ -1,27 +1,28 @@
-//! Whether HORUS reads what its receivers have to say, and sets them so that they say it.
+//! Judges whether HORUS reads what its receivers offer, and sets them so that they send positions.
 //!
-//! What a receiver on a bus says it keeps until it is read: [`What::Offered`] tells when it has something, and
-//! [`What::Fed`] what of it crossed the bus. While HORUS has no supply, starts or hangs, and while [`Excuse::Polling`]
-//! holds of that receiver, nothing is asked: what is offered then is asked for from the next offer on. What comes to be
-//! offered while something is read belongs to that, and so does its first byte. A receiver that is not read is told
-//! once for each [`bounds::READ_WITHIN`].
+//! A receiver on a bus keeps its bytes until they are read: [`What::Offered`] reports that it has some, and
+//! [`What::Fed`] which of them crossed the bus. While HORUS has no supply, starts or hangs, and while
+//! [`Excuse::Polling`] holds for the receiver, nothing is required; the next offer after that must be read again. Bytes
+//! that are offered while others are read belong to that reading, and so does its first byte. A receiver that is not
+//! read is reported once for each [`bounds::READ_WITHIN`].
 //!
-//! A simulated receiver tells how it is set ([`What::Settings`]). One that puts no positions out has to do so within
-//! [`bounds::SETTINGS_TOLD`] after it began not to, or after HORUS's start, unless [`Excuse::Settings`] holds of it. It
-//! is told once.
+//! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must have set it to
+//! send them within [`bounds::SETTINGS_TOLD`] of the instant at which it ceased to, or of HORUS's start, unless
+//! [`Excuse::Settings`] holds for it. This is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Receivers {
-    /// Since when each receiver has had something to say of which nothing was read, ns.
+    /// Since when each receiver has offered bytes of which none was read, ns.
     waiting: Vec<Option<u64>>,
-    /// When the last byte that was read of each had crossed the bus, ns.
+    /// When the last byte that was read from each receiver had crossed the bus, ns.
     read_until: Vec<u64>,
-    /// Since when each has put no positions out, ns; nothing where it does, where that is told, or where it is unknown.
+    /// Since when each receiver has sent no positions, ns; `None` if it sends them, if this has been reported, or if it
+    /// is unknown.
     unset: Vec<Option<u64>>,
 }
 
@@ -70,7 +71,7 @@ impl Rule for Receivers {
 }
 
 impl Receivers {
-    /// It is `now`: what has waited for too long by then is told.
+    /// Reports what has waited for too long at `now`.
     fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
             if let Some(since) = waiting.take_if(|since| now > *since + bounds::READ_WITHIN) {
@@ -100,7 +101,7 @@ mod tests {
     use crate::Disturbance;
     use crate::testing::{Events, MS, found, header, injected};
 
-    /// The first instant at which anything is asked for.
+    /// The first instant from which on receivers must be read, ns.
     const FROM: u64 = bounds::START;
     const DUE: u64 = FROM + bounds::READ_WITHIN;
 
@@ -112,7 +113,7 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// What is found where GPS2 offers something at `at` and these events happen, in a run until `end`.
+    /// Returns what is found if GPS2 offers bytes at `at` and these events happen, in a run until `end`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -129,7 +130,7 @@ mod tests {
         assert_eq!(broken(FROM, vec![(DUE, fed(1))], DUE + 1), []);
         assert_eq!(broken(FROM, vec![(DUE, fed(0))], DUE + 1), [NOT_READ], "another one's");
         assert_eq!(broken(FROM, vec![(DUE - 1, offered())], DUE + 1), [NOT_READ], "the first counts");
-        // Offered in the middle of what is read, which ends 1 ns after it began, and behind that.
+        // The bytes are offered in the middle of a reading, which ends 1 ns after it began, and after that reading.
         assert_eq!(broken(FROM, vec![(FROM - 1, fed(1))], DUE + 1), [NOT_READ], "read before");
         assert_eq!(broken(FROM, vec![(FROM, fed(1)), (FROM, offered())], DUE + 1), []);
         let long = What::Fed { receiver: 1, byte_ns: 1_000, bytes: vec![1; 10].into(), clean: false, since: Some(0) };
@@ -137,7 +138,7 @@ mod tests {
             let during = vec![(FROM, long.clone()), (FROM + after, offered())];
             assert_eq!(broken(FROM, during, DUE + after + 1).len(), expected, "{after}");
         }
-        // Told again for what is offered after that.
+        // The violation is reported again for what is offered later.
         let again = vec![(DUE + 1, offered())];
         assert_eq!(broken(FROM, again, DUE + bounds::READ_WITHIN + 2), [(Violation::NotRead, 2, DUE)]);
     }
@@ -173,7 +174,7 @@ mod tests {
         }
     }
 
-    /// What is found of GPS2's settings where these events happen, in a run until `end`.
+    /// Returns what is found about GPS2's settings if these events happen, in a run until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

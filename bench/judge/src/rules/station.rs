@@ -1,24 +1,26 @@
-//! What the base station says of the drone against what has arrived there.
+//! Compares what the base station states about the drone with what has arrived there.
 //!
-//! The age that it tells is that of the Reported-Position that it shows: the newest that arrived, held against HORUS's
-//! tick. The alarms that follow from it, from silence and from what Reported-Position says are judged:
+//! The age that the base station states is that of the Reported-Position that it shows, which is the newest that
+//! arrived; it is compared with HORUS's tick. The alarms that follow from this age, from silence and from
+//! Reported-Position's status are judged as well:
 //!
 //! | alarm | holds if |
 //! |---|---|
-//! | `silent` | nothing that it can show has arrived for [`bounds::STATION_SILENT`] |
+//! | `silent` | no profile that it can show has arrived for [`bounds::STATION_SILENT`] |
 //! | `stale` | the Reported-Position that it shows is older than [`bounds::STATION_STALE`], or there is none |
-//! | `no-agreement` | that says that its position is not valid |
-//! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | that says so |
-//! | `degraded`, `no-crystal`, `horus-memory-fault` | that says so |
+//! | `no-agreement` | Reported-Position says that its position is not valid |
+//! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position says so |
+//! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position says so |
 //!
-//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown:
-//! who sends it may be another. So what is shown is known only once profiles have come in sequence for
-//! [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them where they are the first of all, and only then does
-//! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
+//! Around each limit of time nothing is required. A profile that does not continue those before need not be shown,
+//! because it may come from another sender. Therefore it is known what is shown only once profiles have arrived in
+//! sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them if they are the first of all, and only
+//! then does silence certainly end. While HORUS runs without its crystal, its clock cannot be compared with the
+//! station's, and no age is required.
 //!
-//! A HORUS that has started anew says so by timestamps that go back, or by another reason of its last reset. If neither
-//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which
-//! makes the sample older by the time for which HORUS did not run.
+//! A HORUS that has started anew shows this by timestamps that step back, or by another reason of its last reset. If it
+//! shows neither, the station cannot detect the start (documentation of the base station): it may count by the clock of
+//! the start before, which makes the sample older by the time for which HORUS did not run.
 
 use std::collections::VecDeque;
 
@@ -28,49 +30,49 @@ use super::Rule;
 use crate::read::Frame;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// So many ticks are remembered, with what was sent after them.
+/// The number of ticks that are remembered, with the timestamps that were sent after them.
 const TICKS: usize = 256;
 
-/// The sample that arrived last, by whose clock the station may count.
+/// The last sample that arrived, by whose clock the station may count.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// Its tick, ns, and in which of HORUS's starts that was.
+    /// The sample's tick, ns, and the number of HORUS's start in which it was.
     tick: (u64, u64),
-    /// How much older than it is the station may take it to be, ns.
+    /// The time by which the station may take the sample to be older than it is, ns.
     late: u64,
 }
 
-/// What the newest Reported-Position that arrived says.
+/// The newest Reported-Position that arrived.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// Its tick, ns, if that is known, and how much older the station may take it to be.
+    /// The tick of the sample, ns, if it is known, and how much older the station may take the sample to be, ns.
     tick: Option<(u64, u64)>,
-    /// How many in a row that arrived are in sequence, this one included, and since when, ns.
+    /// The number of profiles in a row that arrived in sequence, including this one, and since when, ns.
     row: (u32, u64),
-    /// They are the first of all.
+    /// Whether the row began with the first profile of all.
     first: bool,
-    /// When it arrived, ns.
+    /// When the profile arrived, ns.
     at: u64,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Station {
     layout: Layout,
     tick: Option<u64>,
-    /// HORUS's starts so far.
+    /// The number of HORUS's starts so far.
     starts: u64,
-    /// Timestamps of Reported-Position, ms, each with its tick, ns, and the start.
+    /// The timestamps of Reported-Position that were sent, ms, each with its tick, ns, and the number of the start.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,
-    /// When something that can be shown arrived last, ns.
+    /// When a profile that can be shown last arrived, ns.
     arrived: u64,
-    /// The alarm, or the age, that was wrong the last time: it is told once while it stays so.
+    /// The alarm or the age that was wrong the last time. It is reported once while it stays wrong.
     told: Option<&'static str>,
 }
 
@@ -138,7 +140,8 @@ impl Station {
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
-    /// A sample of that tick has arrived, ns, in that start: how much older the station may take it to be, ns.
+    /// Records that a sample has arrived, with its tick, ns, and the number of its start. Returns how much older the
+    /// station may take it to be, ns.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -150,7 +153,7 @@ impl Station {
         late
     }
 
-    /// What the station shows, as far as that is certain.
+    /// Returns what the station shows, as far as that is certain.
     fn shown(&self) -> Option<Newest> {
         self.newest.filter(|newest| {
             let (count, since) = newest.row;
@@ -158,7 +161,7 @@ impl Station {
         })
     }
 
-    /// How old what the station shows is at `at`, ns, and how old the station may take it to be.
+    /// Returns how old the sample that the station shows is at `at`, ns, and how old the station may take it to be, ns.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -170,7 +173,7 @@ impl Station {
         self.ages(at).is_some_and(|ages| told_us.is_none_or(|told| ages.into_iter().all(is_off(told))))
     }
 
-    /// An alarm that holds and must not, or that does not and must.
+    /// Returns an alarm that holds and must not, or that must hold and does not.
     fn wrong_alarm(&self, at: u64, alarms: &[String]) -> Option<&'static str> {
         let holds = |name: &str| alarms.iter().any(|alarm| alarm == name);
         let after = |age: u64, limit: u64| match age {
@@ -178,7 +181,7 @@ impl Station {
             age if age + bounds::STATION_AGE_OFF < limit => Some(false),
             _ => None,
         };
-        // What arrives after a silence may not be believed at once.
+        // A profile that arrives after a silence need not be accepted at once.
         let silent =
             after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
         let stale = self.ages(at).map(|ages| ages.map(|age| after(age, bounds::STATION_STALE)));
@@ -215,7 +218,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// When the last cycle's tick was, and when it arrived, ns.
+    /// The instant of the last cycle's tick, ns, and the arrival of its profile.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -223,7 +226,8 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// The last of [`CYCLES`] that say this arrive, and after that the station says something at some instants.
+    /// Returns what is broken if the last of [`CYCLES`] arrive with the status that `of` returns, and the station then
+    /// makes these statements at their instants.
     fn broken(
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,
@@ -232,7 +236,7 @@ mod tests {
         broken_after(8 * MS, of, cycles, says)
     }
 
-    /// The same where each arrives so long after its tick, ns.
+    /// Does the same as [`broken`], with each profile arriving `takes` ns after its tick.
     fn broken_after(
         takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
@@ -279,7 +283,7 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // What is shown is not known yet, or its clock is none of the station's.
+        // It is not known yet what is shown in the first case, and HORUS runs without its crystal in the second.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
@@ -294,7 +298,7 @@ mod tests {
 
     #[test]
     fn what_comes_after_another_sequence_is_shown_for_certain_after_a_while() {
-        // The first profile of all is of another start of HORUS.
+        // The first profile of all is from another start of HORUS.
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
         let found = |cycles: u64| {
             let mut station = Station::new(&header(1));
@@ -379,10 +383,11 @@ mod tests {
 
     #[test]
     fn what_goes_on_over_a_start_of_horus_may_be_counted_by_the_clock_of_before() {
-        // What arrives is stamped 10 ms to 100 ms; HORUS starts anew, is away for so long, and arrives from `first` on.
+        // The profiles that arrive are stamped 10 ms to 100 ms. HORUS then starts anew, is away for [`AWAY`], and its
+        // profiles arrive from the timestamp `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        // Before that another start was heard, for long, if `earlier`.
+        // With `earlier`, a profile of an earlier start of HORUS arrived before, stamped 90 s.
         let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {

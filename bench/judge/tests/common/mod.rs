@@ -1,7 +1,7 @@
-//! The log of a run in which nothing goes wrong, to be spoilt by tests.
+//! The log of a run in which nothing goes wrong, for tests to change.
 //!
-//! A [`Plan`] is what the DPR publishes and when the flight controller reads; [`Plan::log`] works out what the wires
-//! show of it. What is spoilt in the plan has its consequences in the log; what is spoilt in the log has none.
+//! A [`Plan`] describes what the DPR publishes and when the flight controller reads; [`Plan::log`] works out what the
+//! wires show of it. A change of the plan has its consequences in the log, and a change of the log has none.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
@@ -11,21 +11,21 @@ use profile::{
     air,
 };
 
-/// The first tick of HORUS, ns.
+/// The instant of HORUS's first tick, ns.
 pub(crate) const FIRST_TICK: u64 = 20_000_000;
-/// The DPR's first image, ns.
+/// The instant of the DPR's first image, ns.
 pub(crate) const FIRST_IMAGE: u64 = 6_000_000;
-/// From the end of a cycle's last frame to FRESH.
+/// The time from the end of a cycle's last frame to FRESH, ns.
 pub(crate) const TO_FRESH: u64 = 60_000;
-/// The processor takes the buffers so long before FRESH, ns.
+/// The time before FRESH at which the processor takes the buffers, ns.
 pub(crate) const HELD_BEFORE: u64 = 1_000;
-/// And gives them back so long after it, ns.
+/// The time after FRESH at which the processor gives the buffers back, ns.
 pub(crate) const RELEASED_AFTER: u64 = 500;
-/// From the end of a transaction to readiness, ns.
+/// The time from the end of a transaction to readiness, ns.
 pub(crate) const TO_READY: u64 = 3_000;
-/// The flight controller's control cycle, ns: not quite 4 ms, so that it meets every phase.
+/// The flight controller's control cycle, ns. It is not quite 4 ms, so that it meets every phase.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
-/// Cycles with which the sequence is found: they are not shown.
+/// The number of cycles that find the sequence and are not shown.
 pub(crate) const SEARCH: u32 = 3;
 
 /// An image of the DPR.
@@ -33,28 +33,28 @@ pub(crate) const SEARCH: u32 = 3;
 pub(crate) struct Publication {
     /// When FRESH rises, ns.
     pub(crate) at: u64,
-    /// What becomes readable.
+    /// The image that becomes readable.
     pub(crate) image: Vec<u8>,
 }
 
-/// What happens in a run.
+/// The description of a run, from which a log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
     pub(crate) header: Header,
     pub(crate) layout: Layout,
-    /// HORUS's side and the air.
+    /// The events of HORUS and of the air.
     pub(crate) upstream: Vec<Event>,
     /// The DPR's images, in order of time.
     pub(crate) publications: Vec<Publication>,
-    /// When chip select falls.
+    /// The instants at which chip select falls, ns.
     pub(crate) selects: Vec<u64>,
     pub(crate) end: u64,
 }
 
-/// A profile without a position: its receivers say nothing.
+/// Returns a profile without a position, because its receivers send nothing.
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
-        // What HORUS says of receivers that have said nothing.
+        // These are HORUS's values for receivers that have sent nothing.
         let absent = GpsValues::absent(stamp);
         let silent = GpsValues { status: absent.status.with_stale(true), ..absent };
         let status = ReportedStatus::new().with_degraded(true);
@@ -69,13 +69,13 @@ pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     }
 }
 
-/// LEN, payload, CRC-16 (which nobody checks here).
+/// Returns a frame: LEN, payload and CRC-16, which nobody checks here.
 pub(crate) fn frame(payload: &[u8]) -> Vec<u8> {
     let len = u8::try_from(payload.len() + 1).unwrap();
     [&[len], payload, &[0, 0]].concat()
 }
 
-/// The payloads of a profile's frames, each with its send slot (µs after the tick).
+/// Returns the payloads of a profile's frames, each with its send slot (µs after the tick).
 fn frames(gps: usize, profile: &[u8]) -> Vec<(u64, Vec<u8>)> {
     let slot = |frame| match gps {
         1 => air::send_slot_us::<1>(frame),
@@ -97,7 +97,7 @@ fn event(at: u64, what: What) -> Event {
 }
 
 impl Plan {
-    /// A flawless run of `cycles` cycles of HORUS.
+    /// Returns a flawless run of `cycles` cycles of HORUS.
     pub(crate) fn new(gps: usize, cycles: u32) -> Self {
         let layout = Layout::for_receivers(gps).unwrap();
         let end = FIRST_TICK + u64::from(cycles) * bounds::CYCLE;
@@ -148,7 +148,7 @@ impl Plan {
         plan
     }
 
-    /// An image that is published at `at` and shows the cycle of `stamp`.
+    /// Returns an image that is published at `at` and shows the cycle of `stamp`.
     pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
         let status = LinkStatusBits::new()
             .with_link_up(stamp.is_some())
@@ -164,19 +164,19 @@ impl Plan {
         [link.as_bytes().as_slice(), &objects].concat()
     }
 
-    /// The number of the publication that shows the cycle of `stamp`.
+    /// Returns the number of the publication that shows the cycle of `stamp`.
     pub(crate) fn showing(&self, stamp: u32) -> usize {
         let place = self.layout.in_image(0).unwrap();
         let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
         self.publications.iter().position(|publication| shows(&publication.image)).unwrap()
     }
 
-    /// How long a transaction takes.
+    /// Returns how long a transaction takes, ns.
     pub(crate) fn transaction_ns(&self) -> u64 {
         3_000 + 1_000 * self.layout.image_len() as u64
     }
 
-    /// What the wires show.
+    /// Returns the log of what the wires show.
     pub(crate) fn log(&self) -> Log {
         let mut events = self.upstream.clone();
         let took = self.transaction_ns();
@@ -184,7 +184,7 @@ impl Plan {
         let mut publications = self.publications.iter().peekable();
         let mut forwarded = None;
         for selected in self.selects.iter().copied().chain([u64::MAX]) {
-            // What is published before this transaction; it may begin while that is being put in.
+            // These images are published before the transaction, which may begin while one of them is being put in.
             let mut busy = false;
             let before = |publication: &&Publication| publication.at.saturating_sub(HELD_BEFORE) <= selected;
             while let Some(publication) = publications.next_if(before) {
@@ -211,7 +211,7 @@ impl Plan {
                 }
                 continue;
             }
-            // Published meanwhile: announced at once, put in at the end.
+            // An image that is published during the transaction is announced at once and put in at the end.
             let mut ready = ended + TO_READY;
             while let Some(publication) =
                 publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
@@ -243,7 +243,7 @@ impl Plan {
     }
 }
 
-/// The DPR's end of the SSI.
+/// The DPR's side of the SSI.
 struct Ssi {
     held: bool,
     image: Option<Vec<u8>>,
@@ -252,7 +252,7 @@ struct Ssi {
 }
 
 impl Ssi {
-    /// The image's time is over by `now`.
+    /// Expires the image if its time is over by `now`.
     fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
         if self.expires <= now && !self.held {
             self.held = true;
@@ -260,7 +260,8 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in while no transaction is under way; whether the one of `selected` begins meanwhile.
+    /// Puts an image in while no transaction is under way. Returns whether the transaction of `selected` begins
+    /// meanwhile.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -280,8 +281,8 @@ impl Ssi {
     }
 }
 
-/// What the rules of the SSI and of the base station find. The DPR of these logs tells of itself and of HORUS no more
-/// than those rules need, so what others find there is no finding.
+/// The violations of the rules of the SSI and of the base station. The DPR of these logs states no more about itself
+/// and HORUS than these rules need, so the findings of other rules do not count.
 const OURS: [Violation; 20] = [
     Violation::Answered,
     Violation::NoTransaction,
@@ -305,31 +306,31 @@ const OURS: [Violation; 20] = [
     Violation::BaseHidden,
 ];
 
-/// The verdict of the rules of the SSI and of the base station.
+/// Returns the verdict of the rules of the SSI and of the base station.
 pub(crate) fn judged(log: &Log) -> Verdict {
     let mut verdict = judge(log);
     verdict.violations.retain(|broken| OURS.contains(&broken.violation));
     verdict
 }
 
-/// The kinds of violations that judging finds, each with how often.
+/// Returns the kinds of violations that judging finds, and how often each occurred.
 pub(crate) fn found(log: &Log) -> Vec<(Violation, u64)> {
     judged(log).violations.iter().map(|broken| (broken.violation, broken.count)).collect()
 }
 
-/// Puts an event in its place.
+/// Inserts an event in its place.
 pub(crate) fn insert(log: &mut Log, at: u64, what: What) {
     let rank = what.rank();
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, rank));
     log.events.insert(place, event(at, what));
 }
 
-/// Sorts what was moved.
+/// Sorts the events after some were moved.
 pub(crate) fn sort(log: &mut Log) {
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
-/// What every transaction read, to be changed: chip select's fall, and MISO.
+/// Returns for each transaction when chip select fell, ns, and what it read, to be changed.
 pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
     log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
@@ -337,12 +338,12 @@ pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec
     })
 }
 
-/// The DPR restarts.
+/// Returns the event of a restart of the DPR.
 pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// The places in the log of the transactions that read an image again: nothing is forwarded of them.
+/// Returns the places in the log of the transactions that read an image again, so that nothing is forwarded.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -355,7 +356,7 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// What a transaction read.
+/// Returns what a transaction read.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -363,7 +364,7 @@ pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     }
 }
 
-/// Makes the transactions that end within `from..to` (ns) read nothing.
+/// Makes the transactions that end within `from..to` (ns) read only 0xFF.
 pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     log.events.retain(|event| {
         let forwarding = matches!(event.what, What::Forwarded { .. } | What::Arrived { .. });
@@ -381,7 +382,7 @@ pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     }
 }
 
-/// A flawless log and the place in it of a transaction of which nothing is forwarded.
+/// Returns a flawless log, and the place in it of a transaction after which nothing is forwarded.
 pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -389,7 +390,7 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// What was read last before the transaction at `place` that is another image than it brought.
+/// Returns the last image read before the transaction at `place` that differs from what that transaction read.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();
@@ -400,18 +401,18 @@ pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     before.unwrap()
 }
 
-/// A front end that does not answer.
+/// The disturbance by which the DPR's front end does not answer.
 pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
-/// The same of HORUS.
+/// The disturbance by which HORUS's front end does not answer.
 pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
-/// A flight controller that reads in a way in which it must not.
+/// The disturbance by which the flight controller reads as it must not.
 pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
-/// A bit of a buffer that frames are received into.
+/// The disturbance of a bit of a buffer into which frames are received.
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
-/// A bit of an image.
+/// The disturbance of a bit of an image.
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// The bench disturbs this until then.
+/// Returns the event that the bench disturbs this until `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

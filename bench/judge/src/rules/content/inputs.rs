@@ -1,12 +1,12 @@
-//! Whether HORUS's state is what its inputs say.
+//! Judges whether HORUS's state agrees with its inputs.
 //!
-//! Written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
+//! This module is written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
 //! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position.
-//! What three samples in a row say is taken; ten without that are a contradiction. The most severe input that is not
-//! inactive is the state.
+//! HORUS accepts what three samples in a row say; ten samples without such a row are a contradiction. The state is that
+//! of the most severe input that is not inactive.
 //!
-//! Where a pair changes while it may be sampled, every outcome is allowed. After an irregular tick it is not known how
-//! often HORUS sampled: then nothing is asked of a pair until it has settled.
+//! If a pair changes while it may be sampled, every outcome is allowed. After an irregular tick it is not known how
+//! often HORUS sampled, and the judge then requires nothing of a pair until it has settled.
 
 use std::collections::VecDeque;
 
@@ -14,14 +14,15 @@ use profile::HorusState;
 
 use crate::bounds;
 
-/// Inputs: relay, motor cut, emergency measure.
+/// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// So many samples decide: ten, the last of which may end what the two before them began.
+/// The number of samples that decide: ten, and two more, because the tenth may complete a row of three that the two
+/// samples before the ten began.
 const SAMPLES: usize = 12;
-/// More samples than this of which it is not known what they say make too many outcomes to be asked for.
+/// The number of uncertain samples beyond which there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
 
-/// What a pair says.
+/// The reading of a pair of pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Says {
     Inactive,
@@ -31,11 +32,11 @@ enum Says {
 
 #[derive(Clone, Debug)]
 struct Pair {
-    /// What it says now.
+    /// The present reading of the pair.
     now: Says,
-    /// What it said at the last tick and what it has said since, each from when.
+    /// The pair's reading at the last tick and each later one, with the instant from which it holds, ns.
     since_tick: Vec<(u64, Says)>,
-    /// What each sample may have said, the last [`SAMPLES`].
+    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have sampled.
     samples: VecDeque<Vec<Says>>,
 }
 
@@ -45,18 +46,18 @@ pub(super) struct Inputs {
     pairs: [Pair; INPUTS],
     /// HORUS's last tick, ns.
     tick: Option<u64>,
-    /// The samples are all that there were since HORUS's start.
+    /// Whether the samples are all that there were since HORUS's start.
     from_start: bool,
 }
 
 impl Inputs {
-    /// The pairs say that no input is active.
+    /// Returns the state in which every pair says that its input is inactive.
     pub(super) fn new() -> Self {
         let pair = |_| Pair { now: Says::Inactive, since_tick: vec![], samples: VecDeque::new() };
         Self { pairs: std::array::from_fn(pair), tick: None, from_start: true }
     }
 
-    /// The levels of an input's pins are others from `at` on: that which is high while the input is active, and the
+    /// Records the levels of an input's pins from `at` on: the pin that is high while the input is active, and the
     /// other one.
     pub(super) fn levels(&mut self, at: u64, input: usize, active: bool, inactive: bool) {
         let Some(pair) = self.pairs.get_mut(input) else { return };
@@ -68,7 +69,7 @@ impl Inputs {
         pair.since_tick.push((at, pair.now));
     }
 
-    /// HORUS forgets everything.
+    /// Forgets all samples, because HORUS starts anew.
     pub(super) fn forget(&mut self) {
         for pair in &mut self.pairs {
             pair.since_tick.clear();
@@ -77,7 +78,7 @@ impl Inputs {
         (self.tick, self.from_start) = (None, true);
     }
 
-    /// HORUS ticks; the tick before it was one cycle ago, or there was none, unless it is irregular.
+    /// Records a tick of HORUS. Unless the tick is irregular, the tick before it was one cycle ago, or there was none.
     pub(super) fn tick(&mut self, at: u64, irregular: bool) {
         for pair in &mut self.pairs {
             if irregular {
@@ -101,12 +102,13 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Whether each pair has been taken for sure at the tick, so that HORUS monitors once it is located.
+    /// Returns whether HORUS has certainly accepted a reading of each pair at the tick, so that it monitors once it has
+    /// a position.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }
 
-    /// Why `state` cannot be what HORUS shows at the tick.
+    /// Returns why `state` cannot be what HORUS shows at the tick.
     pub(super) fn wrong(&self, state: Option<HorusState>) -> Option<String> {
         let mut taken = [const { vec![] }; INPUTS];
         for (pair, taken) in self.pairs.iter().zip(&mut taken) {
@@ -125,7 +127,7 @@ impl Inputs {
     }
 }
 
-/// What HORUS may show while its inputs, the most severe first, are taken as these.
+/// Returns the states that HORUS may show if it has accepted these readings of its inputs, the most severe input first.
 fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     let active = [HorusState::EmergencyFired, HorusState::MotorsCut, HorusState::SwitchedToRedundant];
     for (taken, active) in taken.into_iter().zip(active) {
@@ -138,13 +140,13 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     if taken.contains(&None) {
         return vec![HorusState::Starting];
     }
-    // Which of them is the voted position's matter.
+    // The voted position decides which of these states it is.
     vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
 impl Pair {
-    /// What may be taken of the pair, `None` as one of them if it may not have been taken yet; nothing if that is not
-    /// known.
+    /// Returns the readings of the pair that HORUS may have accepted, with `None` among them if it may not have
+    /// accepted one yet. Returns `None` if that is not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;
@@ -158,8 +160,8 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // The last three samples in a row that say the same. Only twelve samples are kept, so none that has ten
-            // behind it is found.
+            // This finds the last three equal samples in a row. Only twelve samples are kept, so a row with ten samples
+            // after it is not found.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -192,8 +194,8 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// What HORUS may show at each of `ticks` ticks from 100 ms on, while input `input` has these levels from these
-    /// instants (ms) on.
+    /// Returns the states that HORUS may show at each of `ticks` ticks from 100 ms on, if the pins of input `input`
+    /// have these levels from these instants (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
         let mut levels = levels.iter().peekable();
@@ -224,11 +226,12 @@ mod tests {
     #[test]
     fn an_active_input_shows_three_samples_later() {
         for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
-            // It changes between the ticks of 140 and 150 ms; 150, 160 and 170 sample it, and 180 shows it.
+            // The input changes between the ticks of 140 and 150 ms. The ticks of 150, 160 and 170 ms sample it, and
+            // that of 180 ms shows it.
             let shown = allowed(input, &[(145.0, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8..], [[of], [of]]);
-            // Between the tick and the end of the time in which it is sampled, it may or may not be seen.
+            // A change between the tick and the end of the sampling time may be sampled or not.
             let shown = allowed(input, &[(150.1, true, false)], 10);
             assert_eq!(shown[7], SOUND);
             assert_eq!(shown[8], [Starting, Monitoring, of, HorusState::PositionLost]);
@@ -246,7 +249,7 @@ mod tests {
 
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
-        // From the start, ticks 0 to 9 sample it; at tick 10 it is one.
+        // Ticks 0 to 9 sample the pair from the start, and tick 10 shows a contradiction.
         let chatter: Vec<(f64, bool, bool)> =
             (0..20).map(|n| (95.0 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 15);
@@ -256,7 +259,8 @@ mod tests {
 
     #[test]
     fn a_settled_pair_that_chatters_is_a_contradiction_ten_samples_after_it_had_settled_last() {
-        // Ticks 0 to 4 (100 to 140 ms) sample it as inactive; from tick 5 on two of a kind at most.
+        // Ticks 0 to 4 (100 to 140 ms) sample the pair as inactive. From tick 5 on at most two samples in a row are
+        // equal.
         let chatter: Vec<(f64, bool, bool)> =
             (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 17);
@@ -266,7 +270,8 @@ mod tests {
 
     #[test]
     fn of_a_pair_that_may_have_been_sampled_in_too_many_ways_nothing_is_asked() {
-        // From tick 5 on each change may be seen at its tick or not: six of them make 64 outcomes, seven are too many.
+        // From tick 5 on each change may be sampled at its tick or not. Six changes make 64 outcomes, and seven are too
+        // many.
         let changes = |count: u32| -> Vec<(f64, bool, bool)> {
             (0..count).map(|n| (150.2 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect()
         };
@@ -296,7 +301,7 @@ mod tests {
         state.tick(0, true);
         for number in 1..=12_u64 {
             assert!(state.wrong(Some(MotorsCut)).is_none(), "{number}: nothing is asked yet");
-            // Each sample says something else than the one before.
+            // Each sample differs from the one before.
             state.levels(number * bounds::CYCLE - MS, 1, number % 2 == 0, number % 2 != 0);
             state.tick(number * bounds::CYCLE, false);
             state.levels(number * bounds::CYCLE, 1, number % 2 == 0, number % 2 != 0);

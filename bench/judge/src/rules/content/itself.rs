@@ -1,39 +1,40 @@
-//! What HORUS says of itself in Reported-Position: why it last started, whether it runs on its crystal, and whether its
-//! memory has a fault.
+//! Judges what HORUS states about itself in Reported-Position: why it last started, whether it runs on its crystal, and
+//! whether its memory has a fault.
 //!
-//! | bits | right |
+//! | bits | right value |
 //! |---|---|
-//! | 13-15 | the reset that the log has, power-on before any; any where its words name none |
-//! | 7 | 0 if its external oscillator worked when it last started, else 1; either if that changed while it started |
-//! | 12 | 0 until something was done to HORUS's memory or image; from its first 1 on it stays 1 until the next start |
+//! | 13-15 | the reset in the log, and power-on before any; any reason where the log's words name none |
+//! | 7 | 0 if the external oscillator worked at HORUS's last start, else 1; either if that changed during the start |
+//! | 12 | 0 until HORUS's memory or program was disturbed; after its first 1 it stays 1 until the next start |
 //!
-//! Whether a fault of memory is found at all, and when, is no matter of this rule: HORUS looks at its memory in passes,
+//! This rule does not judge whether, and when, HORUS finds a fault of its memory: HORUS checks its memory in passes,
 //! and the log does not say where a bit was hit.
 
 use profile::{ReportedStatus, ResetReason};
 
 use crate::{Board, Cause, Disturbance, What, bounds};
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Itself {
-    /// Why HORUS last started, if the log's words say that.
+    /// The reason of HORUS's last start, if the log's words say it.
     reason: Option<ResetReason>,
-    /// Its memory was hit on purpose.
+    /// Whether HORUS's memory was hit on purpose.
     hit: bool,
-    /// It has said since its start that its memory has a fault.
+    /// Whether HORUS has reported a memory fault since its start.
     said: bool,
-    /// When it last started, ns.
+    /// When HORUS last started, ns.
     since: u64,
-    /// Its external oscillator works now, and worked when it last started.
+    /// Whether HORUS's external oscillator works now, and whether it worked when HORUS last started.
     crystal: bool,
     started_with: bool,
-    /// It fails, or works again, while HORUS was starting: it may have started on either.
+    /// Whether the oscillator failed, or recovered, while HORUS was starting, so that HORUS may have started with or
+    /// without it.
     unsure: bool,
 }
 
 impl Itself {
-    /// Its supply has come on.
+    /// Returns the state when HORUS's supply has come on.
     pub(super) const fn new() -> Self {
         Self {
             reason: Some(ResetReason::PowerOn),
@@ -69,12 +70,12 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Whether what RAM held before the last start is still there.
+    /// Returns whether RAM still holds what it held before the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }
 
-    /// What Reported-Position's status tells wrongly of the crystal, in words.
+    /// Returns, in words, what Reported-Position's status states wrongly about the crystal.
     pub(super) fn wrong_crystal(&self, status: ReportedStatus) -> Option<&'static str> {
         match (status.without_crystal(), self.started_with) {
             _ if self.unsure => None,
@@ -84,7 +85,7 @@ impl Itself {
         }
     }
 
-    /// What of a Reported-Position's status is wrong, in words.
+    /// Returns, in words, what is wrong in a Reported-Position's status besides the bit of the crystal.
     pub(super) fn wrong(&mut self, status: ReportedStatus) -> Option<String> {
         let told = status.reset_reason();
         if told.is_none() || self.reason.is_some_and(|reason| told != Some(reason)) {
@@ -99,7 +100,7 @@ impl Itself {
     }
 }
 
-/// The reason that HORUS tells of a restart; none for what its part does not do.
+/// Returns the reason that HORUS states for a restart; `None` for a cause that its part does not have.
 const fn reason(cause: Cause) -> Option<ResetReason> {
     Some(match cause {
         Cause::PowerOn => ResetReason::PowerOn,
@@ -186,7 +187,7 @@ mod tests {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
         let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
-        // Whether it may say that it has a crystal, and that it has none.
+        // This returns whether HORUS may report that it has a crystal, and whether it may report that it has none.
         let allowed = |events: Vec<(u64, What)>| {
             let mut itself = Itself::new();
             events.iter().for_each(|(at, what)| itself.take(*at, what));

@@ -1,30 +1,29 @@
-//! What HORUS sends against the bytes that its receivers were fed.
+//! Compares what HORUS sends with the bytes that its receivers were fed.
 //!
 //! # How it is judged
 //!
-//! The messages of each receiver are found in the bytes of its line, with the instant at which the last byte of each
-//! had crossed. A GPS object of the cycle of a tick shows, of each kind of message, the newest that had arrived
-//! [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived after that and at most
-//! [`bounds::SAMPLED_AFTER_TICK`] after the tick. Its values are compared bit by bit, its status bit by bit; which
-//! status bits a message of a certain age may have at that tick, with the bands in which both are right, is in
-//! `track`. A message that HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message
-//! inside a false start) may be the newest or not.
+//! The judge finds the messages of each receiver in the bytes of its line, with the instant at which the last byte of
+//! each had crossed. For each kind of message, a GPS object of a tick's cycle shows the newest message that had arrived
+//! [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`] after the
+//! tick. Its values and its status are compared bit by bit. Which status bits a message of a certain age may have at
+//! that tick, with the bands in which both values are right, is in `track`. A message that HORUS may have missed (a
+//! disturbed line, bytes before the first tick of a start, a message inside a false start) may be the newest or not.
 //!
 //! # What is not judged
 //!
-//! - An object whose timestamp does not follow from the one of the cycle before: `cycle` tells that.
-//! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
-//!   in ticks.
-//! - What HORUS says while [`Excuse::Content`] holds.
-//! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
-//!   `vote` says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle (`inputs`),
-//!   and so is what HORUS says of its last reset and of its memory (`itself`).
+//! - An object is not judged if its timestamp does not follow from that of the cycle before; `cycle` reports that.
+//! - Ages are not judged for two seconds after a missing or irregular tick, or after a timestamp that jumped, because
+//!   HORUS counts its time in ticks.
+//! - What HORUS states while [`Excuse::Content`] holds is not judged.
+//! - Reported-Position is not judged in a cycle in which a GPS object was blamed or is missing, and in the cycle after
+//!   it. Otherwise `vote` states what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
+//!   every cycle (`inputs`), and so are the reason of its last reset and the faults of its memory (`itself`).
 //!
-//! The dynamic model of a receiver is no message: `models` judges it by what the receiver itself makes of it.
+//! The dynamic model of a receiver is not a message of HORUS: `models` judges it by the receiver's own settings.
 //!
-//! One object is told at most once for its values and once for its status. If both disagree with every message, it is
-//! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
-//! the content.
+//! One object is reported at most once for its values and once for its status. If both disagree with every message, the
+//! status is blamed if the values are those of a message that the status calls valid, or absent where the status calls
+//! none valid. Otherwise the content is blamed.
 
 mod inputs;
 mod itself;
@@ -50,31 +49,32 @@ use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Ram, Seen, Vote};
 
-/// The status bit that says that the receiver was heard.
+/// The status bit that marks the receiver as heard.
 const HEARD: u16 = 1 << 7;
-/// The voter's bit, which `vote` judges.
+/// The status bit of the voter, which `vote` judges.
 const EXCLUDED: u16 = 1 << 9;
-/// From this bit on the status tells the age of the solution.
+/// The first of the status bits that state the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// For so long after an irregular tick nothing is known of ages, ns: the longest that a solution stays valid, and more.
+/// The time after an irregular tick for which ages are not known, ns: more than the longest time for which a solution
+/// stays valid.
 const UNTIMED: u64 = 2_000_000_000;
 
-/// One receiver's line.
+/// The line of one receiver.
 #[derive(Clone, Debug)]
 struct Line {
     reader: Reader,
-    /// Messages that HORUS may not have taken yet, in order of arrival.
+    /// The messages that HORUS may not have taken yet, in order of arrival.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// When the last message had arrived that HORUS has taken for certain, and the last that it may have.
+    /// When the last message arrived that HORUS has certainly taken, and the last one that it may have taken, ns.
     heard: Option<u64>,
     may_have_heard: Option<u64>,
-    /// When the last valid position had arrived, and those that have not.
+    /// When the last valid position arrived, and when those will arrive that are still crossing the line, ns.
     solution: Option<u64>,
     solutions: VecDeque<u64>,
-    /// Bytes that wait in the receiver, where it is on a bus.
+    /// The number of bytes that wait in the receiver, if it is on a bus.
     waiting: u64,
-    /// Until when HORUS may drop what it reads, ns; and it may drop the first that it reads after that.
+    /// Until when HORUS may drop what it reads, ns, and whether it may also drop its first reading after that.
     doubtful: u64,
     unproven: bool,
 }
@@ -95,12 +95,12 @@ impl Line {
         }
     }
 
-    /// What HORUS reads by `until`, and the first after that, it may take to be old.
+    /// Records that HORUS may take for old what it reads by `until`, ns, and its first reading after that.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
 
-    /// The receiver, which is on a bus, has something more to say.
+    /// Records that a receiver on a bus has further bytes to send.
     fn offered(&mut self, at: u64, bytes: &[u8]) {
         self.waiting += bytes.len() as u64;
         if self.waiting > bounds::READ_AT_ONCE {
@@ -108,8 +108,9 @@ impl Line {
         }
     }
 
-    /// HORUS reads so many bytes of a receiver on a bus from `at` to `end`, which have waited since `since`, ns:
-    /// whether it has to take them, or may; nothing if it must not.
+    /// Records that HORUS reads `bytes` bytes of a receiver on a bus from `at` to `end`, which have waited since
+    /// `since`, ns. Returns whether HORUS must take them (`true`) or may take them (`false`); `None` if it must not
+    /// take them.
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;
@@ -133,14 +134,14 @@ impl Line {
         });
     }
 
-    /// It is `now`.
+    /// Advances the time to `now`, ns.
     fn pass(&mut self, now: u64) {
         while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
             self.solution = Some(arrived);
         }
     }
 
-    /// HORUS restarts at `at`: it forgets what it had taken.
+    /// Forgets what HORUS had taken, because it restarts at `at`.
     fn forget(&mut self, at: u64) {
         self.arriving.retain(|message| message.arrived > at);
         self.tracks.iter_mut().for_each(Track::clear);
@@ -149,7 +150,7 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Whether two messages of a kind may have come between one cycle's objects and the next one's.
+    /// Returns whether two messages of a kind may have arrived between the objects of one cycle and those of the next.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
         let newest = |kind: Kind| {
@@ -160,14 +161,15 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Whether it may have brought HORUS a position by `at` that the objects of `tick` need not show.
+    /// Returns whether the line may have brought HORUS, by `at`, a position that the objects of `tick` need not show.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// What had arrived by `by` HORUS has taken, or missed for good. Its lines are up since before `first_tick`.
+    /// Settles each message that had arrived by `by`: HORUS has taken it, or has missed it for good. HORUS's lines have
+    /// been up since before `first_tick`.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -183,8 +185,8 @@ impl Line {
         }
     }
 
-    /// The messages by which HORUS may have come to the position of a GPS object of `tick`, and whether that is still
-    /// valid at the next tick for sure.
+    /// Returns the messages from which HORUS may have the position in a GPS object of `tick`, and whether that position
+    /// is certainly still valid at the next tick.
     fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
@@ -196,7 +198,7 @@ impl Line {
         (track.held(tick, numbers).collect(), track.lasts(tick, numbers))
     }
 
-    /// What is wrong with a GPS object of `tick`.
+    /// Returns what is wrong with a GPS object of `tick`: first its content, then its status.
     fn faults(
         &self,
         tick: u64,
@@ -251,7 +253,7 @@ impl Line {
     }
 }
 
-/// The numbers of a GPS object that follow from this kind of message, as bits.
+/// Returns the numbers of a GPS object that follow from this kind of message, as bits.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -260,7 +262,7 @@ fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     }
 }
 
-/// HORUS's ticks since its last start.
+/// The ticks of HORUS since its last start.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ticks {
     since: u64,
@@ -268,25 +270,25 @@ struct Ticks {
     first: Option<u64>,
     last: Option<u64>,
     before: Option<u64>,
-    /// Until then nothing is known of ages.
+    /// Until when ages are not known, ns.
     untimed: u64,
-    /// What its timestamps are ahead of 10 ms for each tick, ms.
+    /// How far HORUS's timestamps are ahead of 10 ms for each tick, ms.
     ahead: u32,
 }
 
-/// What was sent in the cycle of a tick.
+/// What HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
     reported: Option<ReportedValues>,
     gps: [Option<Seen>; MAX_RECEIVERS],
-    /// A GPS object was wrong.
+    /// Whether a GPS object was wrong.
     blamed: bool,
-    /// The timestamps do not follow from those of the cycle before.
+    /// Whether the timestamps do not follow from those of the cycle before.
     misstamped: bool,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Content {
     layout: Layout,
@@ -298,7 +300,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Since the last start HORUS may have voted otherwise than its receivers say.
+    /// Whether HORUS may have voted otherwise than its receivers require, at some time since its last start.
     unjudged: bool,
 }
 
@@ -362,7 +364,7 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // Frames of a tick end before the tick after its successor.
+                // The frames of a tick end less than two cycles after it, so older messages are settled.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let taken = match since {
                     None => Some(*clean),
@@ -402,7 +404,7 @@ impl Rule for Content {
 }
 
 impl Content {
-    /// HORUS has sent a frame.
+    /// Judges a frame that HORUS has sent.
     fn sent(&mut self, at: u64, started: u64, frame: &Frame, disturbances: &Disturbances, findings: &mut Findings) {
         let Ticks { count, first, last, before, untimed, .. } = self.ticks;
         let (tick, number) = match (last, before) {
@@ -429,7 +431,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // The samples of the tick before are what the profile of the last tick shows.
+                    // The profile of the last tick shows the inputs that were sampled at the tick before.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

@@ -1,30 +1,29 @@
-//! By which dynamic model the receivers navigate whose positions HORUS shows.
+//! Judges by which dynamic model each receiver navigates whose position HORUS shows.
 //!
-//! The receivers themselves tell ([`What::Settings`]). A receiver whose position HORUS shows as valid has to navigate
-//! by
-//! [`bounds::DYNAMIC_MODEL`] from [`bounds::SETTINGS_TOLD`] on after HORUS's start or the change to another model,
-//! unless [`Excuse::Settings`] holds of it. It is told once for each change. A receiver that tells nothing, as a
-//! recorded one does, is not asked.
+//! The receivers themselves state their model ([`What::Settings`]). A receiver whose position HORUS shows as valid has
+//! to navigate by [`bounds::DYNAMIC_MODEL`] once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or the change
+//! to another model, unless [`Excuse::Settings`] holds for it. Each change is reported once. A receiver that states no
+//! model, such as a recorded one, is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
-    /// By which model each navigates, if that is known.
+    /// The model by which each receiver navigates, if it is known.
     known: Vec<Option<u8>>,
-    /// Since when it is another than it should be, ns; nothing where it is not, and where that is told.
+    /// Since when each receiver has had a wrong model, ns; `None` if its model is right, or if that has been reported.
     other: Vec<Option<u64>>,
 }
 
 impl Models {
-    /// Nothing is known of so many receivers.
+    /// Returns the state in which nothing is known of `receivers` receivers.
     pub(super) fn new(receivers: usize) -> Self {
         Self { known: vec![None; receivers], other: vec![None; receivers] }
     }
 
-    /// Takes what happened at `at`, ns.
+    /// Takes an event that happened at `at`, ns.
     pub(super) fn take(&mut self, at: u64, what: &What) {
         if let What::Settings { receiver, model, .. } = what
             && let Some(known) = self.known.get_mut(*receiver)
@@ -34,8 +33,8 @@ impl Models {
         }
     }
 
-    /// The other model by which a receiver (from 0) navigates at `at`, ns, and should have been told better by a HORUS
-    /// that runs since `since`; once.
+    /// Returns the wrong model by which a receiver (from 0) navigates at `at`, ns, although a HORUS that runs since
+    /// `since` should have set it by now. It is returned once.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;
@@ -53,7 +52,7 @@ mod tests {
 
     const LATE: u64 = bounds::SETTINGS_TOLD;
 
-    /// What is told of GPS2 at `at`, where HORUS runs since `since`.
+    /// Returns what is reported of GPS2 at `at`, if HORUS runs since `since`.
     fn told(events: &[(u64, What)], at: u64, since: u64) -> Option<u8> {
         let (mut models, mut disturbances) = (Models::new(2), Disturbances::default());
         for (at, what) in events {

@@ -1,4 +1,4 @@
-//! What of one kind of message HORUS may have taken, and how old it is.
+//! Tracks which messages of one kind HORUS may have taken, and how old they are.
 
 use std::collections::VecDeque;
 
@@ -7,33 +7,33 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, Motion, STALE, Said};
 use crate::bounds;
 
-/// A receiver's period is between the shortest and the longest of so many steps of its time of week: one message that
-/// is lost, and one that comes too soon, change no period for good.
+/// The number of steps of a receiver's time of week that determine its period, which lies between the shortest and the
+/// longest of them. A lost message, or one that comes too soon, therefore changes no period for good.
 const STEPS: usize = 4;
-/// Of a message that HORUS may have found late: by how much at most, ns.
+/// The most by which HORUS may have found a message late, ns.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// More messages that may have been taken are not told apart.
+/// The number of possible messages beyond which they are not told apart.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages, as it keeps it (docs/design.md#validity).
+/// The period of a receiver's messages, as the receiver keeps it (docs/design.md#validity).
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps from a message to the next, ms.
+    /// The last steps from one message to the next, ms.
     steps: VecDeque<u32>,
 }
 
 impl Pace {
-    /// Before its first two messages a receiver counts as one with the longest period.
+    /// Returns the pace before a receiver's first two messages, which counts as the longest period.
     fn new() -> Self {
         Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
 
-    /// A message that HORUS has taken.
+    /// Records a message that HORUS has taken.
     fn taken(&mut self, time_of_week: u32) {
         let Some(before) = self.time_of_week.replace(time_of_week) else { return };
         let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
-        // A repeated time of week, one that comes too soon, and a step back tell nothing of the period.
+        // A time of week that is repeated, comes too soon or steps back says nothing about the period.
         if (bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
@@ -42,31 +42,33 @@ impl Pace {
         }
     }
 
-    /// A message that HORUS may have taken: until as many steps are certain as count, the period may be any.
+    /// Records a message that HORUS may have taken. The period may then be any, until as many steps are certain as
+    /// count.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
     }
 
-    /// The least and the greatest that the period can be, ns.
+    /// Returns the shortest and the longest period that is possible, ns.
     fn range(&self) -> (u64, u64) {
         let ns = |ms: Option<&u32>| u64::from(ms.copied().unwrap_or_default()) * 1_000_000;
         (ns(self.steps.iter().min()), ns(self.steps.iter().max()))
     }
 }
 
-/// A message that may be the last that HORUS has taken.
+/// A message that may be the last one that HORUS has taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Candidate {
     said: Said,
     time_of_week: u32,
-    /// Between these instants it began to be new, ns: what repeats a time of week is as old as the first with that.
+    /// The two instants between which the message became new, ns. A message that repeats a time of week is as old as
+    /// the first message with that time.
     born: (u64, u64),
-    /// Between these instants it had arrived itself, ns.
+    /// The two instants between which the message itself arrived, ns.
     arrived: (u64, u64),
 }
 
-/// How old something can be by HORUS's clock, ns.
+/// The possible ages of a message or position by HORUS's clock, ns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Age {
     pub(super) least: u64,
@@ -74,65 +76,67 @@ pub(super) struct Age {
 }
 
 impl Age {
-    /// The age at `tick` of what arrived between the two instants of `born`. HORUS's clock may be off by 2 % without
-    /// its crystal, counts whole milliseconds, and begins when HORUS takes the message.
+    /// Returns the age at `tick` of a message that arrived between the two instants of `born`. HORUS's clock may be off
+    /// by 2 % without its crystal, counts whole milliseconds, and counts from the instant at which HORUS takes the
+    /// message.
     pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
     }
 
-    /// The age so much later, ns.
+    /// Returns the age `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Whether it may be within a limit that is itself from `least` to `most`, and whether it may be beyond it.
+    /// Returns whether the age may be within a limit that itself lies between `least` and `most`, and whether it may be
+    /// beyond that limit.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
 }
 
-/// A message whose position a GPS object shows, at a tick.
+/// A message whose position a GPS object shows, seen at a tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     pub(super) motion: Motion,
-    /// From its arrival to the tick.
+    /// The time from the message's arrival to the tick.
     pub(super) age: Age,
-    /// From its time of week to the tick, modulo a week, ns: the judge's clock began anywhere, so only differences
-    /// between receivers count.
+    /// The time from the message's time of week to the tick, modulo a week, ns. The judge's clock begins at an
+    /// arbitrary instant, so only differences between receivers count.
     pub(super) since_epoch: i64,
 }
 
-/// A week, ns.
+/// The length of a week, ns.
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// The same at a tick so much later, ns.
+    /// Returns the same message, seen at a tick `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
 }
 
-/// What agrees of an object's values and status bits with what they may be.
+/// How far an object's values and status bits agree with what they may be.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
-    /// Values and status bits.
+    /// Whether the values and the status bits agree with one message.
     pub(super) both: bool,
-    /// The values, perhaps with other status bits.
+    /// Whether the values agree, perhaps with other status bits.
     pub(super) values: bool,
-    /// The status bits, perhaps with other values.
+    /// Whether the status bits agree, perhaps with other values.
     pub(super) status: bool,
-    /// The values are those of a message, valid or not.
+    /// Whether the values are those of a message, valid or not.
     pub(super) raw: bool,
 }
 
-/// What of one kind of message HORUS may have taken.
+/// The messages of one kind that HORUS may have taken.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     kind: Kind,
     candidates: Vec<Candidate>,
-    /// It may have taken none, or none for so long that it makes no difference.
+    /// Whether HORUS may have taken no message, or none for so long that the last one makes no difference.
     none: bool,
     pace: Pace,
 }
@@ -142,14 +146,14 @@ impl Track {
         Self { kind, candidates: vec![], none: true, pace: Pace::new() }
     }
 
-    /// HORUS has forgotten everything.
+    /// Forgets all messages and the period, because HORUS has forgotten them.
     pub(super) fn clear(&mut self) {
         self.candidates.clear();
         self.none = true;
         self.pace = Pace::new();
     }
 
-    /// A message that HORUS has taken, since it arrived long enough ago.
+    /// Records a message that HORUS has certainly taken, since it arrived long enough ago.
     pub(super) fn taken(&mut self, time_of_week: u32, said: Said, arrived: u64) {
         let born = self.born(time_of_week, (arrived, arrived));
         self.candidates.clear();
@@ -158,13 +162,14 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// A message that HORUS may have taken, and will not take any more.
+    /// Records a message that HORUS may have taken, and otherwise will not take any more.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: Said, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
-    /// A message that HORUS may have taken by now; it teaches no period until it is certain what became of it.
+    /// Records a message that HORUS may have taken by now. It does not count for the period until it is certain whether
+    /// HORUS took it.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: Said, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
@@ -184,7 +189,7 @@ impl Track {
         self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
-    /// Since when a message is new that arrived between the two instants of `arrived`.
+    /// Returns since when a message is new that arrived between the two instants of `arrived`.
     fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
         let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
         let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
@@ -194,13 +199,13 @@ impl Track {
             .unwrap_or(arrived)
     }
 
-    /// When the newest message may have arrived that HORUS may have taken, ns; 0 for none.
+    /// Returns the latest instant at which the newest possible message may have arrived, ns; 0 if there is none.
     pub(super) fn newest(&self) -> u64 {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// How the position that a GPS object of `tick` shows may move, and how old it may be: of each message that shows
-    /// these values. HORUS may count the age of a message that repeats a time of week from either.
+    /// Returns, for each message with these values, how the position in a GPS object of `tick` may move and how old it
+    /// may be. HORUS may count the age of a message that repeats a time of week from either message.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -212,8 +217,8 @@ impl Track {
         })
     }
 
-    /// Whether the position that a GPS object of `tick` shows is still valid at the next tick for sure, if nothing
-    /// newer comes.
+    /// Returns whether the position in a GPS object of `tick` is certainly still valid at the next tick, if no newer
+    /// message arrives.
     pub(super) fn lasts(&self, tick: u64, values: [u64; 3]) -> bool {
         let (least, most) = self.pace.range();
         let slack = bounds::VALID_BEYOND_PERIOD;
@@ -225,8 +230,8 @@ impl Track {
         })
     }
 
-    /// Whether a GPS object of `tick` may tell the age of its solution by `code`. Unless HORUS's ticks were regular
-    /// (`timed`), nothing is known but whether there was a solution.
+    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. Unless HORUS's ticks were
+    /// regular (`timed`), all that is known is whether there was a solution.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -236,8 +241,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Holds the values and the status of a GPS object of `tick` against what they may be. Unless HORUS's ticks were
-    /// regular (`timed`), nothing is known of ages.
+    /// Compares the values and the status of a GPS object of `tick` with what they may be. Unless HORUS's ticks were
+    /// regular (`timed`), ages are not known.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

@@ -1,7 +1,8 @@
-//! Finds what a receiver said in the bytes of its line.
+//! Finds a receiver's messages in the bytes of its line.
 //!
-//! Written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from
-//! docs/design.md#validity, and from decision 15, which says what a receiver must state for its position to be valid.
+//! This module is written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from
+//! docs/design.md#validity, and from decision 15, which states what a receiver must report for its position to be
+//! valid.
 
 use std::f64::consts::PI;
 
@@ -10,34 +11,35 @@ use profile::{ABSENT_F32, ABSENT_F64};
 
 use crate::bounds;
 
-/// The longest message of which it is certain that HORUS takes it, bytes: its buffer has 256.
+/// The longest message that HORUS certainly takes, bytes. HORUS's buffer has 256.
 const LONGEST: usize = 256;
 
-/// What one kind of message says: three numbers as their bits, and what they do to the status.
+/// The content of one kind of message: three numbers as their bits, and their effect on the status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Said {
-    /// Bits of the status while the message is young enough.
+    /// The status bits while the message is young enough.
     pub(super) status: u16,
-    /// The numbers while the message is young enough: NaN for what is not valid.
+    /// The numbers while the message is young enough; NaN for a number that is not valid.
     pub(super) values: [u64; 3],
-    /// The numbers as the message has them, valid or not.
+    /// The numbers as they are in the message, valid or not.
     pub(super) raw: [u64; 3],
-    /// Of a valid position: how it moves, and how good it is.
+    /// How a valid position moves, and how accurate it is; `None` without a valid position.
     pub(super) motion: Option<Motion>,
 }
 
-/// What a NAV-PVT message with a valid position says beside the position.
+/// What a NAV-PVT message with a valid position states beside the position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Motion {
-    /// North, east, down, mm/s.
+    /// The velocity north, east and down, mm/s.
     pub(super) velocity: [i32; 3],
-    /// The accuracies that it states, horizontal and vertical, mm.
+    /// The stated accuracies, horizontal and vertical, mm.
     pub(super) accuracy: [u32; 2],
 }
 
 impl Motion {
-    /// Whether HORUS may use a position that moves so and is so good: up to 200 m/s, and an accuracy that is stated, of
-    /// at most 30 m horizontally and, unless it is a 2D fix, 50 m vertically (decision 15).
+    /// Returns whether HORUS may use a position with this velocity and these accuracies: a speed of up to 200 m/s, and
+    /// accuracies that are stated, of at most 30 m horizontally and, unless it is a 2D fix, 50 m vertically (decision
+    /// 15).
     fn is_credible(self, fix: u8) -> bool {
         let squares: i64 = self.velocity.iter().map(|axis| i64::from(*axis).pow(2)).sum();
         let limits = bounds::WORST_ACCURACY_MM;
@@ -51,21 +53,21 @@ impl Motion {
     }
 }
 
-/// Which kind of message.
+/// The kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// NAV-PVT: latitude, longitude, altitude.
+    /// NAV-PVT, with latitude, longitude and altitude.
     Position,
-    /// NAV-ATT: pitch, yaw, roll.
+    /// NAV-ATT, with pitch, yaw and roll.
     Attitude,
-    /// ESF-INS: x, y, z.
+    /// ESF-INS, with the accelerations along x, y and z.
     Acceleration,
 }
 
 impl Kind {
     pub(super) const ALL: [Self; 3] = [Self::Position, Self::Attitude, Self::Acceleration];
 
-    /// The bits of a GPS object's status that follow from this kind of message.
+    /// Returns the bits of a GPS object's status that follow from this kind of message.
     pub(super) const fn mask(self) -> u16 {
         match self {
             Self::Position => 0x0F | 1 << 4 | STALE,
@@ -74,7 +76,7 @@ impl Kind {
         }
     }
 
-    /// The bit that says that the values are valid.
+    /// Returns the status bit that calls the values valid.
     pub(super) const fn valid(self) -> u16 {
         match self {
             Self::Position => 1 << 4,
@@ -83,7 +85,7 @@ impl Kind {
         }
     }
 
-    /// The bits of a number that is not known.
+    /// Returns the bits of a number that is not known.
     pub(super) const fn absent(self) -> u64 {
         match self {
             Self::Position => ABSENT_F64.to_bits(),
@@ -98,21 +100,22 @@ pub(super) const STALE: u16 = 1 << 8;
 /// A message with a right checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Message {
-    /// When its first byte began, ns.
+    /// When the message's first byte began, ns.
     pub(super) begun: u64,
-    /// When its last byte had crossed the line, ns.
+    /// When the message's last byte had crossed the line, ns.
     pub(super) arrived: u64,
-    /// HORUS must have read it: no byte of it was disturbed, and nothing before it looks like a message that is longer.
+    /// Whether HORUS must have read the message: none of its bytes was disturbed, and no earlier bytes look like a
+    /// longer message.
     pub(super) sure: bool,
-    /// Its kind, its time of week (ms), and what it says; nothing of a kind that HORUS does not read.
+    /// The message's kind, its time of week (ms) and its content; `None` for a kind that HORUS does not read.
     pub(super) said: Option<(Kind, u32, Said)>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// When the byte began.
+    /// When the byte began to cross, ns.
     from: u64,
-    /// When it had crossed.
+    /// When the byte had crossed, ns.
     to: u64,
     clean: bool,
 }
@@ -120,19 +123,19 @@ struct Crossing {
 /// Finds messages in the bytes of one line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reader {
-    /// From the first byte on that may begin a message which is not complete.
+    /// The bytes from the first one on that may begin a message which is not complete.
     bytes: Vec<u8>,
     crossings: Vec<Crossing>,
-    /// When the last byte had crossed.
+    /// When the last byte had crossed, ns.
     last: Option<u64>,
-    /// So many bytes may belong to a message that was begun before them and never ends right: HORUS may find what is in
-    /// them later, or never.
+    /// The number of first bytes that may belong to an earlier message which never ends right. HORUS may find messages
+    /// within them later, or never.
     doubtful: usize,
 }
 
 impl Reader {
-    /// The line carries `bytes` from `at` on, each for `byte_ns`, all of them `clean` or not; `found` is given what
-    /// messages end in them.
+    /// Feeds `bytes`, which the line carries from `at` on, each for `byte_ns`; `clean` says whether they are
+    /// undisturbed. Passes each message that ends in them to `found`.
     pub(super) fn feed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool, mut found: impl FnMut(Message)) {
         if self.last.is_some_and(|last| at > last + bounds::SILENCE_ENDS) {
             self.bytes.clear();
@@ -146,7 +149,8 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // Until where what was begun before keeps HORUS waiting: what ended wrongly, and what has not ended.
+        // These are the ends of what keeps HORUS waiting: messages that ended wrongly, and messages that have not
+        // ended.
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -164,7 +168,7 @@ impl Reader {
                 }
                 Claim::Right(length) => start + length,
             };
-            // What ended in the bytes of before was found then.
+            // A message that ended in earlier bytes has been found already.
             if let (Claim::Right(_), true) = (claim, end > before) {
                 let crossings = &self.crossings[start..end];
                 let flows = |pair: &[Crossing]| pair[1].from <= pair[0].to + bounds::SILENCE_MAY_END;
@@ -185,16 +189,17 @@ impl Reader {
     }
 }
 
-/// What the first of some bytes claims.
+/// What the first of some bytes begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Claim {
-    /// They begin no message.
+    /// The bytes begin no message.
     None,
-    /// They begin one that is not complete, so many bytes long, or longer if its length is not there yet.
+    /// The bytes begin a message that is not complete. It has this many bytes, or more if its length is not there yet.
     Open(usize),
-    /// They begin one that is too long for HORUS, or whose checksum is wrong; it keeps HORUS waiting for so many bytes.
+    /// The bytes begin a message that is too long for HORUS, or whose checksum is wrong. It keeps HORUS waiting for
+    /// this many bytes.
     Wrong(usize),
-    /// They begin with one, so many bytes long.
+    /// The bytes begin with a complete message of this many bytes.
     Right(usize),
 }
 
@@ -208,7 +213,7 @@ impl Claim {
                 match bytes.get(SYNC.len()..length) {
                     _ if length > LONGEST => Self::Wrong(LONGEST),
                     None => Self::Open(length),
-                    // Zeros have the checksum zero. There is no class 0.
+                    // Zeros alone have the checksum zero, but they are no message, because there is no class 0.
                     Some(checked) => match checked.split_last_chunk::<2>() {
                         Some((covered, sum)) if checksum(covered) == *sum && checked[0] != 0 => Self::Right(length),
                         _ => Self::Wrong(length),
@@ -220,7 +225,7 @@ impl Claim {
     }
 }
 
-/// What a whole message says, if HORUS reads its kind.
+/// Returns the content of a whole message, if HORUS reads its kind.
 fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
     let (class, id) = (message[2], message[3]);
     let payload = &message[6..message.len() - 2];
@@ -243,7 +248,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
                 // A 2D fix has no altitude.
                 && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
                 && motion.is_credible(fix);
-            // The float64 nearest to the decimal number: one division of two exact ones.
+            // One division of two exact numbers gives the float64 nearest to the decimal number.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };
@@ -251,7 +256,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
             Some((Kind::Position, unsigned(0), Said { status, values, raw, motion: valid.then_some(motion) }))
         }
         (CLASS_NAV, NavAtt::ID, NavAtt::PAYLOAD) => {
-            // An accuracy of 0 says that the angle is not known.
+            // An accuracy of 0 means that the angle is not known.
             let angle = |at: usize| match unsigned(at + 12) {
                 0 => ABSENT_F32,
                 _ => (f64::from(signed(at)) * (PI / 180.0 / 1e5)) as f32,
@@ -271,7 +276,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
 }
 
 impl Said {
-    /// Nothing.
+    /// Returns the content of a message that states no number.
     pub(super) const fn nothing(kind: Kind) -> Self {
         let absent = [kind.absent(); 3];
         Self { status: 0, values: absent, raw: absent, motion: None }

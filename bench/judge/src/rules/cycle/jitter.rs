@@ -1,4 +1,4 @@
-//! Series of which only the least and the greatest value count, and the jitter of one start of HORUS.
+//! Series whose least and greatest values alone count, and the jitter of one start of HORUS.
 
 use profile::Layout;
 
@@ -11,7 +11,7 @@ struct Sample {
     at: u64,
 }
 
-/// A series of which the extremes are kept.
+/// A series of values, of which the extremes, the sum and the number are kept.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Series {
     extremes: Option<(Sample, Sample)>,
@@ -33,18 +33,18 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// How far the series is out of `bound`, peak to peak, if it is: its span, and when the extreme occurred that lies
-    /// farther from the mean.
+    /// Returns the span of the series, and when the extreme occurred that lies farther from the mean, if the series
+    /// spreads by more than `bound`, peak to peak.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
-        // mean - min > max - mean, in whole numbers.
+        // This compares mean - min with max - mean in whole numbers.
         let low = 2 * self.sum > u128::from(self.count) * u128::from(min.value + max.value);
         Some(Outlier { span, at: if low { min.at } else { max.at }, bound })
     }
 }
 
-/// A jitter that is too great.
+/// A series whose spread is too great.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Outlier {
     span: Span,
@@ -52,19 +52,19 @@ struct Outlier {
     bound: u64,
 }
 
-/// What may vary by little alone, from one start of HORUS to the next. Frames are told apart by their number in the
-/// cycle, of which there are at most two.
+/// The times that may vary only a little from one start of HORUS to the next. Frames are told apart by their number in
+/// the cycle, of which there are at most two.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
-    /// Between two ticks.
+    /// The times between two ticks, ns.
     pub(super) ticks: Series,
-    /// From tick to command.
+    /// The times from the tick to the transmit command, ns.
     pub(super) command: [Series; 2],
-    /// From tick to first preamble bit.
+    /// The times from the tick to the first preamble bit, ns.
     pub(super) air: [Series; 2],
 }
 
-/// The greatest jitter of each kind of all starts of HORUS.
+/// The greatest jitter of each kind over all starts of HORUS.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Worst {
     ticks: Option<Outlier>,
@@ -73,10 +73,10 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// HORUS restarts, or the run is over: its jitter is judged.
+    /// Judges the jitter of a start of HORUS, because HORUS restarts or the run is over.
     ///
-    /// A command that scatters makes the frame scatter, so of tick, command and air only the first that is out of its
-    /// bound is told. The period is a figure and no more: it can only be as constant as ticks and frames are.
+    /// A command that scatters makes its frame scatter, so of tick, command and air only the first whose bound is
+    /// exceeded is reported. The period is only a figure, since it can be no more constant than ticks and frames are.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -110,7 +110,7 @@ impl Worst {
     }
 }
 
-/// Keeps the greater of two; whether there is a new one at all.
+/// Keeps the greater of two outliers. Returns whether there is a new one at all.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

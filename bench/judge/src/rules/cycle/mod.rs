@@ -1,35 +1,37 @@
-//! Ticks, transmit commands, frames, their timestamps and their timing.
+//! Judges ticks, transmit commands, frames, their timestamps and their timing.
 //!
-//! # What is asked
+//! # What is required
 //!
-//! From a start of HORUS (power-on or reset) to its next, ticks come every 10 ms, the first within [`bounds::START`].
-//! A frame belongs to the last tick before its first bit, and each tick is followed by the frames of its cycle, in
-//! their order, before the next tick. Each frame follows its transmit command within [`bounds::COMMAND_TO_AIR`]. What
-//! is on the air are whole, valid objects, stamped 10 ms for each tick since the start.
+//! From a start of HORUS (power-on or reset) to its next one, ticks come every 10 ms, the first within
+//! [`bounds::START`]. A frame belongs to the last tick before its first bit, and each tick is followed by the frames of
+//! its cycle, in their order, before the next tick. Each frame follows its transmit command within
+//! [`bounds::COMMAND_TO_AIR`]. The frames consist of whole, valid objects, whose timestamps count 10 ms for each tick
+//! since the start.
 //!
 //! # One cause, one violation
 //!
-//! - A restart, asked for or not, cuts off whatever is under way, a transmit command among it, and switches the field
-//!   off: nothing of that is blamed here. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`]
-//!   until a reset that nobody asked for are a hung HORUS, which that reset tells.
-//! - A command without its frame, a frame broken off, one that no command began, one that is not whole objects or that
-//!   has no place in its cycle fills a place of the cycle: its frames are not missed again.
-//! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is asked for, and a
-//!   frame that it cuts off is not blamed. A field that HORUS takes down within [`bounds::FIELD_RECOVERY`] after a lost
-//!   frame is how it brings its front end up again: the lost frame is told.
+//! - A restart, asked for or not, cuts off whatever is under way, including a transmit command, and switches the field
+//!   off. This rule blames nothing of that. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`]
+//!   until a reset that was not asked for show a hung HORUS, which the report of that reset covers.
+//! - A command without its frame, a frame that broke off, a frame without a command, and a frame that does not consist
+//!   of whole objects or has no place in its cycle each fill a place of the cycle, so that the cycle's frames are not
+//!   reported as missing in addition.
+//! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is required, and a
+//!   frame that the drop cuts off is not blamed. HORUS brings its front end up again by taking the field down within
+//!   [`bounds::FIELD_RECOVERY`] after a lost frame; then only the lost frame is reported.
 //! - While [`Excuse::Sending`] holds, commands without frames, frames that break off or are missing and a field that
-//!   drops are not blamed. What is sent is judged all the same, and how soon the link recovers (rule `shown`).
-//! - From the instant on at which the bench has HORUS hang until its next start no ticks, commands and frames are asked
-//!   for, and a frame that was begun or commanded before it may break off or not come, or the field be switched off.
-//!   What is sent is judged all the same, and so are the ticks that HORUS's timer goes on making. What was missing
-//!   before it is told, since the watchdog's reset that ends the hang tells nothing.
-//! - A cycle that its tick does not end in time is not asked for frames. Where a tick was missing or irregular, the
-//!   timestamps may or may not count it: the next one decides, and binds those after it.
-//! - A frame that begins more than a cycle after a tick without another is that of a tick that is missing or late,
-//!   which is told itself; it is not one too many.
-//! - Series of which the jitter is judged leave out cycles of which something was blamed, and of tick, command, air and
-//!   period only the first that scatters is told: the others follow from it.
-//! - If the GPS objects of a frame have the right timestamp and Reported-Position has not, that is the violation of
+//!   drops are not blamed. What is sent is still judged, and rule `shown` judges how soon the link recovers.
+//! - From the instant at which the bench has HORUS hang until its next start, no ticks, commands and frames are
+//!   required. A frame that was begun or commanded before that instant may break off or not come, and the field may be
+//!   switched off. What is sent is still judged, and so are the ticks that HORUS's timer goes on making. Whatever was
+//!   missing before the hang is reported, since the watchdog's reset that ends the hang is not reported.
+//! - No frames are required of a cycle that its next tick does not end in time. If a tick was missing or irregular, the
+//!   timestamps may count it or not: the next timestamp decides, and binds those after it.
+//! - A frame that begins more than a cycle after a tick without another tick belongs to a tick that is missing or late.
+//!   That tick is reported, and the frame is not one too many.
+//! - The series whose jitter is judged leave out blamed cycles. If several of tick, command, air and period scatter,
+//!   only the first in this order is reported, because the others follow from it.
+//! - If the GPS objects of a frame have the right timestamp and Reported-Position has not, that is a violation of
 //!   [`content`](super::content).
 
 mod jitter;
@@ -44,19 +46,20 @@ use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
 
-/// A reset lets go of chip select within this, ns: some cycles of HORUS's 168 MHz.
+/// The time after a reset within which chip select rises by itself, ns: some cycles of HORUS's 144 MHz.
 const LETS_GO: u64 = 100;
 
 /// A transmit command whose frame has not ended.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// Its frame may not come: the field was off, or went off while that may have been on the air, or HORUS hung then.
+    /// Whether the command's frame may be missing: the field was off, or went off while the frame may have been on the
+    /// air, or HORUS hung then.
     cut_off: bool,
 }
 
-/// Which numbers a tick may have, counted from 1 since HORUS's start: more than one only after ticks that were missing
-/// or irregular.
+/// The numbers that a tick may have, counted from 1 since HORUS's start. There is more than one only after ticks that
+/// were missing or irregular.
 #[derive(Clone, Copy, Debug, Default)]
 struct Number {
     least: u64,
@@ -64,9 +67,9 @@ struct Number {
 }
 
 impl Number {
-    /// Whether a cycle of this number is stamped `timestamp` (ms), which then decides the number.
+    /// Returns whether a cycle of this number has the timestamp `timestamp` (ms), which then decides the number.
     fn is_stamped(&mut self, timestamp: u32) -> bool {
-        // Both wrap together after 2^32 ms.
+        // Number and timestamp wrap together after 2^32 ms.
         let least = (self.least * u64::from(CYCLE_MS)) as u32;
         let ahead = timestamp.wrapping_sub(least);
         let steps = u64::from(ahead / CYCLE_MS);
@@ -78,18 +81,19 @@ impl Number {
     }
 }
 
-/// A tick and what followed it.
+/// A tick and its frames.
 #[derive(Clone, Copy, Debug)]
 struct Tick {
     at: u64,
     number: Number,
-    /// Something of it was blamed.
+    /// Whether something of the tick's cycle was blamed.
     blamed: bool,
-    /// Its frames may not come: the field was off for some of it, after it had dropped, or HORUS hung.
+    /// Whether the tick's frames may be missing: the field was off for some of the cycle, after it had dropped, or
+    /// HORUS hung.
     cut_off: bool,
-    /// Command and first preamble bit of each frame.
+    /// When each frame was commanded, and when its first preamble bit began, ns.
     frames: [Option<(u64, u64)>; 2],
-    /// Frames that were sent and are not among those, since something was wrong with them.
+    /// The number of frames that were sent but have something wrong with them, and so are not among `frames`.
     others: usize,
 }
 
@@ -99,41 +103,42 @@ impl Tick {
     }
 }
 
-/// What is missing.
+/// A tick or frames that are missing.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
-    /// A tick after this one, or after the start.
+    /// The tick after this one is missing, or the first tick after the start.
     Tick { after: Option<u64> },
-    /// Frames of the cycle of the tick at this instant.
+    /// Frames of the cycle of the tick at this instant are missing.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
-/// HORUS from one start to the next.
+/// The run of HORUS from one start to the next.
 #[derive(Clone, Debug)]
 struct Run {
     since: u64,
     powered: bool,
-    /// It hangs by the bench's hand.
+    /// Whether the bench has HORUS hang.
     hung: bool,
     /// The tick before `tick`.
     before: Option<Tick>,
     tick: Option<Tick>,
-    /// The next tick is overdue, and that has been noted.
+    /// Whether the next tick is overdue and that has been recorded.
     tick_missing: bool,
-    /// In order of time.
+    /// The commands whose frames have not ended, in order of time.
     commands: Vec<Command>,
-    /// The carrier is on.
+    /// Whether the carrier is on.
     field: bool,
-    /// It has dropped and is still off.
+    /// Whether the carrier has dropped and is still off.
     dropped: bool,
-    /// When it came back last.
+    /// When the carrier last came back, ns.
     back: Option<u64>,
-    /// When a frame was lost last.
+    /// When a frame was last lost, ns.
     lost: Option<u64>,
-    /// The first bit of the cycle's first frame, if nothing of the last cycle was blamed.
+    /// The first bit of the last cycle's first frame, ns, if nothing of that cycle was blamed.
     led: Option<u64>,
     jitter: Jitter,
-    /// What is missing since the last frame, each with when it was noticed, until it is known whether HORUS was hung.
+    /// What is missing since the last frame, each with the instant at which this was noticed, until it is known whether
+    /// HORUS was hung.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -157,14 +162,14 @@ impl Run {
         }
     }
 
-    /// The tick that something belongs to which began at this instant: the last or, since a frame is known when it has
-    /// ended, the one before.
+    /// Returns the tick to which something belongs that began at this instant. This may be the tick before the last
+    /// one, since a frame is known only when it has ended.
     fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
         self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
     }
 }
 
-/// What is measured over all starts of HORUS.
+/// The figures that are measured over all starts of HORUS.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {
     frames_sent: u64,
@@ -175,7 +180,7 @@ struct Measured {
     air: Series,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Cycle {
     layout: Layout,
@@ -215,7 +220,7 @@ impl Rule for Cycle {
                 self.cut_off(event.at);
             }
             What::Tick => self.tick(event.at, disturbances, findings),
-            // A reset lets go of chip select in whatever HORUS was sending.
+            // A reset makes chip select rise, whatever HORUS was sending.
             What::Command if event.at < self.run.since + LETS_GO => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;
@@ -228,7 +233,7 @@ impl Rule for Cycle {
                     self.measured.bit_rate = u64::from(*bit_rate);
                     self.measured.air_time_ns = self.measured.air_time_ns.max(event.at - started);
                 }
-                // What HORUS had begun before it restarted is nobody's.
+                // A frame that HORUS had begun before it restarted is not judged.
                 if let Some(frame) = context.frame()
                     && *started >= self.run.since + bounds::COMMAND_TO_AIR
                 {
@@ -254,7 +259,7 @@ impl Rule for Cycle {
 }
 
 impl Cycle {
-    /// It is `now`: what has not come until now is missing.
+    /// Records as missing what should have come before `now`.
     fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if !run.powered {
@@ -279,7 +284,7 @@ impl Cycle {
         }
     }
 
-    /// HORUS starts, or has no supply any more.
+    /// Begins a new run, because HORUS starts or loses its supply.
     fn restart(&mut self, at: u64, powered: bool, asked: bool, context: &Context, findings: &mut Findings) {
         if asked {
             self.tell_missing(findings);
@@ -342,11 +347,11 @@ impl Cycle {
         });
     }
 
-    /// The present cycle is over: the next tick has come at `now`, `in_time`.
+    /// Ends the present cycle, because the next tick has come at `now`; `in_time` says whether it was in time.
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
-        // A frame that is on the air is known when it has ended.
+        // A frame that is still on the air is not known before it has ended.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
         if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {
@@ -356,7 +361,7 @@ impl Cycle {
         }
     }
 
-    /// All that can be known of a cycle is known: its times go into the series, unless something of it was blamed.
+    /// Adds the times of a cycle to the series when all of it is known, unless something of it was blamed.
     fn measure(&mut self, tick: Option<Tick>) {
         let (run, measured) = (&mut self.run, &mut self.measured);
         let led = run.led.take();
@@ -377,7 +382,7 @@ impl Cycle {
         }
     }
 
-    /// This start of HORUS is over.
+    /// Judges the jitter of this start of HORUS, which is over.
     fn conclude(&mut self, context: &Context) {
         let (before, tick) = (self.run.before, self.run.tick);
         self.measure(before);
@@ -407,7 +412,7 @@ impl Cycle {
         }
     }
 
-    /// What is under way at `at` may not come to its end.
+    /// Marks the commands and frames under way at `at` as possibly cut off.
     fn cut_off(&mut self, at: u64) {
         if let Some(tick) = &mut self.run.tick {
             tick.cut_off = true;
@@ -417,7 +422,7 @@ impl Cycle {
         }
     }
 
-    /// A frame of this start of HORUS has ended on the air.
+    /// Judges a frame of this start of HORUS, which has ended on the air.
     fn sent(
         &mut self,
         at: u64,
@@ -430,7 +435,7 @@ impl Cycle {
         let command = self.command_of(started, disturbances, findings);
         let run = &mut self.run;
         if !whole && !run.field {
-            // The field went off under it.
+            // The field went off during the frame.
             return;
         }
         run.field |= whole;
@@ -479,7 +484,8 @@ impl Cycle {
         }
     }
 
-    /// The command that began the frame which began at `started`; those before it have no frame.
+    /// Returns the instant of the command that began the frame which began at `started`. Earlier commands have no
+    /// frame.
     fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
         let mut own = None;
@@ -495,12 +501,12 @@ impl Cycle {
     }
 }
 
-/// When the frame of a command has ended, ns.
+/// Returns when the frame of a command must have ended, ns.
 const fn whole_by(command: &Command) -> u64 {
     command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
-/// Judges the objects of a frame of the cycle with this number; whether nothing is wrong with them.
+/// Judges the objects of a frame in the cycle with this number. Returns whether nothing is wrong with them.
 fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
     let mut right = true;
     for object in &frame.objects {
@@ -512,7 +518,8 @@ fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut
         right = false;
         findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
     }
-    // GPS objects first: Reported-Position's timestamp is judged here if there is none of them to hold it against.
+    // GPS objects come first. Reported-Position's timestamp is judged here only if the frame has no GPS object to
+    // compare it with.
     let mut against = false;
     for object in frame.objects.iter().rev() {
         let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };

@@ -1,26 +1,27 @@
-//! Whether HORUS's clock differs from the DPR's by more than 2 % over a second.
+//! Determines whether HORUS's clock differs from the DPR's by more than 2 % over a second.
 
 use std::collections::VecDeque;
 
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// A clock that goes wrong, or right again, is noticed within two windows, each at most a second and one step long, ns.
+/// The time within which the DPR must notice a clock that goes wrong, or right again, ns: two windows, each at most a
+/// second and one step long.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
 
-/// The cycles in sequence of the last window and a step.
+/// The cycles in sequence of the last window and one step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
-    /// Timestamp, ms, and instant of the sample, ns.
+    /// The timestamp, ms, and the instant of the sample, ns, of each cycle.
     samples: VecDeque<(u32, u64)>,
-    /// The last cycle at whose window's end the clocks did not surely agree, ns.
+    /// The last cycle at the end of whose window the clocks did not certainly agree, ns.
     disagreed: Option<u64>,
-    /// The last cycle at whose window's end they did not surely disagree, ns.
+    /// The last cycle at the end of whose window the clocks did not certainly disagree, ns.
     agreed: u64,
 }
 
 impl Clocks {
-    /// What Link-Status says of the clock after this frame: [`Certainty::Must`] for implausible.
+    /// Returns whether Link-Status calls the clock implausible after this frame.
     pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
         let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
         let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);
@@ -31,7 +32,7 @@ impl Clocks {
             self.samples.push_back((timestamp, frame.sampled));
             self.compare();
         } else if frame.received == Certainty::Must {
-            // The sequence is lost or not found: nothing is said of the clock.
+            // The sequence is lost or not found, so Link-Status does not call the clock implausible.
             *self = Self::default();
         }
         if frame.shown < Certainty::Must {

@@ -1,4 +1,4 @@
-//! What Link-Status may count.
+//! Determines which values the counters of Link-Status may have.
 
 use profile::air::Place;
 use profile::{Layout, LinkValues};
@@ -6,14 +6,15 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// Frames that did not come, if every frame that is told here came and no other.
+/// The number of missed frames, if exactly the frames that are passed to this counter were received.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
-    /// The last frame: its sample, its end, its number.
+    /// The last frame: the instant of its sample, ns, its end, ns, and its number.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// How many more if frames were received since then that may have been, and the last of those: sample and number.
+    /// The number of further missed frames if frames that may have been received were received since the last certain
+    /// one, and the sample and number of the last such frame.
     perhaps: u64,
     maybe: Option<(u64, u64)>,
 }
@@ -23,9 +24,9 @@ impl Missed {
         Self { frames: layout.frames() as u64, last: None, total: 0, perhaps: 0, maybe: None }
     }
 
-    /// How many have become overdue between the last frame and `at`, ns: after their deadline, which is
-    /// [`bounds::FRAME_DEADLINE`] after that frame for the next cycle, and [`bounds::SECOND_FRAME`] for the second
-    /// frame of the same.
+    /// Returns how many frames have become overdue between the last frame and `at`, ns. A frame of the next cycle is
+    /// overdue [`bounds::FRAME_DEADLINE`] after the last frame, and the second frame of the same cycle after
+    /// [`bounds::SECOND_FRAME`].
     fn overdue(&self, at: u64) -> u64 {
         let Some((_, ended, number)) = self.last else { return 0 };
         let passed = at.saturating_sub(ended);
@@ -36,7 +37,8 @@ impl Missed {
         }
     }
 
-    /// How many were due between the last frame and this one; their samples are apart by so much more than they seem.
+    /// Returns how many frames were due between the last frame and this one, if their samples are `more` ns farther
+    /// apart than they seem.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }
@@ -47,13 +49,13 @@ impl Missed {
         (cycles * self.frames + frame.number as u64).saturating_sub(number + 1)
     }
 
-    /// The most that were due by this frame, whichever frames before it were received.
+    /// Returns the most frames that were due by this frame, whichever frames before it were received.
     fn at_most(&self, frame: &Delivery, more: i64) -> u64 {
         let since_maybe = self.maybe.map_or(0, |maybe| self.perhaps + self.due(maybe, frame, more));
         self.between(frame, more).max(since_maybe).max(self.perhaps)
     }
 
-    /// This frame was received.
+    /// Records a frame that was received.
     fn frame(&mut self, frame: &Delivery, band: i64) {
         let overdue = self.overdue(frame.ended.saturating_add_signed(band));
         self.total += self.at_most(frame, band).max(overdue);
@@ -61,14 +63,14 @@ impl Missed {
         (self.perhaps, self.maybe) = (0, None);
     }
 
-    /// This frame may have been received.
+    /// Records a frame that may have been received.
     fn maybe(&mut self, frame: &Delivery, band: i64) {
         self.perhaps = self.at_most(frame, band);
         self.maybe = Some((frame.sampled, frame.number as u64));
     }
 }
 
-/// Least and most of what is counted since the DPR's start.
+/// The least and the greatest value of each counter since the DPR's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Counters {
     layout: Layout,
@@ -76,13 +78,13 @@ pub(super) struct Counters {
     rejected: [u64; 2],
     received: [u64; 2],
     missed: [Missed; 2],
-    /// Some frame was surely received.
+    /// Whether a frame was certainly received.
     sure: bool,
     /// How often something was not certain.
     doubts: u64,
 }
 
-/// What an image says, to compare later ones with.
+/// The contents of an image, with which later images are compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -113,7 +115,7 @@ impl Counters {
         self.received = [self.received[0] + u64::from(sure), self.received[1] + 1];
         let [least, most] = &mut self.missed;
         let clear = least.between(frame, -BAND) == most.between(frame, BAND);
-        // Before any frame was surely received, none need be missed.
+        // Before a frame was certainly received, none has to be missed.
         self.sure |= sure;
         if self.sure {
             least.frame(frame, -BAND);
@@ -126,15 +128,16 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Least and most frames missed in an image of `at`, ns, which was caused up to `publication` earlier.
+    /// Returns the least and the greatest number of missed frames in an image of `at`, ns, whose cause was up to
+    /// `publication` earlier.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Whether `values` fit in an image of `at`. `next` is what is counted with the next frame, if that may have had a
-    /// part in it.
+    /// Returns whether `values` fit in an image of `at`. `next` has the counters with the next frame, if that frame may
+    /// be counted in the image.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -148,20 +151,21 @@ impl Counters {
         [least, next.map_or(most, |next| most.max(next.missed(at, publication)[1]))]
     }
 
-    /// Whether every object of every frame was either accepted or rejected.
+    /// Returns whether every object of every frame was either accepted or rejected.
     pub(super) fn add_up(&self, values: &LinkValues) -> bool {
         let places = self.layout.frame(0).map_or(0, Place::count) as u64;
         u64::from(values.objects_accepted) + u64::from(values.objects_rejected)
             == places * u64::from(values.frames_received)
     }
 
-    /// What later images can be compared with, if this is an image of `at` and nothing is overdue then.
+    /// Returns what later images can be compared with, if this is an image of `at` and no frame is overdue then.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Whether `values` have advanced since an image as the frames since then say; true if something was not certain.
+    /// Returns whether `values` have advanced since an image as the frames since then require; true if something was
+    /// not certain.
     pub(super) fn follow(
         &self,
         before: &Baseline,

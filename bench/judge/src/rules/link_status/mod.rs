@@ -1,27 +1,28 @@
-//! Link-Status against the wires.
+//! Compares Link-Status with what was on the wires.
 //!
-//! Link-Status holds as of the publication of its image: the last rise of FRESH before chip select fell. What the DPR
-//! had heard by then follows from the antenna, through the same [expectation](crate::expectation) as what it
-//! shows; where that is not certain, either value is right. A frame that ended shortly before FRESH may or may not have
-//! had its part in the image, unless the image shows it or nothing else can have caused it; so there may be several
-//! `Snapshot`s that an image can be of, and it has to fit one of them.
+//! Link-Status is valid for the instant at which its image was published: the last rise of FRESH before chip select
+//! fell. What the DPR had received by then follows from the frames at the antenna, through the same
+//! [expectation](crate::expectation) from which it follows what the DPR shows; where that is not certain, either value
+//! is right. A frame that ended shortly before FRESH may be part of the image or not, unless the image shows it or
+//! nothing else can have caused the image. So several `Snapshot`s may belong to an image, and it has to fit one of
+//! them.
 //!
-//! # What is whose
+//! # What each violation compares
 //!
-//! | | is held against |
+//! | violation | Link-Status is compared with |
 //! |---|---|
-//! | `LinkAge` | the tick of the last Reported-Position that was accepted, as it was on the TICK pin |
+//! | `LinkAge` | the tick of the last accepted Reported-Position, as it was on the TICK pin |
 //! | `LinkCounters` | the frames at the antenna: absolutely within what is certain, and exactly from image to image |
-//! | `LinkFlags` | the frames at the antenna, the DPR's last start, what was injected |
+//! | `LinkFlags` | the frames at the antenna, the DPR's last start, and the injected faults |
 //! | `LinkTime` | the time since the DPR's start |
 //!
-//! Nothing is asked of an image that is another violation already: one that FRESH did not announce, or that is older
-//! than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). An image that lacks an object and
-//! one whose flag is wrong are told apart by the antenna: bits 0 and 1 are wrong only if they contradict both the image
-//! and what reached the antenna. While [`Excuse::Hearing`] holds, only the time and the reason of the
-//! last reset are asked for, and one thing more: from [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer
-//! until it answers again, Link-Status says that the front end is at fault, that the link is not up, and that not all
-//! objects were accepted. While [`Excuse::LinkCounters`] holds, counters are compared from image to image alone.
+//! This rule requires nothing of an image that already is another violation: one that FRESH did not announce, or that
+//! is older than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). The antenna distinguishes
+//! an image that lacks an object from one with a wrong flag: bits 0 and 1 are wrong only if they contradict both the
+//! image and what reached the antenna. While [`Excuse::Hearing`] holds, only the time, the reason of the last reset and
+//! one thing more are judged: from [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer until it answers
+//! again, Link-Status must say that the front end is at fault, that the link is not up, and that not all objects were
+//! accepted. While [`Excuse::LinkCounters`] holds, counters are only compared from image to image.
 
 mod clocks;
 mod counters;
@@ -43,55 +44,57 @@ use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// So many frames, and so many rises of FRESH, are remembered: a transaction may be long.
+/// The number of frames, and of rises of FRESH, that are remembered. It is large because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The resolution of the DPR's clock, what its front end needs to tell the end of a frame, and what HORUS's front end
-/// scatters (2.3 µs), ns.
+/// The uncertainty of instants, ns: the resolution of the DPR's clock, the time that its front end needs to detect the
+/// end of a frame, and the scatter of HORUS's front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
-/// The unit of the age, ns.
+/// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// So much of the second for which a restart is shown may be lost or gained, ns: a frame's commit, and the crystals.
+/// The time by which the second for which a restart is shown may be longer or shorter, ns: a frame's commit, and the
+/// crystals.
 const RESTART_BAND: u64 = 2_000_000;
 
-/// A Reported-Position that was or may have been accepted.
+/// A Reported-Position that was accepted, or may have been.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
-    /// The instant of its sample, ns.
+    /// The instant at which the sample was taken, ns.
     at: u64,
-    /// By how much the DPR may take it to be newer, ns: what the air added on the way, which the DPR cannot know.
+    /// The time by which the DPR may take the sample to be newer, ns: the delay that the air added, which the DPR
+    /// cannot detect.
     delay: u64,
-    /// By how much the DPR may take it to be older, ns: where a front end does not say when the frame ended, the DPR
-    /// assumes the longest.
+    /// The time by which the DPR may take the sample to be older, ns. If a front end does not report when the frame
+    /// ended, the DPR assumes the longest time.
     unsure: u64,
 }
 
 impl Sample {
-    /// This one, the other, which is not older, or any that lies between them.
+    /// Returns a sample that stands for this one, for the other, which is not older, and for any between them.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
     }
 }
 
-/// What the DPR knows after a frame.
+/// The state of the DPR after a frame.
 #[derive(Clone, Debug)]
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// What may be the last Reported-Position that was accepted.
+    /// The samples that may be the last accepted Reported-Position.
     samples: Vec<Sample>,
-    /// None may have been.
+    /// Whether it is possible that no Reported-Position was accepted.
     none: bool,
-    /// Objects of the cycle that must be and that may be accepted: bit n for object n.
+    /// The objects of the cycle that must be accepted, and those that may be: bit n stands for object n.
     must: u8,
     may: u8,
-    /// Until when the sequence must be held, and may be.
+    /// Until when the sequence must be held, and until when it may be, ns.
     held: (u64, u64),
     frozen: Certainty,
-    /// When HORUS was last taken to have restarted: surely, and perhaps.
+    /// When the DPR last took HORUS to have restarted, ns: certainly, and possibly.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }
@@ -101,14 +104,14 @@ impl Snapshot {
         self.frame.as_ref().map_or(0, |frame| frame.ended)
     }
 
-    /// A Reported-Position of this sample may have been accepted, or must have been.
+    /// Records that a Reported-Position of this sample must have been accepted, or may have been.
     fn accept(&mut self, sample: Sample, must: bool) {
         if must {
             self.samples.clear();
             self.none = false;
         }
         self.samples.push(sample);
-        // Where there are too many, the oldest two become one sample that may be either of them or any between.
+        // If there are too many samples, the oldest two become one that stands for both and for any between them.
         if let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
@@ -117,23 +120,24 @@ impl Snapshot {
     }
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct LinkStatus {
     layout: Layout,
     publication: u64,
     clocks: Clocks,
-    /// After each frame, the oldest first; at the DPR's start there is one without a frame. Never empty.
+    /// The snapshot after each frame, the oldest first. At the DPR's start there is one without a frame, so this is
+    /// never empty.
     snapshots: VecDeque<Snapshot>,
     fresh: VecDeque<u64>,
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the antenna, and since when it is or is not, ns.
+    /// Whether HORUS's field is at the antenna, and since when that has been so, ns.
     field: (bool, u64),
-    /// The bytes that were judged last. Where they are read again, a rise of FRESH in between announced no image.
+    /// The bytes that were judged last. If they are read again, a rise of FRESH in between announced no image.
     last: Vec<u8>,
-    /// What FRESH announced last.
+    /// The bytes that FRESH announced last.
     offered: Vec<u8>,
 }
 
@@ -170,8 +174,8 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // What announces the image of before is no publication: rule `ssi` tells that. Two images are the same
-                // only if their Link-Status is, which is at offset 0.
+                // A rise of FRESH that announces the same image again is no publication, and rule `ssi` reports it. Two
+                // images are equal only if their Link-Status is, which is at offset 0.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -212,7 +216,8 @@ impl LinkStatus {
         }
     }
 
-    /// From `at` on the DPR may not hear: a frame that ended just before may not have been read any more.
+    /// Records that the DPR may fail to receive from `at` on, so that a frame that ended just before may not have been
+    /// read completely.
     fn may_have_missed(&mut self, at: u64) {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
@@ -222,7 +227,7 @@ impl LinkStatus {
         }
     }
 
-    /// A frame has reached the antenna, of which the DPR may know the end so badly, ns.
+    /// Records a frame that has reached the antenna, of which the DPR may misjudge the end by `unsure` ns.
     fn heard(&mut self, frame: Delivery, unsure: u64, context: &Context) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
@@ -256,13 +261,14 @@ impl LinkStatus {
         }
     }
 
-    /// A transaction is over.
+    /// Judges a transaction.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // Every deadline publishes: what has not been replaced for longer, FRESH has not announced.
+        // Every deadline publishes an image, so an image that was not replaced for longer than that was not announced
+        // by FRESH.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -272,7 +278,7 @@ impl LinkStatus {
         if self.last == reading.miso {
             return;
         }
-        // While the DPR may not hear, it cannot be told which frames an image is of.
+        // While the DPR may fail to receive, it cannot be determined which frames belong to an image.
         let candidates = if disturbances.excuse(Excuse::Hearing, published) {
             None
         } else {
@@ -280,7 +286,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces a damaged one tells the time of that.
+        // An image that replaces a damaged one has the time of the damaged one.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -307,14 +313,15 @@ impl LinkStatus {
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
-        // The words are of the last candidate, the one with every frame.
+        // The words are those of the last candidate, which has every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
         if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
             findings.add(Violation::LinkFlags, reading.selected, || words);
         }
     }
 
-    /// The snapshots that an image which was published then can be of; `None` if it is another violation.
+    /// Returns the snapshots that may belong to an image published at `published`; `None` if the image is another
+    /// violation.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
@@ -325,7 +332,7 @@ impl LinkStatus {
                 newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
             let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
             let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
-            // What is shown is older than FRESH says.
+            // The image shows a cycle that is older than FRESH says.
             if shown < first || shown < last && self.is_cause(last) && !same_cycle {
                 return None;
             }
@@ -337,8 +344,8 @@ impl LinkStatus {
         Some((first..=last).collect())
     }
 
-    /// Whether an image that is published just after this snapshot's frame can have no other cause: the frame is the
-    /// last of its cycle, and no deadline coincides with it.
+    /// Returns whether an image that is published just after this snapshot's frame can have no other cause: the frame
+    /// is the last of its cycle, and no deadline coincides with it.
     fn is_cause(&self, index: usize) -> bool {
         let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
         let Some(frame) = frame_of(index) else { return false };
@@ -347,7 +354,8 @@ impl LinkStatus {
         let (deadline, belongs) = if is_last(before) {
             (bounds::FRAME_DEADLINE, true)
         } else {
-            // Otherwise the first goes out before the second is looked at, and the image again after that.
+            // Otherwise the image of the first frame is published before the second frame is processed, and then
+            // another one.
             (bounds::SECOND_FRAME, frame.completes(before) && frame.shown == before.shown)
         };
         let in_time = frame.ended + bounds::SEQUENCE_BAND < before.ended + deadline;
@@ -380,7 +388,7 @@ impl LinkStatus {
         fits
     }
 
-    /// What of the flags contradicts a snapshot, in words.
+    /// Returns, in words, which flag contradicts a snapshot.
     fn wrong_flags(
         &self,
         snapshot: &Snapshot,
@@ -414,7 +422,8 @@ impl LinkStatus {
             true => Certainty::May,
             false => Certainty::Never,
         };
-        // Nothing heard for long, and a carrier: it cannot tell a silent sender from a deaf front end.
+        // After a long time without frames in a carrier, the DPR cannot distinguish a silent sender from a deaf front
+        // end.
         let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
@@ -440,8 +449,9 @@ impl LinkStatus {
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
     }
 
-    /// Whether an image of `published` must say that there is no field at the antenna, may say so, or must not. A front
-    /// end that comes up in a field learns of it from the first frame; one that was broken may not know.
+    /// Returns whether an image of `published` must say that there is no field at the antenna, may say so, or must not.
+    /// A front end that comes up in a field detects it with the first frame; a front end that was broken may not detect
+    /// it.
     fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
         let (on, since) = self.field;
         let from = since.max(dpr_since + bounds::START);
@@ -457,7 +467,7 @@ impl LinkStatus {
         }
     }
 
-    /// Whether the image shows any object, or `all` of them, as far as that was read.
+    /// Returns whether the image shows any object, or `all` objects, as far as that was read.
     fn objects_shown(&self, reading: &Reading, all: bool) -> Option<bool> {
         let valid = |state: &State| matches!(state, State::Valid { .. });
         let any = reading.objects.iter().any(|placed| valid(&placed.state));
@@ -471,7 +481,7 @@ impl LinkStatus {
         }
     }
 
-    /// Whether the image of a snapshot shows any object, and all of them.
+    /// Returns whether the image of a snapshot shows any object, and whether it shows all of them.
     fn objects_expected(&self, snapshot: &Snapshot, published: u64) -> [Certainty; 2] {
         let Some(frame) = &snapshot.frame else { return [Certainty::Never; 2] };
         let after = published.saturating_sub(frame.ended);
@@ -480,7 +490,8 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Either side of the deadline; and before the second frame's the image is that of the cycle before.
+        // Near the deadline either value is right. Before the deadline of the second frame the image may be that of the
+        // cycle before.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }
@@ -494,7 +505,7 @@ impl LinkStatus {
     }
 }
 
-/// Asks an image of `published` for what it has to say of a front end that does not answer.
+/// Judges what an image of `published` must say of a front end that does not answer.
 fn tells_of_a_silent_front_end(
     status: LinkStatusBits,
     published: u64,
@@ -505,7 +516,7 @@ fn tells_of_a_silent_front_end(
     let (from, until) = context.disturbances().silent_front_end();
     let dpr = context.running(Board::Dpr);
     let from = from.max(dpr.since + bounds::START) + bounds::FRONT_END_TOLD;
-    // The task that would find that out may be the one that is dead.
+    // The task that would detect the silent front end may be the one that is dead.
     let until = until.min(dpr.dead.unwrap_or(u64::MAX));
     let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
     if (from..until).contains(&published) && !told {
@@ -515,13 +526,13 @@ fn tells_of_a_silent_front_end(
     }
 }
 
-/// Whether a transaction shows an object that a frame brought.
+/// Returns whether a transaction shows an object that a frame brought.
 fn shows(reading: &Reading, frame: &Delivery) -> bool {
     let mut objects = frame.objects.iter().filter(|(.., fate)| *fate > Certainty::Never);
     objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
 }
 
-/// Whether an age can be told by an image that was published then.
+/// Returns whether an image that was published at `published` may state this age.
 fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
     let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
     let fits = |sample: &Sample| {

@@ -1,20 +1,21 @@
-//! What Link-Status says about the DPR's own start: why, and how long ago.
+//! Judges what Link-Status says about the DPR's own start: its reason, and how long ago it was.
 
 use profile::{LinkStatusBits, ResetReason};
 
 use crate::{Cause, What, bounds};
 
-/// For which reasons the DPR may say that it has started.
+/// The reasons that the DPR may state for its start; `None` allows any.
 #[derive(Clone, Debug)]
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// The supply came. A part that finds its RAM intact takes it for a brown-out, which it cannot tell apart.
+    /// Returns the reasons after the supply came on. A part that finds its RAM intact takes the power-on for a
+    /// brown-out, because it cannot distinguish the two.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
 
-    /// The reasons after a start; any where the part has none of its own.
+    /// Returns the reasons after a start; any for a cause that the part does not have.
     pub(super) const fn of(event: &What) -> Self {
         let What::Reset { cause, .. } = event else { return Self::power_on() };
         Self(match cause {
@@ -27,7 +28,7 @@ impl Reasons {
         })
     }
 
-    /// What of bits 6 and 12 to 14 is wrong, in words.
+    /// Returns, in words, what is wrong with bits 6 and 12 to 14.
     pub(super) fn wrong(&self, status: LinkStatusBits) -> Option<String> {
         let told = status.reset_reason();
         let unasked = [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther];
@@ -37,20 +38,21 @@ impl Reasons {
     }
 }
 
-/// Link-Status's clock.
+/// The clock of Link-Status.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The first image since the start: publication, ns, and what that instant is ahead of the clock, ns.
+    /// The first image since the start: the instant of its publication, ns, and how far that instant is ahead of the
+    /// DPR's clock, ns.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }
 
-/// The clock is read some time before FRESH rises, to the ms: ns.
+/// The uncertainty of the clock, ns: the DPR reads it some time before FRESH rises, and with a resolution of 1 ms.
 const RESOLUTION: u64 = 2_000_000;
 
 impl Time {
-    /// What is wrong with the time told in an image that was `published` then by a DPR that started at `since`, in
-    /// words.
+    /// Returns, in words, what is wrong with the time in an image that was `published` then by a DPR that started at
+    /// `since`.
     pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64) -> Option<String> {
         let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
         let passed = published - since;

@@ -7,7 +7,7 @@ use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
-/// Changes the images that are published within.
+/// Returns a function that changes the images published within `times`.
 fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         let mut changed = 0;
@@ -19,7 +19,7 @@ fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl
     }
 }
 
-/// The image of this cycle alone.
+/// Returns a function that changes only the image of this cycle.
 fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     within(run.end(cycle)..run.end(cycle) + MS, change)
 }
@@ -57,7 +57,7 @@ fn before_anything_was_accepted_the_age_is_saturated_and_after_it_it_is_not() {
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
     assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
-    // After 6.5535 s it is again.
+    // After 6.5535 s the age has reached 65535, and 65534 is wrong again.
     let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
     long.cycles = 710;
     long.control = 4 * MS;
@@ -68,7 +68,7 @@ fn before_anything_was_accepted_the_age_is_saturated_and_after_it_it_is_not() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // HORUS keeps its slot, but this tick was 1 ms earlier than its frame tells.
+    // HORUS keeps its slot, but this tick came 1 ms earlier than its frame indicates.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -76,7 +76,7 @@ fn the_age_counts_from_the_tick_and_not_from_the_frame() {
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
-    // Without ticks the frame has to do.
+    // Without ticks the judge takes the sample's instant from the frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
 }
@@ -110,7 +110,7 @@ fn a_counter_that_is_off_by_one_is_wrong_once_if_it_stays_so_and_twice_if_it_doe
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // A damaged object that counts as accepted, and a frame that was received and counts as missed.
+        // These are a damaged object that counts as accepted, and a received frame that counts as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -134,7 +134,7 @@ fn a_frame_that_nobody_counts_as_missed_is_wrong() {
         let run = Run::new(n).hit_all([20], &Air::Lost);
         let change = |values: &mut LinkValues| values.frames_missed -= frames;
         assert_eq!(run.broken(within(run.end(21)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
-        // In a long silence.
+        // The count of missed frames is wrong during a long silence.
         let run = Run::new(n).hit_all(20..35, &Air::Lost);
         let change = |values: &mut LinkValues| values.frames_missed -= 5 * frames;
         assert_eq!(run.broken(within(run.end(30)..run.end(31), change)), [Violation::LinkCounters], "{n} receivers");
@@ -149,15 +149,15 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // Not ours: rejected uplinks.
+        // Bit 7, the rejected uplinks, is judged by another rule.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
-        // In silence.
+        // No frame arrives in these cycles.
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
             let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // And when it has lasted too long for the sequence to be held.
+        // The flags are also judged when the silence has lasted too long for the sequence to be held.
         let mut run = Run::new(n).hit_all(20..58, &Air::Lost);
         run.cycles = 70;
         for (time, cycle) in [("before", 44), ("after", 48)] {
@@ -192,7 +192,7 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 
 #[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
-    // Whether the flags say what was heard or what is shown.
+    // It makes no difference whether the flags describe what was received or what is shown.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
         let run = Run::new(3);
         let broken = run.broken(|images| {
@@ -213,7 +213,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
         assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
-        // Shown for a second.
+        // The restart is shown for a second.
         for cycle in [21, 119, 121, 140] {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");
@@ -318,7 +318,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // From the first image on it is the time since the start, within the time that a start takes.
+        // Already in the first image the time must be that since the start, within the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));
@@ -354,7 +354,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // FRESH is stuck.
+    // The FRESH wire is stuck.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -363,10 +363,10 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
 
 #[test]
 fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
-    // Most images are read for the first time after the second rise.
+    // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each rise, with a number for its image, comes again 3 ms later with the same image or with another.
+    // Each rise, with a number as its image, is repeated 3 ms later with the same image or with another.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -414,7 +414,7 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::PowerOn, ResetReason::PowerOn)), ..Run::new(3) };
     run.extra = vec![power(250 * MS, false), power(300 * MS, true)];
     let mut log = run.log(|images| images.retain(|image| !(250 * MS..300 * MS).contains(&image.at)));
-    // Without a supply nothing is heard and nothing read.
+    // Without a supply the DPR receives nothing and cannot be read.
     for event in &mut log.events {
         if let What::Transaction { selected, miso, .. } = &mut event.what
             && (250 * MS..300 * MS).contains(selected)
@@ -425,8 +425,9 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// The images of a run whose last frame is that of cycle 20, of which the first one more than 260 ms after that cycle's
-/// sample is published so long after it, ns, and says of the sequence that it is held, or not.
+/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image more than 260 ms
+/// after that cycle's sample is published `after` the sample, ns, and says that the sequence is held, or that it is
+/// not.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -440,7 +441,8 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_2_and_a_half_ms_and_2_percent_and_nothing_is_asked_at_the_limit() {
-    // 260 + 2.5 + 5.2 ms, with 0.3 ms to either side; values are taken up to 0.2 ms before they can be read.
+    // The limit is 260 + 2.5 + 5.2 ms, with 0.3 ms to either side. Values are taken up to 0.2 ms before they can be
+    // read.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -492,7 +494,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The certain sample is 900 ms old, the newest 10 ms. Only among the oldest is a time between two samples possible.
+    // The certain sample is 900 ms old, the newest one 10 ms. Only among the oldest samples is a time between two of
+    // them possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }
@@ -508,7 +511,7 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let heard = run.end(19);
     assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
-    // Until the image after the first frame that comes is out.
+    // The fault may be reported until the image after the first new frame is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }

@@ -1,15 +1,15 @@
-//! What Port-Status says of the DPR's own health: its clock, its passes over the flash, what they and scrubs have
-//! found, and why it last stopped.
+//! Judges what Port-Status says of the DPR's own health: its clock, its passes over the flash, what these passes and
+//! the scrubs have found, and why the DPR last stopped.
 //!
-//! | field | right |
+//! | field | right value |
 //! |---|---|
-//! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never back |
-//! | passes over the flash | never back; as many as there was time for; if the SSI was misused, maybe fewer |
-//! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never back |
-//! | bit 6 | whether buffers are out of use |
-//! | reason of the last safe state | 0 from the first start on; the same from start to start |
+//! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never decreasing |
+//! | passes over the flash | never decreasing; as many as there was time for, or fewer if the SSI was misused |
+//! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never decreasing |
+//! | bit 6 | set while buffers are out of use |
+//! | reason of the last safe state | 0 after power-on; the same value between two starts |
 //!
-//! Whether a firmware had stopped before a later start the outside cannot know.
+//! The judge cannot tell from outside whether a firmware had stopped before a later start.
 
 use profile::PortValues;
 
@@ -17,35 +17,35 @@ use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Health {
     /// When the DPR last started, ns.
     since: u64,
-    /// It may have stopped before that.
+    /// Whether the DPR may have stopped before its last start.
     stopped: bool,
-    /// The flight controller has taken more of its processor than it may.
+    /// Whether the flight controller has taken more of the DPR's processor time than it may.
     slow: bool,
     last: Option<PortValues>,
 }
 
 impl Health {
-    /// The supply has come on at `at`, ns.
+    /// Returns the state after the supply has come on at `at`, ns.
     pub(super) const fn powered(at: u64) -> Self {
         Self { since: at, stopped: false, slow: false, last: None }
     }
 
-    /// The DPR starts anew at `at` (ns), or has no supply any more.
+    /// Returns the state after the DPR starts anew at `at` (ns), or loses its supply.
     pub(super) const fn again(at: u64) -> Self {
         Self { stopped: true, ..Self::powered(at) }
     }
 
-    /// The flight controller takes more of the DPR's processor than it may.
+    /// Records that the flight controller takes more of the DPR's processor time than it may.
     pub(super) fn slowed(&mut self) {
         self.slow = true;
     }
 
-    /// What is wrong with Port-Status in an image of `published` (ns) that was read with `reading`, in words.
+    /// Returns, in words, what is wrong with Port-Status in an image of `published` (ns) that was read with `reading`.
     pub(super) fn wrong(
         &mut self,
         values: &PortValues,
@@ -53,7 +53,7 @@ impl Health {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        // What was made before the first millisecond is over knows of nothing yet.
+        // An object that was made within the first millisecond has no values yet.
         let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
@@ -94,7 +94,7 @@ mod tests {
     use crate::Event;
     use crate::testing::{RECEIVE_BIT, injected};
 
-    /// What is right 1 s after the start.
+    /// Values that are right 1 s after the start.
     const RIGHT: PortValues = {
         let values = sound();
         PortValues { timestamp: 990, ..values }
@@ -190,7 +190,7 @@ mod tests {
         let mut health = Health::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
-        // The object with which the DPR starts does not know yet.
+        // The object with which the DPR starts does not have the reason yet.
         let mut health = Health::again(0);
         let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
         assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));

@@ -1,17 +1,17 @@
-//! Port-Status and the uplinks that are read back, against what the flight controller has written.
+//! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! What a DPR that does right has made of every transaction is worked out from the log alone (`model`). A transaction
-//! shows in the second image after its end at the latest, and in none before it; so Port-Status has to be what follows
-//! from one of those transactions. Where something is not certain (how long a self-test takes), several states are
-//! possible, and what is read afterwards decides.
+//! The judge works out from the log alone what a correct DPR has made of every transaction (`model`). A transaction
+//! shows in the second image after its end at the latest, and in no image before it; therefore Port-Status has to
+//! follow from one of these transactions. Where something is not certain (how long a self-test takes), several states
+//! are possible, and what is read afterwards decides.
 //!
-//! # What is not asked
+//! # What is not required
 //!
-//! - While [`Excuse::Service`] holds: how much of it the DPR took in depends on its budget and on clocks that bits are
-//!   sampled with. After that Port-Status is believed once, in a gap between two objects that are written, if so
-//!   many transactions can have led to it, and held against what follows.
-//! - While [`Excuse::UnsoundImage`] holds: what is not intact then is not valid, which is all that is asked.
-//! - Of a map that FRESH has not announced in time: that is another violation.
+//! - This rule requires nothing while [`Excuse::Service`] holds: how much of what was written the DPR received depends
+//!   on its budget and on the clocks that bits are sampled with. Afterwards the judge accepts Port-Status once, while
+//!   no written object is pending, if the number of transactions can have led to it, and compares what follows with it.
+//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that what is not intact is not valid.
+//! - This rule requires nothing of a map that FRESH has not announced in time, which is another violation.
 
 mod health;
 mod model;
@@ -32,48 +32,50 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::Health;
 use model::{Model, Place, status_in, writes};
 
-/// Rises of FRESH that are remembered: a transaction may be long.
+/// The number of rises of FRESH that are remembered. It is large because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// Objects that were written and may not show yet: more than there can be between two images.
+/// The number of written objects that are remembered because they may not show yet: more than there can be between two
+/// images.
 const WRITTEN: usize = 128;
 
-/// An uplink's age is as of the instant at which Port-Status was made, up to so long before its publication, ns.
+/// An uplink's age is that at the instant at which Port-Status was made, which is up to this long before its
+/// publication, ns.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
-/// From a transaction's end to the DPR's having judged it, and the crystals, ns.
+/// The time from a transaction's end until the DPR has judged it, with the error of the crystals, ns.
 const JUDGED_AFTER: u64 = 2_000_000;
 
-/// A millisecond, ns.
+/// A millisecond, in ns.
 const MS: u64 = 1_000_000;
 
-/// What may be the case after a transaction.
+/// The states that are possible after a transaction.
 #[derive(Clone, Debug)]
 struct Entry {
-    /// When it ended, ns.
+    /// When the transaction ended, ns.
     at: u64,
     mosi: Vec<u8>,
     models: Vec<Model>,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Port {
     layout: Layout,
     publication: u64,
-    /// The oldest first; never empty while the DPR's state is known, and empty otherwise.
+    /// The entries, the oldest first; empty if, and only if, the DPR's state is not known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
     /// When the last transaction ended that may have changed what Port-Status counts, ns: one that wrote an object, or
-    /// any while the flight controller misused the SSI.
+    /// any transaction while the flight controller misused the SSI.
     written: u64,
-    /// What Port-Status said when it was last looked at, and how many transactions there were since.
+    /// The values of Port-Status when it was last looked at, and the number of transactions since then.
     known: (PortValues, u32),
-    /// Access violations of Link-Status and of Port-Status, and the last command's timestamp, when nothing that was
-    /// written had still to show; nothing once Port-Status was wrong, which is another violation.
+    /// The access violations in Link-Status and in Port-Status, and the last command's timestamp, from when no written
+    /// object was pending; `None` once Port-Status was wrong, which is another violation.
     counted: Option<(u32, u32, u32)>,
     health: Health,
-    /// It has said that its last self-test failed.
+    /// Whether Port-Status has said that its last self-test failed.
     failed: bool,
 }
 
@@ -121,7 +123,8 @@ impl Rule for Port {
 }
 
 impl Port {
-    /// The DPR starts: it has taken nothing in, and what it will is `known`.
+    /// Starts anew, because the DPR starts without having received anything. `known` says whether it is known what it
+    /// will receive.
     fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
@@ -149,7 +152,7 @@ impl Port {
         }
     }
 
-    /// What the DPR has taken in.
+    /// Records what the DPR has received.
     fn write(&mut self, mosi: &[u8], at: u64) {
         let Some(last) = self.entries.back() else { return };
         let models = step(&last.models, mosi, at, self.layout.map_len());
@@ -192,7 +195,8 @@ impl Port {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // In a gap: what was written last shows by now, unless an image was replaced by one that says the same.
+            // No write is pending, so Port-Status must show the last one, unless an image was replaced by one with the
+            // same content.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -207,7 +211,8 @@ impl Port {
             }
             return;
         }
-        // What was written before the rise of FRESH before the last shows; what was written before the last may.
+        // What was written before the last but one rise of FRESH must show; what was written before the last rise may
+        // show.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -218,7 +223,7 @@ impl Port {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // It is told once, and from here on what the DPR says is what there is.
+            // The violation is reported once, and from here on Port-Status as read is the reference.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -235,8 +240,8 @@ impl Port {
         }
     }
 
-    /// Link-Status counts the violations of all kinds in one, since the DPR's start: it grows as Port-Status does while
-    /// no command clears that.
+    /// Judges the access violations in Link-Status. Link-Status counts the violations of all kinds together since the
+    /// DPR's start, so its count grows as Port-Status's does while no command clears the latter.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -250,7 +255,8 @@ impl Port {
         }
     }
 
-    /// What was written up to entry number `place` shows, and Port-Status says this: nothing else is possible.
+    /// Settles that what was written up to entry number `place` shows, because with these values nothing else is
+    /// possible.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -262,7 +268,7 @@ impl Port {
         }
     }
 
-    /// Holds both uplinks' places, their bits and their ages against what was written.
+    /// Compares both uplinks' places, their bits and their ages with what was written.
     fn uplinks(
         &self,
         places: std::ops::RangeInclusive<usize>,
@@ -293,13 +299,15 @@ impl Port {
     }
 }
 
-/// Whether Port-Status may say `now` after `before` and so many transactions of which it is not known what the DPR took
-/// in: each counts once at most, and twice as one too many. What was written before Port-Status said `before` may show
-/// after that: it is among the transactions of [`bounds::SSI_BUDGET`] for each of two images.
+/// Returns whether Port-Status may say `now` after `before` and `transactions` transactions, of which it is not known
+/// what the DPR received. Each transaction counts at most once, and at most twice as one too many. What was written
+/// before Port-Status said `before` may show after it; such transactions number at most [`bounds::SSI_BUDGET`] for each
+/// of two images.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // As many as before, and another last one: the one that clears the counters came, and is counted itself.
+    // If the count is equal and the last command differs, a command has cleared the counters, and that command is
+    // counted itself.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
@@ -325,7 +333,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Whether a writer's bit, age (ms) and, if it was read, place may be so in an image of `published`, ns.
+/// Returns whether a writer's bit, its age (ms) and, if it was read, its place may have these values in an image of
+/// `published`, ns.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,
@@ -338,6 +347,6 @@ fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, publi
     let told = u64::from(age_ms);
     let age_fits = (least..=most).contains(&told) || age_ms == u16::MAX && most >= u64::from(u16::MAX);
     let bytes_fit = read.is_none_or(|read| if fresh { read == &stored[..] } else { is_vacant(read) });
-    // The bit follows from the age, so that it is not set or clear at another time than the age allows.
+    // The bit follows from the age, so that it changes exactly when the age reaches the limit.
     age_fits && bytes_fit && fresh == (told < expiry)
 }

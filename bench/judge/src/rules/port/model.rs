@@ -1,5 +1,5 @@
-//! What a DPR that does right makes of what the flight controller writes: parts, kinds of violation, timestamps, places
-//! (`profile::port_status`, `profile::uplink`, `profile::command`).
+//! What a correct DPR makes of what the flight controller writes: parts of a transaction, kinds of violation,
+//! timestamps, places (`profile::port_status`, `profile::uplink`, `profile::command`).
 
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Violations};
@@ -8,14 +8,14 @@ use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
 use crate::rules::is_later;
 
-/// What the DPR takes in of a transaction: a request, an object, and as many bytes behind it as tell that something is
-/// driven there.
+/// The number of bytes that the DPR receives of a transaction: a request, an object, and as many bytes behind it as
+/// show that something is written there.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
-/// After a restart a writer is believed with its third timestamp in a row.
+/// The number of newer timestamps in a row after which the DPR accepts a writer that restarted.
 const ROW: u8 = 3;
 
-/// Whether a transaction with this MOSI can change anything that Port-Status or an uplink's place shows.
+/// Returns whether a transaction with this MOSI can change anything that Port-Status or an uplink's place shows.
 pub(super) fn writes(mosi: &[u8]) -> bool {
     let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
     !is_vacant(taken_in)
@@ -43,18 +43,18 @@ impl Timestamps {
     }
 }
 
-/// What stands in a writer's place.
+/// The contents of a writer's place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// Nobody knows.
+    /// The contents are not known.
     Unknown,
-    /// Nothing was stored.
+    /// Nothing is stored.
     Empty,
-    /// These bytes, of a transaction that ended at this instant, ns.
+    /// These bytes are stored, from a transaction that ended at this instant, ns.
     Stored(Vec<u8>, u64),
 }
 
-/// A state that a DPR which does right can be in.
+/// A state that a correct DPR can be in.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Model {
     uplinks_accepted: u32,
@@ -62,19 +62,19 @@ pub(super) struct Model {
     last_command: (u32, u32),
     last_refused: Option<bool>,
     violations: Violations,
-    /// Of the base station, of the flight controller.
+    /// The places of the base station and of the flight controller.
     pub(super) places: [Place; 2],
-    /// Of the base station, of the flight controller, of commands; nothing where nobody knows.
+    /// The timestamps of the base station, of the flight controller and of commands; `None` where they are not known.
     timestamps: [Option<Timestamps>; 3],
     test: Test,
 }
 
-/// What there is of self-tests.
+/// The state of self-tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// None is under way, and the last one ended so.
+    /// No test is under way, and the last one ended with this result.
     Idle { passed: bool, failed: bool },
-    /// One was begun at this instant, ns, and may be over.
+    /// A test was begun at this instant, ns, and may have ended.
     Begun(u64),
 }
 
@@ -83,7 +83,8 @@ impl Test {
         Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
     }
 
-    /// Whether Port-Status may say this in an image of `at`, ns: a test that is over has either passed or failed.
+    /// Returns whether Port-Status may have these values in an image of `at`, ns. A test that has ended has either
+    /// passed or failed.
     fn fits(self, values: &PortValues, at: u64) -> bool {
         let status = values.status;
         match self {
@@ -95,7 +96,7 @@ impl Test {
 }
 
 impl Model {
-    /// At the DPR's start.
+    /// Returns the state at the DPR's start.
     pub(super) fn at_start() -> Self {
         Self {
             uplinks_accepted: 0,
@@ -109,7 +110,7 @@ impl Model {
         }
     }
 
-    /// A DPR of which nothing is known but what it says itself, in an image of `at`, ns.
+    /// Returns the state of a DPR of which nothing is known but these values, in an image of `at`, ns.
     pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,
@@ -123,7 +124,7 @@ impl Model {
         }
     }
 
-    /// Whether Port-Status may say this in an image of `at`, ns.
+    /// Returns whether Port-Status may have these values in an image of `at`, ns.
     pub(super) fn fits(&self, values: &PortValues, at: u64) -> bool {
         self.uplinks_accepted == values.uplinks_accepted
             && self.commands_carried_out == values.commands_carried_out
@@ -133,14 +134,14 @@ impl Model {
             && self.test.fits(values, at)
     }
 
-    /// Port-Status has said this: a self-test that it does not tell any more is over.
+    /// Records the values that Port-Status has had. A self-test that it does not report as running has ended.
     pub(super) fn told(&mut self, values: &PortValues) {
         if !values.status.self_test_running() {
             self.test = Test::told(values);
         }
     }
 
-    /// The states that a transaction which ended at `at` (ns) may lead to, for a map of so many bytes.
+    /// Returns the states that a transaction which ended at `at` (ns) may lead to, for a map of `map_len` bytes.
     pub(super) fn after(&self, mosi: &[u8], at: u64, map_len: usize) -> Vec<Self> {
         let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
@@ -159,8 +160,8 @@ impl Model {
         states
     }
 
-    /// An object has come in that is not idle: an uplink or a command, as docs/design.md#ssi and `profile::port_status`
-    /// have them.
+    /// Returns the states after an object that is not idle was received: an uplink or a command, as docs/design.md#ssi
+    /// and `profile::port_status` describe them.
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];
@@ -189,7 +190,8 @@ impl Model {
         })
     }
 
-    /// Where the timestamp is newer than those before it, `then`; both where nobody knows.
+    /// Returns the states of `then` if the timestamp is newer than those before it, and else the state that refuses it;
+    /// both if the earlier timestamps are not known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);
@@ -209,7 +211,7 @@ impl Model {
         self
     }
 
-    /// A command has come in that is known and in time.
+    /// Returns the states after a command was received that is valid and newer than the one before.
     fn commanded(self, command: Command, timestamp: u32, at: u64) -> Vec<Self> {
         let done = |mut state: Self| {
             state.commands_carried_out = state.commands_carried_out.wrapping_add(1);
@@ -224,7 +226,7 @@ impl Model {
                 vec![done(cleared)]
             }
             (_, Test::Idle { .. }) => vec![done(Self { test: Test::Begun(at), ..self })],
-            // One that was begun may be over or not.
+            // A test that was begun may have ended or not.
             (_, Test::Begun(_)) => {
                 let refused = self.clone().refused(Violation::CommandBusy);
                 vec![done(Self { test: Test::Begun(at), ..self }), refused]
@@ -233,7 +235,7 @@ impl Model {
     }
 }
 
-/// Port-Status in the map that was read from byte `offset` on, if all of it was: intact, or why not.
+/// Decodes Port-Status if all of it was read. Returns its values, or why it was rejected.
 pub(super) fn status_in(place: Option<&[u8]>) -> Option<Result<PortValues, profile::Rejection>> {
     place.map(|bytes| PortStatus::verify(bytes).map(PortStatus::values))
 }

@@ -8,7 +8,7 @@ use crate::disturbance::Memory;
 use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
 use crate::{Bytes, Disturbance, Header};
 
-/// The flight controller reads every 4 ms, FRESH rises every 10 ms.
+/// The flight controller reads every 4 ms, and FRESH rises every 10 ms.
 const READS: u64 = 4 * MS;
 
 fn uplink(timestamp: u32, byte: u8) -> Vec<u8> {
@@ -20,14 +20,15 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
     CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes().to_vec()
 }
 
-/// A DPR that does right, as far as these tests need it: what it shows at a publication.
+/// What a correct DPR shows at a publication, as far as these tests need it.
 #[derive(Clone, Default)]
 struct Shown {
     values: PortValues,
     stored: Option<(Vec<u8>, u64)>,
 }
 
-/// A log in which `written` is sent at its instants, and the map of an image of 10 ms · n is what `shown` says of n.
+/// Returns a log in which `written` is sent at its instants, and the image of each instant 10 ms · n has the map that
+/// `shown` returns for it.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -67,14 +68,15 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// The transaction in which an object that is written at `at` goes out ends then.
+/// Returns when the transaction ends that sends an object written at `at`, ns.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// One uplink at [`AT`]; the images from so many after its end on show it as `change` has it.
+/// Returns what is found for one uplink at [`AT`], if the images from number `shown_after` after its end on show it as
+/// `change` changes it.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -93,7 +95,7 @@ fn an_uplink_shows_in_the_first_or_the_second_image_after_it() {
     assert_eq!(one(1, |_| {}), []);
     assert_eq!(one(2, |_| {}), []);
     assert_eq!(one(3, |_| {})[0].0, Violation::PortStatusWrong);
-    // Before it was written it cannot show.
+    // An uplink cannot show before it was written.
     let early = log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
         shown.values.uplinks_accepted = u32::from(published >= 60 * MS);
@@ -118,7 +120,7 @@ fn what_port_status_says_otherwise_is_wrong_once() {
     for change in changes {
         assert_eq!(one(1, change), [(Violation::PortStatusWrong, 1)]);
     }
-    // A test that failed is told of each image.
+    // A failed test is reported for each image.
     let failed = one(1, |shown| shown.values.status = PortStatusBits::new().with_self_test_failed(true));
     assert_eq!(failed[0].0, Violation::PortStatusWrong);
 }
@@ -194,7 +196,7 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // Link-Status says so before and after the command that clears Port-Status.
+    // Link-Status has these counts before and after the command that clears Port-Status's counters.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -247,7 +249,7 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // Transactions are excused until 220 ms. The last of them ends at 217.5 ms and shows from 230 ms on at the latest.
+    // Transactions are excused until 220 ms. The last of them ends at 217.5 ms, and shows from 230 ms on at the latest.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -291,7 +293,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // Those from 121 ms to 233 ms, the first that is believed, and those of two images.
+    // These are the transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -301,7 +303,7 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
     assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
     assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
-    // A last command without any that was carried out.
+    // There is a last command, but no command was carried out.
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
@@ -319,13 +321,13 @@ fn counters_may_fall_during_misconduct_where_the_last_command_is_another() {
     assert!(!may_follow(&told(15, 1, 7), &told(0, 0, 8), 0));
 }
 
-/// Puts an event in its place.
+/// Inserts an event in its place.
 fn insert(log: &mut crate::Log, at: u64, what: What) {
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
     log.events.insert(place, Event { at, what });
 }
 
-/// What the transaction read whose chip select fell at `at`.
+/// Returns the bytes that the transaction read whose chip select fell at `at`.
 fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
@@ -334,7 +336,7 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// The log of one uplink at [`AT`], which each image from `from` on shows.
+/// Returns the log of one uplink at [`AT`], which each image from `from` on shows.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -346,12 +348,12 @@ fn uplink_shown_from(from: u64) -> crate::Log {
     })
 }
 
-/// When chip select falls for a transaction in which nothing is written.
+/// When chip select falls for a transaction in which nothing is written, ns.
 const READ: u64 = 205 * MS;
 
 #[test]
 fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
-    // At the first, nothing has come in.
+    // At the first start of the DPR, nothing has been received.
     let counted = |accepted| {
         broken(&log(&[], |_| {
             let mut shown = Shown::default();
@@ -467,7 +469,7 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 fn a_map_that_fresh_has_not_announced_in_time_is_not_asked_of() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
-            // The last rise is that at 200 ms, and the only transaction after it reads what cannot be.
+            // The last rise is that at 200 ms, and the only transaction after it reads values that are not possible.
             let mut log = log(&[], |published| {
                 let mut shown = Shown::default();
                 shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
@@ -492,7 +494,7 @@ fn a_map_that_fresh_has_not_announced_in_time_is_not_asked_of() {
     }
 }
 
-/// [`uplink_shown_from`], in which FRESH rises as the uplink's transaction ends.
+/// Returns the log of [`uplink_shown_from`] with a rise of FRESH at the instant at which the uplink's transaction ends.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -507,7 +509,7 @@ fn what_is_written_as_fresh_rises_shows_in_the_second_image_after_that_one() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // So Port-Status is not believed before that image.
+    // Therefore Port-Status is not accepted before that image.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
@@ -517,7 +519,8 @@ fn what_is_written_as_fresh_rises_shows_in_the_second_image_after_that_one() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The second finds the first under way, or over: the images that are published in `over` say that it was over.
+    // The second command finds the first test running or ended: the images published within `over` say that it has
+    // ended.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -548,13 +551,13 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // An uplink that ended so long before the publication, ms, is told to be of this age, ms.
+    // Here an uplink whose transaction ended `ago` ms before the publication is stated to be `age` ms old.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
         let place = Place::Stored(bytes.clone(), PUBLISHED - ago * MS);
         let age = u16::try_from(age).unwrap();
-        // A bit that says otherwise, or a place, is wrong whatever the age.
+        // A bit or a place that contradicts the age is wrong, whatever the age.
         assert!(!shows(&place, (!fresh, age), Some(read), PUBLISHED));
         assert!(!shows(&place, (fresh, age), Some(if fresh { &zeros } else { &bytes }), PUBLISHED));
         assert_eq!(
@@ -564,19 +567,19 @@ fn the_limits_of_an_uplinks_age() {
         );
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
-    // Made up to four cycles before its publication and judged up to 2 ms after its end: 42 ms younger; and of the
-    // millisecond that has begun.
+    // Port-Status is made up to four cycles before its publication, and an uplink is judged up to 2 ms after its end,
+    // so the age may be 42 ms less. It may be 1 ms more for the millisecond that has begun.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
             assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
         }
     }
     assert!(may(10, 0), "it cannot be younger than nothing");
-    // The age saturates.
+    // The age stays at its greatest value.
     assert!(may(66_000, 65_535));
     assert!(may(65_534, 65_535));
     assert!(!may(65_533, 65_535));
-    // Where nothing was stored nothing is, and where nobody knows anything may be.
+    // Where nothing was stored the place is empty, and where its contents are not known it may hold anything.
     let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
     assert!(empty((false, u16::MAX), None));
     assert!(empty((false, u16::MAX), Some(&zeros)));
@@ -587,7 +590,8 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Whether Port-Status may say this of a DPR to which this was sent since its start, each in a transaction of its own.
+/// Returns whether Port-Status may have these values if these objects were sent to the DPR since its start, each in a
+/// transaction of its own.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -596,7 +600,7 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     models.iter().any(|model| model.fits(&values, 0))
 }
 
-/// A transaction that asks for nothing and writes this object.
+/// Returns a transaction that requests nothing and writes this object.
 fn writing(object: &[u8]) -> Vec<u8> {
     [&[0; 8], object].concat()
 }
@@ -613,7 +617,7 @@ fn an_uplink_is_newer_by_less_than_half_the_range_and_the_third_in_a_row_after_a
         (&[1_000, 1, 2], 1, true),
         (&[1_000, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 3, 4], 3, false),
-        // What is not newer than the one before it begins a row.
+        // A timestamp that is not newer than the one before it begins a new row.
         (&[1_000, 1, 1, 2], 1, true),
         (&[1_000, 1, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 2_000, 3, 4], 2, true),
@@ -650,7 +654,7 @@ fn each_part_of_a_transaction_is_judged_by_itself_and_an_idle_line_writes_nothin
     assert_eq!(kinds(vec![0, 1, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0xFF, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0, 0, 1, 0, 0, 0, 0, 0]), [Some(profile::Violation::RequestDamaged)]);
-    // Eight bytes behind the object are taken in.
+    // The DPR receives eight bytes behind the object.
     for (behind, kind) in [(0, Some(profile::Violation::TooLong)), (7, Some(profile::Violation::TooLong)), (8, None)] {
         let mut mosi = vec![0; 100];
         mosi[72 + behind] = 1;
@@ -711,7 +715,7 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
             values.status = status.with_self_test_passed(over);
         })
     };
-    // It does not run for longer than its bound.
+    // A test does not run for longer than its bound.
     let runs = |at: u64| {
         let status = PortStatusBits::new().with_self_test_running(true);
         let last_command = Command::SelfTest.word();
@@ -720,7 +724,7 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first cannot be refused: it either runs or is over.
+    // The first test cannot be refused: it either runs or has ended.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));
@@ -736,7 +740,7 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
     assert!(says(&sent, 1, (2, Command::ClearCounters), false, true));
     assert!(!says(&sent, 1, (1, Command::SelfTest), true, true));
     assert!(!says(&sent, 2, (2, Command::ClearCounters), false, true));
-    // It clears uplinks and violations, too, and begins no test.
+    // The command also clears uplinks and violations, and begins no test.
     let sent = [writing(&uplink(5, 1)), writing(&uplink(5, 1)), clear(1)];
     assert!(says(&sent, 1, (1, Command::ClearCounters), false, false));
     assert!(!says(&sent, 1, (1, Command::ClearCounters), false, true));

@@ -1,42 +1,43 @@
-//! What is shown against what reached the DPR's antenna: absence, sequence, age.
+//! Compares what is shown with what reached the DPR's antenna: absence, sequence, age.
 //!
-//! *Truth* is what HORUS put on the air ([`crate::truth`]) and what of it reached the DPR's antenna, after loss,
-//! damage, repetition and delay ([`crate::expectation`]). What the flight controller reads is held against both.
+//! *Truth* is what HORUS put on the air ([`crate::truth`]) and which of it reached the DPR's antenna, after loss,
+//! damage, repetition and delay ([`crate::expectation`]). What the flight controller reads is compared with both.
 //!
-//! # What is whose
+//! # Which violation is which
 //!
-//! An object that was read as valid is judged once, by the first line that holds:
+//! An object that was read as valid is judged once, by the first row that applies:
 //!
 //! | the object | violation |
 //! |---|---|
 //! | HORUS never sent these bytes in this place | `ShownNeverSent` |
-//! | no frame that may be shown brought it: out of sequence, or it did not reach the antenna | `ShownOutOfSequence` |
+//! | no frame that may be shown brought it: out of sequence, or not at the antenna | `ShownOutOfSequence` |
 //! | its image has expired | `ShownExpired` |
 //! | the deadline after the last frame has passed | `ShownStale` |
-//! | HORUS sent it before one of its kind that was shown already | `Regression` |
+//! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data become expired data if nobody takes them away: that is one cause, so what was stale is told only when it
-//! is gone without having expired.
+//! Stale data that remain in place become expired data. That is one cause, so stale data are reported only when they
+//! are gone without having expired.
 //!
-//! `NotShown` is a cycle that must be shown and is in no transaction, `Vacant` an object that is missing where others
-//! of its cycle are shown. Both ask transactions alone that began after the image had to be readable and before the
-//! next could be, and nothing if what stands there is another violation's: an object of the table above, damage (rule
-//! `ssi`). A transaction that reads 0xFF throughout is never asked: whether it may is for `ssi` to say.
+//! `NotShown` is a cycle that must be shown and is in no transaction; `Vacant` is an object that is missing where
+//! others of its cycle are shown. Both concern only transactions that began after the image had to be readable and
+//! before the next image could be. They do not apply where the place holds another violation: an object of the table
+//! above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged here, because rule `ssi`
+//! judges whether it may do so.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant on at which the bench has the DPR hang until its next start nothing new must be shown, and what the
-//! DPR would have taken away with its processor may stay: it is not stale if the deadline had not passed by then. No
-//! expired image may be read: expiry takes no processor. Of a DPR with a dead task the same holds, but that the rest of
-//! its firmware may show what it hears.
+//! From the instant at which the bench has the DPR hang until its next start, nothing new must be shown. Data that the
+//! DPR's processor would have taken away may stay: they are not stale if the deadline had not passed by that instant.
+//! An expired image must not be read even then, since expiry takes no processor. The same holds for a DPR with a dead
+//! task, except that the rest of its firmware may show what it receives.
 //!
 //! # Limits
 //!
-//! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
-//!   deadline or its 25 ms have passed, not before.
-//! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
-//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that was heard may be. At an
-//!   [`Excuse::Withdrawal`] what no transaction had to show until then need not be shown any more.
+//! - An image may stay although the next frame was received and brought nothing that may be shown. It is then found
+//!   only when its deadline or its 25 ms have passed.
+//! - A transaction that takes longer than a second is not judged, because what it could have read is not remembered.
+//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. At an
+//!   [`Excuse::Withdrawal`], a cycle that no transaction had to show before need not be shown any more.
 
 mod recovery;
 #[cfg(test)]
@@ -56,36 +57,36 @@ use crate::read::{Placed, Reading, State, Values};
 use crate::truth::KEPT;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// So many cycles may wait for a transaction that does not end.
+/// The number of cycles that may wait for a transaction that does not end.
 const WAITING: usize = 16;
 
 /// A cycle that must be shown.
 #[derive(Clone, Debug)]
 struct Due {
-    /// Its frame; of two the last.
+    /// The cycle's frame; the last one if it has two.
     frame: Delivery,
     timestamp: u32,
-    /// Its objects that must be shown: bit n for object n.
+    /// The objects of the cycle that must be shown: bit n stands for object n.
     objects: u8,
-    /// From when on a transaction must show it, ns.
+    /// From when on a transaction must show the cycle, ns.
     from: u64,
-    /// Until when, ns.
+    /// Until when a transaction must show the cycle, ns.
     until: u64,
-    /// Chip select of the first transaction that had to show it and did not.
+    /// When chip select fell for the first transaction that had to show the cycle and did not, ns.
     asked: Option<u64>,
-    /// Some transaction showed it, or something in its place that is another violation.
+    /// Whether a transaction showed the cycle, or showed in its place data that are another violation.
     answered: bool,
 }
 
-/// What the last reading showed in an object's place.
+/// The object that the last reading showed in a place.
 #[derive(Clone, Debug)]
 struct Known {
     bytes: Vec<u8>,
-    /// From when on it has expired, ns.
+    /// From when on the object has expired, ns.
     expired: u64,
 }
 
-/// Data that were shown past the deadline and have not expired.
+/// Data that were shown after the deadline and have not expired.
 #[derive(Clone, Debug)]
 struct Stale {
     at: u64,
@@ -93,7 +94,7 @@ struct Stale {
     serial: u64,
 }
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Shown {
     layout: Layout,
@@ -102,7 +103,7 @@ pub struct Shown {
     deliveries: VecDeque<Delivery>,
     due: VecDeque<Due>,
     known: Vec<Option<Known>>,
-    /// For each object, the serial number of the youngest frame that it was shown of.
+    /// For each object, the serial number of the latest frame from which it was shown.
     youngest: Vec<u64>,
     stale: Option<Stale>,
     selected: Option<u64>,
@@ -112,16 +113,16 @@ pub struct Shown {
     invalid_since: Option<u64>,
 }
 
-/// What came of judging an object that was read as valid.
+/// The verdict on an object that was read as valid.
 enum Fate {
-    /// As it should be.
+    /// The object may be shown.
     Right {
-        /// Serial number of the frame that it is of.
+        /// The serial number of the frame that the object is from.
         serial: u64,
-        /// That frame's first preamble bit, ns.
+        /// When that frame's first preamble bit began, ns.
         started: u64,
     },
-    /// With the serial number of the frame, and in words.
+    /// The object must not be shown: the violation, the serial number of the frame, and the words.
     Wrong(Violation, u64, String),
 }
 
@@ -155,7 +156,7 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // What had not to be readable by then may never be.
+            // A frame whose image did not have to be readable when the DPR began to hang may never be readable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -166,11 +167,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR takes an image away that holds the bit, and may do so before anybody has read it.
+            // The DPR takes away an image that holds the bit, and may do so before anybody has read it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // What its front end had not handed over by then is lost with it.
+            // A frame that the front end had not handed over when the disturbance began is lost.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -201,7 +202,7 @@ impl Rule for Shown {
 }
 
 impl Shown {
-    /// A frame has reached the antenna.
+    /// Records a frame that has reached the antenna.
     fn deliver(&mut self, delivery: Delivery) {
         let ended = delivery.ended;
         let kept = |old: &Delivery| ended - old.ended <= KEPT;
@@ -212,7 +213,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // Whatever it brings, a new image may follow.
+            // A new image may follow, whatever this frame brings.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -229,9 +230,9 @@ impl Shown {
         self.deliveries.push_back(delivery);
     }
 
-    /// Decides the cycles whose time is over at `now`: all of them if it is over for all.
+    /// Decides the cycles whose time is over at `now`, or with `all` every cycle.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
-        // A transaction that began in time has not told yet what it read.
+        // A transaction that began in time and has not ended may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
         while let Some(due) = self.due.front() {
             let over = now > due.until && !open(due, self.selected);
@@ -248,7 +249,7 @@ impl Shown {
         }
     }
 
-    /// A transaction is over.
+    /// Judges a transaction.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let forgotten = reading.deselected - reading.selected > KEPT / 2;
@@ -288,7 +289,7 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Stale data are told when they are gone, unless they have expired by then.
+    /// Reports stale data when they are gone, unless they have expired by then.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -299,7 +300,7 @@ impl Shown {
         }
     }
 
-    /// Whether a valid object may be shown by a transaction that began at `selected`.
+    /// Judges whether a transaction that began at `selected` may show a valid object.
     fn judge(&mut self, placed: &Placed, selected: u64, context: &Context) -> Fate {
         let dpr = context.running(Board::Dpr);
         let hung = dpr.hung.or(dpr.dead);
@@ -328,7 +329,7 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// When the image has expired that may show an object at `selected`, ns; `None` if none may.
+    /// Returns when the image expires that may show an object at `selected`, ns; `None` if no image may.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -341,17 +342,18 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // It has been taken out again by the frame that brought it once more.
+            // A later frame, which brought the object again, must have replaced it.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
         }
-        // What was shown rightly and is still there; its frame is long ago.
+        // The object was rightly shown before and is still there, although its frame is no longer remembered.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }
 
-    /// Asks a transaction for the cycles that must be shown. With `answered`, what it shows is another violation.
+    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, what it shows is another
+    /// violation.
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {
@@ -381,7 +383,7 @@ impl Shown {
         }
     }
 
-    /// Notes whether a transaction brought a valid position.
+    /// Records whether a transaction brought a valid position.
     fn position(&mut self, reading: &Reading) {
         let Some(reported) = reading.objects.iter().find(|placed| placed.index == 0) else { return };
         match &reported.state {
@@ -397,12 +399,12 @@ impl Shown {
     }
 }
 
-/// How long the image waits for the second frame of its cycle, ns.
+/// Returns how long the image waits for the second frame of its cycle, ns.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }
 
-/// How long an image may take from its cause to being readable, ns.
+/// Returns the longest time from the cause of an image until the image is readable, ns.
 #[must_use]
 pub fn publication(worst_case: bool) -> u64 {
     if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }

@@ -1,57 +1,57 @@
-//! How long it takes from the end of a cause until the flight controller reads what HORUS sends after it.
+//! Judges how long it takes from the end of a cause until the flight controller reads what HORUS sends after it.
 //!
-//! A cause is what the bench injects and takes away again, a restart of either board, a supply that goes off or comes
-//! back, a board that the bench has hang, whose cause goes away when it restarts, by its watchdog's bite or otherwise,
-//! and a frame that reaches the DPR's antenna otherwise than HORUS sent it. Each may take so many cycles from its
-//! end: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be brought up again. Of
-//! causes that overlap, or follow each other before the link has recovered, the last end counts, and the latest of the
-//! instants at which each of them has to be over.
+//! Causes are: an injected fault that goes away again, a restart of either board, a supply that goes off or on, a frame
+//! that reaches the DPR's antenna otherwise than HORUS sent it, and a hang that the bench brought about. The cause of a
+//! hang goes away when the board restarts, by its watchdog or otherwise. After the end of each cause the link has a
+//! number of cycles to recover: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be
+//! brought up again. If causes overlap, or follow each other before the link has recovered, the last end counts, and
+//! the latest of the instants by which the link must have recovered from each of them.
 //!
-//! A recovery that is late is a violation only if nothing was violated since its cause that keeps what HORUS samples
-//! from being read ([`keeps_from_reading`]): a cause is told once.
+//! A late recovery is a violation only if since its cause no violation was found that keeps HORUS's samples from being
+//! read ([`keeps_from_reading`]): a cause is reported once.
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// Nothing is measured of a cause whose end is nearer to the end of the run than this, ns: longer than any recovery may
-/// take, and than a watchdog takes to bite.
+/// The time before the end of the run, ns, in which the end of a cause is not measured. It is longer than any recovery
+/// may take, and than a watchdog takes to bite.
 const TAIL: u64 = 400_000_000;
 
-/// Causes from which the link has not recovered, or had to recover.
+/// Causes from which the link has not recovered yet, or has recovered together.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
-    /// The last end, ns.
+    /// The end of the last cause, ns.
     since: u64,
-    /// When the link must have recovered, ns.
+    /// By when the link must have recovered, ns.
     due: u64,
-    /// One of them takes a front end's bring-up.
+    /// Whether one of the causes requires that a front end is brought up.
     bring_up: bool,
-    /// How much was violated that explains a late recovery when the first of them was told.
+    /// The number of violations that explain a late recovery when the first of the causes began.
     told: u64,
 }
 
-/// The most cycles that a recovery took, of 10 ms begun.
+/// The longest recoveries, in cycles of 10 ms begun.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
-    /// Of all recoveries.
+    /// The longest of all recoveries.
     pub(super) all: Option<u64>,
-    /// Of those for which no front end had to be brought up.
+    /// The longest of the recoveries for which no front end had to be brought up.
     pub(super) without_bring_up: Option<u64>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
-    /// What nothing that was sent after it has been read since.
+    /// The causes after which nothing sent later has been read yet.
     causes: Option<Causes>,
-    /// Those have been told to be late.
+    /// Whether the recovery from these causes has been reported as late.
     late: bool,
-    /// Whether a board has no supply: its cause has no end yet.
+    /// Whether each board is without a supply, so that the cause has no end yet.
     off: [bool; 2],
-    /// Whether a board hangs: neither has that.
+    /// Whether each board hangs, so that the cause has no end yet.
     hung: [bool; 2],
-    /// Causes of the last [`TAIL`], and when what was sent after them was read, ns.
+    /// The causes of the last [`TAIL`], and when something sent after them was read, ns.
     recent: Vec<(Causes, u64)>,
-    /// The last frame that HORUS sent: its first bit, ns, and its bytes.
+    /// The last frame that HORUS sent: when its first bit began, ns, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
     longest: Longest,
 }
@@ -61,7 +61,7 @@ impl Recovery {
     pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
         self.settle(event.at, findings);
         match &event.what {
-            // What never goes away is no cause that anything could recover from.
+            // A fault that never goes away is no cause, because the link cannot recover from it.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
                 let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
@@ -74,7 +74,7 @@ impl Recovery {
                 self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
-            // The run begins with the power-on of both boards: that is no cause.
+            // The power-on of both boards at the beginning of the run is no cause.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
                 self.hung[*board as usize] = false;
@@ -104,12 +104,12 @@ impl Recovery {
         causes.bring_up |= bring_up;
     }
 
-    /// Whether a cause has no end yet.
+    /// Returns whether a cause has no end yet.
     fn is_open(&self) -> bool {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// A transaction that began at `selected` showed an object of a frame that was `started` then, ns.
+    /// Records that a transaction that began at `selected` showed an object of a frame that `started` then, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
             return;
@@ -119,7 +119,7 @@ impl Recovery {
         }
     }
 
-    /// Causes that the run has left far enough behind count.
+    /// Counts the causes that lie far enough back in the run.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
         if let Some(causes) = self.causes
@@ -143,7 +143,7 @@ impl Recovery {
         });
     }
 
-    /// The most cycles from a cause's end on. What had not recovered by `end` has taken all the time until then.
+    /// Returns the longest recoveries. One that is not complete at `end` has taken all the time until then.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
         let open = self.is_open();
@@ -166,12 +166,13 @@ impl Longest {
     }
 }
 
-/// How much was violated so far that explains a late recovery.
+/// Returns the number of violations so far that explain a late recovery.
 fn told(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
 
-/// Whether a violation is that something between HORUS's tick and the flight controller's reading is missing.
+/// Returns whether a violation means that something is missing between HORUS's tick and the flight controller's
+/// reading.
 const fn keeps_from_reading(violation: Violation) -> bool {
     matches!(
         violation,
@@ -197,7 +198,7 @@ const fn keeps_from_reading(violation: Violation) -> bool {
     )
 }
 
-/// The link was late in recovering, unless what was violated since explains it.
+/// Reports that the link recovered late, unless a violation found since explains it.
 fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     if told(findings) > causes.told {
         return;
@@ -213,7 +214,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Cycles begun in `from..to`: at least one.
+/// Returns the number of cycles begun in `from..to`, which is at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }
@@ -230,7 +231,8 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// What is found if these happen and a frame that was sent just before is read at `read`, after all of them.
+    /// Returns what is found if these events happen and a frame that was sent just before `read` is read then, after
+    /// all of them.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -260,7 +262,8 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // What was violated since and kept it from being read is told, and this is its consequence.
+            // The violation that kept the frame from being read is reported, and the late recovery is only its
+            // consequence.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -289,7 +292,7 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The front end's 15 cycles end at 250 ms, the air's 5 at 170 ms or 260 ms.
+        // The 15 cycles of the front end end at 250 ms, and the 5 cycles of the air at 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -353,7 +356,7 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // Until then nothing is recovered from, whatever is shown, and nothing late.
+            // Until the restart nothing counts as recovered, whatever is shown, and nothing as late.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);
@@ -362,14 +365,14 @@ mod tests {
             recovery.take(&reset(60 * MS + 2 * TAIL, board), &mut findings);
             recovery.shown(61 * MS + 2 * TAIL, 75 * MS + 2 * TAIL);
             assert_eq!(recovery.finish(60 * MS + 3 * TAIL, &mut findings).all, Some(2));
-            // The other board's restart does not end it.
+            // The restart of the other board does not end the hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             let other = if board == Board::Dpr { Board::Horus } else { Board::Dpr };
             recovery.take(&reset(60 * MS, other), &mut findings);
             recovery.shown(61 * MS, 65 * MS);
             assert_eq!(recovery.finish(60 * MS + TAIL, &mut findings).all, None);
-            // Without a supply it does not hang.
+            // A board without a supply does not hang.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&power(40 * MS, board, false), &mut findings);
             recovery.take(&hung(50 * MS, board), &mut findings);

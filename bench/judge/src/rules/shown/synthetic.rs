@@ -1,7 +1,7 @@
-//! A log of a HORUS, an air and a DPR that do what the design says, for the tests of two rules.
+//! Makes a log of a HORUS, an air and a DPR that follow the design, for the tests of two rules.
 //!
-//! The DPR is a small model of its own: `profile::sequence`, which the firmware runs and the judge does not, decides
-//! what is shown, and deadlines are events, one after the other.
+//! The DPR is a small separate model. `profile::sequence`, which the firmware runs and the judge does not, decides what
+//! is shown, and deadlines are events, one after the other.
 
 use std::collections::BTreeMap;
 
@@ -17,29 +17,29 @@ use crate::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, judge
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// What the air does to a frame.
+/// The effect of the air on a frame.
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
     /// These objects of the profile are hit.
     Hit(Vec<usize>),
-    /// It comes so much later, ns.
+    /// The frame arrives this much later, ns.
     Delayed(u64),
-    /// It comes again so much later, ns.
+    /// The frame arrives again this much later, ns.
     Repeated(u64),
-    /// It breaks off in the middle.
+    /// The frame breaks off in the middle.
     Cut,
 }
 
 /// An image as the DPR publishes it.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
-    /// When FRESH rises.
+    /// When FRESH rises, ns.
     pub(crate) at: u64,
     pub(crate) link: LinkValues,
-    /// The objects' places; zeros where there is none.
+    /// The bytes of each object's place; zeros where there is no object.
     pub(crate) places: Vec<Vec<u8>>,
-    /// Until when it can be read.
+    /// Until when the image can be read, ns.
     pub(crate) expires: u64,
 }
 
@@ -50,26 +50,26 @@ impl Image {
     }
 }
 
-/// What happens in a run.
+/// The description of a run, from which a log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub(crate) n: usize,
     pub(crate) cycles: u32,
-    /// By number of the cycle, from 1, and of the frame in it.
+    /// The effects of the air, by number of the cycle, from 1, and of the frame in the cycle, from 0.
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
-    /// HORUS restarts before these cycles: its timestamps begin anew, and its ticks are elsewhere.
+    /// The cycles before which HORUS restarts: its timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
-    /// HORUS stands still in these cycles: its timestamp is that of the cycle before.
+    /// The cycles in which HORUS stands still: the timestamp is that of the cycle before.
     pub(crate) frozen: Vec<u32>,
-    /// HORUS's cycle, ns.
+    /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// When the DPR restarts, and why.
+    /// When the DPR restarts, ns, and why.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
-    /// The flight controller's cycle, ns, and how many bytes it reads.
+    /// The flight controller's cycle, ns, and the number of bytes that it reads.
     pub(crate) control: u64,
     pub(crate) length: usize,
-    /// The only transaction, ns, instead of one in each of those cycles.
+    /// The instant of the only transaction, ns; `None` if there is one in each cycle of the flight controller.
     pub(crate) only: Option<u64>,
     pub(crate) clock: &'static str,
 }
@@ -97,7 +97,7 @@ impl Run {
         self
     }
 
-    /// The air does it to all frames of these cycles.
+    /// Applies an effect of the air to all frames of these cycles.
     pub(crate) fn hit_all(mut self, cycles: impl IntoIterator<Item = u32>, air: &Air) -> Self {
         for cycle in cycles {
             for frame in 0..air::frames(self.n) {
@@ -111,13 +111,13 @@ impl Run {
         Layout::for_receivers(self.n).unwrap()
     }
 
-    /// When the cycle's tick is, ns.
+    /// Returns when the cycle's tick comes, ns.
     pub(crate) fn tick(&self, cycle: u32) -> u64 {
         let starts = self.horus_starts.iter().filter(|start| **start <= cycle).count() as u64;
         20 * MS + u64::from(cycle) * self.period + starts * 63_700 * US
     }
 
-    /// The end of the cycle's last frame, ns, as it is sent.
+    /// Returns when the cycle's last frame ends as it is sent, ns.
     pub(crate) fn end(&self, cycle: u32) -> u64 {
         self.tick(cycle) + age_at_end(self.layout(), air::frames(self.n) - 1) + 3 * US
     }
@@ -144,7 +144,7 @@ impl Run {
         }
     }
 
-    /// What HORUS does, and what of it reaches the antenna: ends and frames.
+    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, with their ends.
     fn frames(&self, events: &mut Vec<Event>) -> Vec<(u64, Vec<u8>, bool)> {
         let mut heard = vec![];
         for cycle in 1..=self.cycles {
@@ -195,7 +195,7 @@ impl Run {
         heard
     }
 
-    /// The run's log, and what the DPR published, after `edit` has had its hand at that.
+    /// Returns the run's log, after `edit` has changed the images that the DPR published.
     pub(crate) fn log(&self, edit: impl Fn(&mut Vec<Image>)) -> Log {
         let mut events = self.extra.clone();
         events.push(Event { at: 2 * MS, what: What::FieldHeard { on: true } });
@@ -233,17 +233,17 @@ impl Run {
         Log { header, events }
     }
 
-    /// What is judged of it, after `edit`.
+    /// Returns the verdict on the run, after `edit`.
     pub(crate) fn verdict(&self, edit: impl Fn(&mut Vec<Image>)) -> Verdict {
         judge(&self.log(edit))
     }
 
-    /// The violations of the two rules, after `edit`.
+    /// Returns the violations of the two rules, after `edit`.
     pub(crate) fn broken(&self, edit: impl Fn(&mut Vec<Image>)) -> Vec<Violation> {
         kinds(&self.verdict(edit))
     }
 
-    /// That a DPR that does right breaks nothing.
+    /// Asserts that a correct DPR breaks nothing, and returns the verdict.
     pub(crate) fn assert_flawless(&self) -> Verdict {
         let verdict = self.verdict(|_| {});
         let words: Vec<String> =
@@ -267,7 +267,7 @@ const OWN: [Violation; 11] = [
     Violation::LinkTime,
 ];
 
-/// The violations of the two rules: other rules judge a log that lacks what they need.
+/// Returns the violations of the two rules only, because the log lacks what other rules need.
 pub(crate) fn kinds(verdict: &Verdict) -> Vec<Violation> {
     verdict.kinds().filter(|kind| OWN.contains(kind)).collect()
 }
@@ -280,23 +280,23 @@ enum Due {
     Cycle,
 }
 
-/// A DPR that does what the design says. Its clock counts µs from its start.
+/// A DPR that follows the design. Its clock counts µs from its start.
 #[derive(Clone, Debug)]
 struct Dpr {
     layout: Layout,
     since: u64,
     reason: ResetReason,
     sequence: Sequence,
-    /// As of the last frame whose image, if any waited, has gone out.
+    /// The sequence as of the last frame whose image, if one waited, has been published.
     told: Sequence,
-    /// Which frames of the current cycle have come, and whether it is shown.
+    /// The frames of the current cycle that have arrived, and whether the cycle is shown.
     seen: u8,
     in_sequence: bool,
     frozen: bool,
     restarted: Option<u64>,
     reported: Option<u64>,
     counts: [u32; 4],
-    /// The last frame: sample, number.
+    /// The last frame: the instant of its sample, and its number.
     last: Option<(u64, usize)>,
     counted: u32,
     due: Due,
@@ -336,7 +336,7 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs until `end` on what it hears from 30 ms after its start on.
+    /// Runs until `end` on the frames that arrive from 30 ms after its start on.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

@@ -1,8 +1,8 @@
-//! What a place holds that is neither an intact object nor vacant.
+//! Determines what a place holds that is neither an intact object nor vacant.
 //!
-//! A transaction that ran into a change of its image brought bytes of several: each byte of the place is then one that
-//! HORUS sent there in some cycle, or what a scrub fills with, and no single cycle explains all of them. A place that
-//! differs from what was sent by one bit is taken for damaged, although another cycle may have that byte, too.
+//! A transaction during which the image changed brought bytes of several images. Each byte of the place is then one
+//! that HORUS sent there in some cycle, or a fill byte of a scrub, and no single cycle explains all of them. If a place
+//! differs by one bit from what was sent, it counts as damaged, although another cycle may have that byte too.
 
 use std::collections::VecDeque;
 
@@ -12,13 +12,13 @@ use super::latency::Cycles;
 use crate::read::{Placed, Reading, State};
 use crate::{Findings, Violation};
 
-/// Link-Statuses that are kept: more than there are images in the DPR.
+/// The number of Link-Status objects that are kept: more than there are images in the DPR.
 const REMEMBERED: usize = 16;
 
-/// What a scrub fills with.
+/// The bytes that a scrub fills buffers with.
 const FILLS: [u8; 2] = [0x00, 0xFF];
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Damage {
     links: VecDeque<[u8; LinkStatus::SIZE]>,
@@ -27,7 +27,7 @@ pub(super) struct Damage {
 impl Damage {
     /// Keeps the Link-Status of what was read or offered, if it is intact.
     pub(super) fn remember(&mut self, reading: &Reading) {
-        // Link-Status stands at the image's start.
+        // Link-Status is at the start of the image.
         let Some((Some(Ok(_)), link)) = Some(reading.link).zip(reading.miso.first_chunk()) else { return };
         if self.links.contains(link) {
             return;
@@ -38,8 +38,8 @@ impl Damage {
         self.links.push_back(*link);
     }
 
-    /// Whether anything is wrong with what was read, and notes it; `spliced` if Link-Status and the objects are of two
-    /// images.
+    /// Reports what is wrong with what was read. Returns whether anything is. `spliced` says whether Link-Status and
+    /// the objects come from two images.
     pub(super) fn find(
         &self,
         reading: &Reading,
@@ -85,7 +85,7 @@ impl Damage {
     }
 }
 
-/// Whether `bytes` are put together of several of `sources` and what a scrub fills with.
+/// Returns whether `bytes` are composed of several of `sources` and of a scrub's fill bytes.
 fn is_torn<'a>(bytes: &[u8], sources: impl Iterator<Item = &'a [u8]> + Clone) -> bool {
     let differing = |source: &[u8]| -> u32 { bytes.iter().zip(source).map(|(a, b)| (a ^ b).count_ones()).sum() };
     let explained =
@@ -93,7 +93,7 @@ fn is_torn<'a>(bytes: &[u8], sources: impl Iterator<Item = &'a [u8]> + Clone) ->
     bytes.iter().enumerate().all(explained) && sources.clone().all(|source| differing(source) > 1)
 }
 
-/// Whether an intact object of another place stands in that of `object`.
+/// Returns whether an intact object that belongs in another place is in the place of `object`.
 fn is_misplaced(object: &Placed, rejection: Rejection, reading: &Reading, layout: Layout) -> bool {
     if rejection == Rejection::Identifier {
         return true;

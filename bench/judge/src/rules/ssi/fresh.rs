@@ -1,20 +1,20 @@
-//! Whether each rise of FRESH is borne out, and whether each image that is read was announced.
+//! Judges whether each rise of FRESH is justified, and whether each image that is read was announced.
 //!
 //! # What FRESH claims
 //!
-//! From its rise on a transaction brings the new image, or 0xFF throughout while that is being put in; never an older
-//! one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises it
+//! From the rise of FRESH on, a transaction brings the new image, or 0xFF throughout while that image is being put in,
+//! but never an older one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises it
 //!
 //! - before it gives the SSI's buffers back, so that no image is readable without FRESH;
-//! - at once if a transaction is under way, which still brings the image of before.
+//! - at once if a transaction is under way, which still brings the image before.
 //!
-//! So at the rise itself there may be nothing to be offered. Then the claim is checked by the first evidence after it:
-//! what is offered when FRESH falls, or what a transaction that began after the rise brings. That the image becomes
-//! readable in time is a matter of how long the buffers are held. Each publication has its rise, that of an image
-//! without objects at the missed-frame deadline, too.
+//! Therefore nothing may be offered yet at the rise itself. Then the first evidence after the rise decides: what is
+//! offered when FRESH falls, or what a transaction brings that began after the rise. Whether the image becomes readable
+//! in time depends on how long the buffers are held. Each publication has a rise, including that of an image without
+//! objects at the missed-frame deadline.
 //!
-//! The image that a transaction brings must have been announced before its chip select fell: what rises later is put in
-//! after its end.
+//! The image that a transaction brings must have been announced before its chip select fell. An image whose rise comes
+//! later is put in after the transaction's end.
 
 use std::collections::VecDeque;
 
@@ -26,27 +26,28 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// More rises than there are between chip select falling and rising, unless the flight controller hangs for long.
+/// The number of rises that are kept: more than there are during a transaction, unless the flight controller hangs for
+/// long.
 const REMEMBERED: usize = 64;
 
-/// What tells an image from others.
+/// The features that distinguish an image from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
-    /// The timestamp of its objects, ms.
+    /// The timestamp of the image's objects, ms.
     stamp: Option<u32>,
 }
 
 impl Mark {
-    /// That of what was read; nothing if too little was read to tell.
+    /// Returns the mark of what was read; `None` if too little was read.
     fn of(reading: &Reading) -> Option<Self> {
         let mark = Self { link: reading.link.and_then(Result::ok), stamp: reading.timestamp() };
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Whether it is an image that was made after the one of `before`. Of two that tell the same time and the same
-    /// counts the one of greater age is newer; of two that tell another status it cannot be told which is. Such a one
-    /// without objects withdraws those of the other, within a millisecond.
+    /// Returns whether the image was made after the image of `before`. If both have the same time and counts, the one
+    /// with the greater age is newer. If their status differs, the order cannot be determined. An image without objects
+    /// may withdraw the objects of the other image within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -63,8 +64,8 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Whether both are of one image, if that can be told. A cycle is shown by one image, but its timestamp comes again
-    /// after a restart of HORUS.
+    /// Returns whether both marks belong to one image; `None` if that is not known. A cycle is shown by one image, but
+    /// its timestamp recurs after a restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -74,8 +75,9 @@ impl Mark {
         }
     }
 
-    /// Whether both are certainly of one image: two may be made within one millisecond, but then they differ in what
-    /// they count. Without Link-Status it is not certain, since timestamps come again after a restart of HORUS.
+    /// Returns whether both marks certainly belong to one image. Two images may be made within one millisecond, but
+    /// then their counts differ. Without Link-Status it is not certain, since timestamps recur after a restart of
+    /// HORUS.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links
@@ -86,11 +88,11 @@ impl Mark {
 #[derive(Clone, Copy, Debug)]
 struct Claim {
     rose: u64,
-    /// The image that it announces, once that is known.
+    /// The mark of the image that the rise announces, once it is known.
     mark: Option<Mark>,
-    /// It was not borne out, which is noted.
+    /// Whether the rise was not justified and that has been reported.
     told: bool,
-    /// The image is another than it announced: one without FRESH, which is noted.
+    /// Whether the image differs from the announced one, so that it has no FRESH, and that has been reported.
     unannounced: bool,
 }
 
@@ -100,19 +102,19 @@ impl Claim {
     }
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
-    /// In order of time.
+    /// The rises in order of time.
     claims: VecDeque<Claim>,
-    /// What FRESH announced last, if that is unsound; empty otherwise.
+    /// The bytes that FRESH announced last, if they are unsound; empty otherwise.
     condemned: Vec<u8>,
     /// The newest timestamp that was read, ms.
     newest: Option<u32>,
 }
 
 impl Claims {
-    /// FRESH rose. `excused` if there is a reason for nothing being offered.
+    /// Records a rise of FRESH. `excused` says whether there is a reason that nothing is offered.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -136,7 +138,7 @@ impl Claims {
         }
     }
 
-    /// FRESH fell.
+    /// Records a fall of FRESH.
     pub(super) fn fall(
         &mut self,
         offered: Option<&Reading>,
@@ -150,7 +152,7 @@ impl Claims {
         }
     }
 
-    /// What the last rise announced is `offered`.
+    /// Judges what is `offered`, which the last rise announced.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
@@ -172,12 +174,12 @@ impl Claims {
         }
     }
 
-    /// Whether these bytes are an unsound image that FRESH announced.
+    /// Returns whether these bytes are an unsound image that FRESH announced.
     pub(super) fn has_condemned(&self, miso: &[u8]) -> bool {
         !miso.is_empty() && self.condemned.starts_with(miso)
     }
 
-    /// Whether Link-Status is of one image that was announced and the objects are of another.
+    /// Returns whether Link-Status is from one announced image and the objects are from another.
     pub(super) fn is_spliced(&self, reading: &Reading) -> bool {
         let Some(Mark { link: Some(link), stamp: Some(stamp) }) = Mark::of(reading) else { return false };
         let marks = || self.claims.iter().filter_map(|claim| claim.mark);
@@ -187,7 +189,7 @@ impl Claims {
             && marks().any(|mark| mark.stamp != Some(stamp) && mark.link == Some(link))
     }
 
-    /// A transaction brought a sound image.
+    /// Judges a transaction that brought a sound image.
     pub(super) fn transaction(
         &mut self,
         reading: &Reading,
@@ -197,11 +199,11 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Objects older than what was read before are another rule's.
+        // Another rule judges objects older than those read before.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
-            // The flight controller held on for so long that what was announced before is forgotten.
+            // The flight controller held chip select for so long that earlier announcements are forgotten.
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
@@ -232,7 +234,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // It is what there is from now on.
+                // From now on this image counts as the present one.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;
@@ -244,7 +246,7 @@ impl Claims {
     }
 }
 
-/// A transaction brought an image that FRESH had not announced before.
+/// Reports that a transaction brought an image that FRESH had not announced before.
 fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findings) {
     if !mark.stamp.is_some_and(|stamp| cycles.unannounced(stamp)) {
         findings.add(Violation::FreshMissing, selected, || "FRESH had not announced it".into());
@@ -293,7 +295,7 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
-        // Of one image are two if neither its time nor that of its objects says otherwise.
+        // Two marks may belong to one image if neither its time nor the timestamp of its objects differs.
         let times = Mark { link: Some(link), stamp: None };
         let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
         let next = Mark { stamp: Some(100), ..whole };

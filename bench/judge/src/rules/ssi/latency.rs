@@ -1,4 +1,4 @@
-//! How soon after its tick and its last bit a cycle is readable; and what HORUS sent in the last cycles.
+//! Measures how soon after its tick and its last bit a cycle is readable, and keeps what HORUS sent in the last cycles.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -9,40 +9,40 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// Cycles that are kept: far more than an image can be old.
+/// The number of cycles that are kept. They span far more than the age of any image.
 const REMEMBERED: usize = 100;
 
-/// Ticks that are kept: a frame is sent within its cycle.
+/// The number of ticks that are kept. Few suffice, because a frame is sent within its cycle.
 const TICKS: usize = 4;
 
 /// A cycle of HORUS.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     stamp: u32,
-    /// When its sample was taken, ns, if there was a tick before its first frame.
+    /// When the cycle's sample was taken, ns, if there was a tick before its first frame.
     tick: Option<u64>,
-    /// When its frames began, ns.
+    /// When the cycle's frames began, ns.
     started: [Option<u64>; 2],
-    /// When the last bit of its last frame reached the DPR's antenna, ns, if that was not delayed; where the DPR may
-    /// have missed that frame, and it came once more, when it last did.
+    /// When the last bit of the cycle's last frame reached the DPR's antenna, ns, if the frame was not delayed. If the
+    /// DPR may have missed the frame and it came again, the last time counts.
     last_bit: Option<u64>,
-    /// The DPR may have missed that frame.
+    /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air, or may be in
-    /// the DPR's buffer: nobody could read its objects while it arrived, or knows that it is the second one of its
-    /// cycle. The same where the DPR may have missed the second of two: the first alone is shown when the second is
-    /// overdue.
+    /// The longer time that the cycle may take to be readable after its last bit, ns. It applies if the LEN of the
+    /// frame was damaged on the air, or may be damaged in the DPR's buffer, because then the DPR cannot read the
+    /// objects while they arrive, nor recognise the second frame of its cycle. It also applies if the DPR may have
+    /// missed the second of two frames, because the first one alone is shown when the second is overdue.
     longer: Option<u64>,
-    /// It was readable.
+    /// Whether the cycle was readable.
     readable: bool,
-    /// It was so too late.
+    /// Whether the cycle was readable too late.
     late: bool,
-    /// Which objects were sent, bit 0 Reported-Position.
+    /// The objects that were sent; bit 0 is Reported-Position.
     objects: u8,
     profile: Vec<u8>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycles {
     cycles: VecDeque<Cycle>,
@@ -52,7 +52,7 @@ pub(super) struct Cycles {
 }
 
 impl Cycles {
-    /// HORUS ticked.
+    /// Records a tick of HORUS.
     pub(super) fn tick(&mut self, at: u64) {
         if self.ticks.len() == TICKS {
             self.ticks.pop_front();
@@ -60,7 +60,7 @@ impl Cycles {
         self.ticks.push_back(at);
     }
 
-    /// HORUS sent a frame.
+    /// Records a frame that HORUS sent.
     pub(super) fn sent(&mut self, layout: Layout, frame: &Frame, started: u64) {
         let (Some(stamp), Some(number)) = (frame.timestamp(), frame.number) else { return };
         if self.cycles.back().is_none_or(|cycle| cycle.stamp != stamp) {
@@ -88,8 +88,8 @@ impl Cycles {
         }
     }
 
-    /// The DPR's front end fails at `at`, ns: a frame that it has not handed over by then is lost with it, and of two
-    /// the first alone is shown when the second is overdue.
+    /// Records that the DPR's front end fails at `at`, ns. A frame that the front end has not handed over by then is
+    /// lost. If it is the second of two, the first one alone is shown when the second is overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -97,8 +97,8 @@ impl Cycles {
         }
     }
 
-    /// A whole frame with this LEN, if the DPR knows it, reached the DPR's antenna; its last bit at `ended`. The DPR
-    /// may miss it if `may_be_missed`.
+    /// Records a whole frame that reached the DPR's antenna with its last bit at `ended`. `len` is its LEN if the DPR
+    /// knows it. `may_be_missed` says whether the DPR may miss the frame.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
@@ -126,7 +126,7 @@ impl Cycles {
         self.cycles.iter_mut().rev().find(|cycle| cycle.stamp == stamp)
     }
 
-    /// FRESH, which rose at `rose`, announced the cycle of `stamp`.
+    /// Records that FRESH, which rose at `rose`, announced the cycle of `stamp`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
@@ -152,33 +152,33 @@ impl Cycles {
         }
     }
 
-    /// The cycle of `stamp` was read without FRESH: when FRESH rises for it is no latency. Whether FRESH has already,
-    /// too late, which is noted.
+    /// Records that the cycle of `stamp` was read without FRESH, so that a later rise for it is no latency. Returns
+    /// whether FRESH has already risen for it too late, which has been reported.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;
         cycle.late
     }
 
-    /// What HORUS sent as object `index` in the last cycles.
+    /// Returns what HORUS sent as object `index` in the last cycles.
     pub(super) fn objects(&self, layout: Layout, index: usize) -> impl Iterator<Item = &[u8]> + Clone {
         let place = layout.in_profile(index).unwrap_or_default();
         let sent = self.cycles.iter().filter(move |cycle| cycle.objects >> index & 1 == 1);
         sent.filter_map(move |cycle| cycle.profile.get(place.clone()))
     }
 
-    /// From the tick that stamps the objects to the image that holds them being readable.
+    /// Returns the time from the tick that stamps the objects until the image that holds them is readable.
     pub(super) fn sample_to_readable(&self) -> Option<Quantiles> {
         self.samples.quantiles()
     }
 
-    /// From the cycle's last bit to the same.
+    /// Returns the time from the cycle's last bit until the image that holds its objects is readable.
     pub(super) fn last_bit_to_readable(&self) -> Option<Max> {
         Max::of(self.last_bit)
     }
 }
 
-/// A series of durations, ns, of which there are many and few are different.
+/// A series of durations, ns, which is long but has few different values.
 #[derive(Clone, Debug, Default)]
 struct Series {
     counts: BTreeMap<u64, u64>,
@@ -191,7 +191,7 @@ impl Series {
         self.length += 1;
     }
 
-    /// As [`Quantiles::of`].
+    /// Returns the quantiles as [`Quantiles::of`] defines them.
     fn quantiles(&self) -> Option<Quantiles> {
         let rank = |per_mille: u64| {
             let mut left = (self.length * per_mille).div_ceil(1000);

@@ -1,46 +1,47 @@
-//! Transactions, readiness, FRESH, and what is torn or damaged.
+//! Judges transactions, readiness, FRESH, and what is torn or damaged.
 //!
-//! | file | asks |
+//! | file | what it judges |
 //! |---|---|
 //! | `service` | whether transactions are made, and whether the DPR serves them in time |
-//! | `fresh` | whether each rise of FRESH is borne out, and whether each image that is read was announced |
+//! | `fresh` | whether each rise of FRESH is justified, and whether each image that is read was announced |
 //! | `damage` | what a place holds that is neither an intact object nor vacant |
 //! | `latency` | how soon after its tick and its last bit a cycle is readable |
 //!
 //! # One cause, one violation
 //!
-//! - A DPR without supply, or in its start-up time, is asked for nothing. A transaction that began before the DPR's
-//!   last start is not judged.
-//! - A DPR that the bench has hang owes nothing from then on until its next start: what ends, becomes due or is asked
-//!   for while it hangs it cannot serve. What had waited too long by then is told, and what is read meanwhile has to be
-//!   right as ever. A DPR with a dead task owes nothing either: any of its tasks may be one that gets the SSI ready.
-//! - The time for which the processor keeps the SSI's buffers is [`Violation::NotReady`] if the end of a transaction
+//! - This rule requires nothing of a DPR without supply, or in its start-up time. A transaction that began before the
+//!   DPR's last start is not judged.
+//! - A DPR that the bench has hang owes nothing from then on until its next start, because it cannot serve anything
+//!   meanwhile. What had waited too long before the hang is reported, and what is read during the hang still has to be
+//!   right. A DPR with a dead task owes nothing either, since that task may be one that prepares the SSI.
+//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if the end of a transaction
 //!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
-//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`]: then it is
-//!   [`Violation::Silent`] alone.
-//! - A single transaction that reads 0xFF throughout may be one that met the DPR busy: as it put an image in, which
-//!   FRESH tells within [`bounds::SSI_READY`], so soon after another one, with the image's time over, or with the
-//!   transactions spent that it grants between two images. Any other is [`Violation::Unserved`].
-//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes; if it became unsound later, or
-//!   FRESH rose while nothing could be read yet, it is what the transaction found: torn, misplaced, or damaged, in this
-//!   order, and one of them for each transaction.
-//! - While [`Excuse::Service`] holds the flight controller is owed no service, and what it reads by the wrong clocks is
-//!   not looked at here: what it reads as valid still has to be, which is the rule of [`super::shown`]. No image may be
-//!   later for it.
+//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`]: then it is [`Violation::Silent`]
+//!   alone.
+//! - A single transaction may read 0xFF throughout because it met the DPR busy. The DPR may be busy when it puts an
+//!   image in, which FRESH announces within [`bounds::SSI_READY`], soon after another transaction, when the image's
+//!   time is over, or when it has served all transactions that it grants between two images. Any other such transaction
+//!   is [`Violation::Unserved`].
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. If it became unsound later, or
+//!   FRESH rose while nothing could be read yet, the transaction that found it decides: it is torn, misplaced or
+//!   damaged, in this order, and one of them for each transaction.
+//! - While [`Excuse::Service`] holds, the flight controller is owed no service, and what it reads with wrong clocks is
+//!   not judged here. What it reads as valid still has to be right, by the rule of [`super::shown`]. No image may be
+//!   late because of the flight controller.
 //! - A transaction that ends within [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) after the DPR was ready again after the one
-//!   before is owed service from the end of that time on.
-//! - What is unsound while [`Excuse::UnsoundImage`] holds is not looked at here: a check that finds it is all that is
-//!   asked. That it is not valid is for [`super::shown`] to ask. Nor is it held against the DPR that it replaces such
-//!   an image by one that tells the same.
-//! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
-//!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
-//! - How soon a frame is readable that began while [`Excuse::Latency`] holds is not asked. One that began while
-//!   [`Excuse::Length`] holds has the time of one whose LEN was damaged on the air. Of one that began while
-//!   [`Excuse::Hearing`] holds and came again it is asked from the last time it came: the DPR may have missed the
-//!   first.
-//! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. One that is
-//!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
-//!   seen first.
+//!   before is owed service only from the end of that time on.
+//! - What is unsound while [`Excuse::UnsoundImage`] holds is not judged here, because only a check that finds it is
+//!   required. That it is not valid is judged by [`super::shown`]. The DPR may replace such an image by one with the
+//!   same content.
+//! - A transaction that brings an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
+//!   older than what was read before, it is [`Violation::Regression`] instead, which belongs to another rule.
+//! - It is not judged how soon a frame is readable that began while [`Excuse::Latency`] holds. A frame that began while
+//!   [`Excuse::Length`] holds has as much time as one whose LEN was damaged on the air. If a frame began while
+//!   [`Excuse::Hearing`] holds and came again, its time counts from the last time, because the DPR may have missed it
+//!   before.
+//! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. A cycle that
+//!   is read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
+//!   found first.
 
 mod damage;
 mod fresh;
@@ -56,14 +57,14 @@ use fresh::Claims;
 use latency::Cycles;
 use service::Service;
 
-/// See the [module](self).
+/// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
 pub struct Ssi {
     service: Service,
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
-    /// Since when FRESH is high, ns.
+    /// Since when FRESH has been high, ns.
     high_since: Option<u64>,
 }
 
@@ -144,7 +145,7 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // Of an image of which a bit was hit it cannot be told which it is.
+                // It cannot be determined which image this is if one of its bits was hit.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;
@@ -168,7 +169,7 @@ impl Ssi {
         }
     }
 
-    /// FRESH rises or falls.
+    /// Judges the width of FRESH's pulse when it rises or falls.
     fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
         if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
             findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));

@@ -1,4 +1,4 @@
-//! Whether transactions are made, and whether the DPR serves them in time.
+//! Judges whether transactions are made, and whether the DPR serves them in time.
 
 use profile::LinkStatus;
 
@@ -7,37 +7,37 @@ use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 use crate::{Findings, Max, Violation};
 
-/// What a transaction says about whether anything could be read.
+/// What a transaction shows about whether anything could be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
-    /// Something was.
+    /// An image was read.
     Image,
-    /// 0xFF throughout.
+    /// Every byte read was 0xFF.
     Nothing,
-    /// Too few bytes to tell.
+    /// Too few bytes were read to decide.
     Unknown,
 }
 
 impl Read {
-    /// What `reading` says; `busy` if the DPR's SPI peripheral did not serve it.
+    /// Returns what `reading` shows; `busy` says whether the DPR's SPI peripheral did not serve it.
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
-            // A few bytes of an image may be 0xFF; a whole Link-Status is not, for no CRC accepts it.
+            // A few bytes of an image may be 0xFF, but a whole Link-Status cannot be, because no CRC accepts that.
             true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
             true => Self::Unknown,
         }
     }
 }
 
-/// Why the processor has the SSI's buffers.
+/// The reason why the processor has the SSI's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Why {
-    /// A transaction that was served has ended: hardware gave them back.
+    /// A transaction that was served has ended, and hardware gave the buffers to the processor.
     Transaction,
-    /// The image's time was over: hardware took them, and there is nothing to give back until the next image.
+    /// The image's time was over, and hardware took the buffers; there is nothing to give back until the next image.
     Expiry,
-    /// It took them itself.
+    /// The processor took the buffers by itself.
     Own,
 }
 
@@ -47,28 +47,29 @@ struct Hold {
     why: Why,
 }
 
-/// A transaction is over, and the DPR is not ready for the next one yet.
+/// A transaction has ended, and the DPR is not ready for the next one yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// Since when readiness is owed: since its end, or since the pause after the one before is over.
+    /// Since when readiness is owed, ns: since the transaction's end, or since the end of the pause after the one
+    /// before.
     since: u64,
-    /// There is an image to be read.
+    /// Whether there is an image to be read.
     owed: bool,
 }
 
-/// Transactions in a row that read nothing.
+/// A row of transactions that read only 0xFF.
 #[derive(Clone, Copy, Debug)]
 struct Streak {
-    /// When chip select fell for the first, ns.
+    /// When chip select fell for the first transaction of the row, ns.
     first: u64,
-    /// When it fell for the last, ns.
+    /// When chip select fell for the last transaction of the row, ns.
     last: u64,
     count: u64,
-    /// The buffers were held for too long meanwhile, which is a violation of its own.
+    /// Whether the buffers were held for too long meanwhile, which is a separate violation.
     explained: bool,
-    /// It is noted as silence.
+    /// Whether these transactions have been reported as silence.
     told: bool,
-    /// The first of them had no reason to read nothing.
+    /// Whether the first transaction of the row had no reason to read only 0xFF.
     unserved: bool,
 }
 
@@ -78,40 +79,39 @@ impl Streak {
     }
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
-    /// The DPR hangs by the bench's hand.
+    /// Whether the bench has the DPR hang.
     hung: bool,
     /// When the DPR last started, ns.
     since: u64,
-    /// When the DPR was first ready after that, ns.
+    /// When the DPR was first ready after its last start, ns.
     started: Option<u64>,
     never_told: bool,
     /// Since when the flight controller has made no transaction, ns.
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
-    /// When the last transaction began, and when the last that was longer than a cycle ended, ns.
+    /// When the last transaction began, and when the last one that was longer than a cycle ended, ns.
     began: u64,
     long_ended: u64,
-    /// The transaction under way is not served.
+    /// Whether the transaction under way is not served.
     busy: bool,
-    /// The transaction under way may not be served: the one before has just ended, or the image's time is over.
+    /// Whether the transaction under way may go unserved: the one before has just ended, or the image's time is over.
     may_be_busy: bool,
-    /// When FRESH rose first in the transaction under way, ns.
+    /// When FRESH first rose in the transaction under way, ns.
     rose_within: Option<u64>,
     hold: Option<Hold>,
-    /// Until when the DPR need not see the end of a transaction, ns.
+    /// Until when the DPR need not notice the end of a transaction, ns.
     paused_until: u64,
     pending: Option<Pending>,
-    /// FRESH rose at this instant while nothing was owed, so that no other bound tells when the image has to be
-    /// readable.
+    /// When FRESH rose while nothing was owed, ns, so that no other bound states when the image has to be readable.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
-    /// Transactions served since FRESH rose last.
+    /// The number of transactions served since FRESH last rose.
     served: u32,
     streak: Option<Streak>,
     longest: Option<u64>,
@@ -145,12 +145,12 @@ impl Service {
         }
     }
 
-    /// Starts anew: what was under way is not judged, since the restart is.
+    /// Starts anew. What was under way is not judged, because the restart itself is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction that is under way is none that the DPR's SPI peripheral knows of. When it began, and when one
-        // before it ended, need not be kept: they are asked for once the time for a start is over, which is longer than
-        // a transaction that is not long.
+        // The DPR's SPI peripheral does not serve a transaction that is under way at its start. The instants at which
+        // it began, and at which an earlier one ended, need not be kept. They are used only when the time for a start
+        // is over, which is longer than any transaction that is not long.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -165,27 +165,28 @@ impl Service {
         self.restart(at);
     }
 
-    /// The DPR hangs from `at` on: what had waited too long by then is told, and nothing is owed any more.
+    /// Records that the DPR hangs from `at` on. What had waited too long by then is reported, and nothing is owed any
+    /// more.
     pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
         self.settle(at, findings);
         self.end_streak(findings);
         self.hung = true;
     }
 
-    /// The flight controller misuses the SSI: nothing is owed to it.
+    /// Records that the flight controller misuses the SSI, so that nothing is owed to it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // Who takes the buffers now does so because of that transaction.
+        // If the processor takes the buffers now, it does so because of the misused transaction.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Time passes: what should have happened before `now`.
+    /// Reports a readiness or a transaction that is overdue at `now`.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
         }
-        // While a flight controller keeps the DPR selected for longer than a cycle, no transaction can be got ready
-        // for.
+        // While a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready for a
+        // transaction.
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;
@@ -201,7 +202,8 @@ impl Service {
         }
     }
 
-    /// FRESH rose; `offers` if a transaction could begin. Whether there is a reason if none could.
+    /// Records a rise of FRESH; `offers` says whether a transaction could begin. Returns whether there is a reason if
+    /// none could.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -248,15 +250,15 @@ impl Service {
 
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
-        // The one before has just ended, or FRESH has just risen.
+        // The transaction before has just ended, or FRESH has just risen.
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
-        // A flight controller that does not wait for the DPR as long as it has to is no evidence.
+        // A flight controller that does not wait for the DPR as long as it has to gives no evidence against the DPR.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
-    /// A transaction is over; `whole` if the DPR ran all the while.
+    /// Judges a transaction; `whole` says whether the DPR ran during all of it.
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
@@ -266,7 +268,7 @@ impl Service {
         }
         self.quiet_told = false;
         self.quiet_since = self.quiet_since.max(at);
-        // One that began before the DPR was ready for any is none that its SPI peripheral knows of.
+        // The DPR's SPI peripheral does not serve a transaction that began before the DPR was first ready.
         if !whole || self.started.is_none_or(|started| reading.selected < started) {
             return;
         }
@@ -288,7 +290,7 @@ impl Service {
         }
     }
 
-    /// Whether the image's time may be over.
+    /// Returns whether the image's time may be over.
     fn is_expired(&self, at: u64) -> bool {
         self.rose_at.is_some_and(|rose| at >= rose + bounds::EXPIRY_EARLIEST)
     }
@@ -297,14 +299,14 @@ impl Service {
         self.longest = self.longest.max(Some(ns));
     }
 
-    /// The DPR can serve the next transaction.
+    /// Records that the DPR can serve the next transaction.
     fn served_again(&mut self, at: u64) {
         if let Some(Pending { since, owed: true }) = self.pending {
             self.took(at.saturating_sub(since));
         }
     }
 
-    /// The DPR can serve the next transaction, or the run is over: what had to wait has waited until now.
+    /// Reports what has waited too long until now, because the DPR can serve the next transaction or the run is over.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);
@@ -329,13 +331,14 @@ impl Service {
         }
     }
 
-    /// A transaction has read nothing, and had no reason to if `unserved`.
+    /// Records a transaction that has read only 0xFF; `unserved` says whether there was no reason for that.
     fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
         let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is restarted by its watchdog, which is another violation. This is longer than that takes.
+        // A DPR that hangs is restarted by its watchdog, which is another violation. This time is longer than the
+        // restart takes.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }
@@ -366,7 +369,7 @@ impl Service {
         self.end_streak(findings);
     }
 
-    /// From chip select rising to the DPR being able to serve the next transaction.
+    /// Returns the longest time from the rise of chip select until the DPR can serve the next transaction.
     pub(super) fn figure(&self) -> Option<Max> {
         Max::of(self.longest)
     }

@@ -1,4 +1,4 @@
-//! Which bytes of a receiver on a bus HORUS has to take, may take, and must not.
+//! Tests which bytes of a receiver on a bus HORUS must take, may take, and must not take.
 
 use super::super::Line;
 use crate::bounds::{NEWS, READ_AT_ONCE, READ_SETTLED, TOO_OLD};
@@ -7,7 +7,7 @@ use crate::testing::MS;
 const MUST: Option<bool> = Some(true);
 const MAY: Option<bool> = Some(false);
 
-/// A line of which a message was read that was news.
+/// Returns a line from which a current message has been read.
 fn read_before() -> Line {
     let mut line = Line::new();
     assert_eq!(line.read((0, MS), 100, 0, true), MAY, "the first that it reads");
@@ -15,8 +15,8 @@ fn read_before() -> Line {
     line
 }
 
-/// What HORUS does with bytes that it reads from `at` on within 1 ms, which have waited for `waited` by the end of
-/// that.
+/// Returns what HORUS may do with bytes that it reads within 1 ms from `at` on, and that have waited for `waited` by
+/// the end of that 1 ms.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }
@@ -25,7 +25,7 @@ fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
 fn what_has_waited_for_long_may_be_dropped_and_for_longer_must_not_be_taken() {
     let once = |waited| read(&mut read_before(), 100 * MS, waited);
     assert_eq!((once(NEWS), once(NEWS + 1)), (MUST, MAY));
-    // They are too old by the instant at which the first of them began to cross.
+    // The instant at which the first byte begins to cross decides whether bytes are too old.
     assert_eq!((once(TOO_OLD + MS), once(TOO_OLD + MS + 1)), (MAY, None));
 }
 
@@ -55,7 +55,7 @@ fn what_waits_beyond_one_reading_may_be_dropped() {
     line.offered(200 * MS, &vec![0; READ_AT_ONCE as usize]);
     line.offered(200 * MS, &[0]);
     assert_eq!(read(&mut line, 200 * MS, MS), MAY);
-    // After a start of HORUS, too.
+    // The same holds for the first reading after a start of HORUS.
     let mut line = read_before();
     line.forget(100 * MS);
     assert_eq!((read(&mut line, 200 * MS, MS), read(&mut line, 210 * MS, MS)), (MAY, MUST));

@@ -1,11 +1,11 @@
-//! Messages that HORUS may have missed, restarts, and ticks that are not regular.
+//! Tests messages that HORUS may have missed, restarts, and ticks that are not regular.
 
 use super::reported as reported_as;
 use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// A run in which burst `number` of GPS1 is on a disturbed line, and HORUS takes it or not.
+/// Returns what is found in a run in which burst `number` of GPS1 is on a disturbed line and HORUS takes it or not.
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -57,7 +57,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The line was doubtful until the silence after it: the next burst is certain.
+    // The line was doubtful until the silence after the burst, so the next burst is certain.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -67,14 +67,14 @@ fn a_message_that_is_certain_ends_the_doubt() {
     assert_eq!(said, CONTENT);
 }
 
-/// The position of a receiver that falls silent after burst 19 of 40 ms, of which burst `doubtful` is not certain, and
-/// what is found if it is not valid, or valid, at `age` (ms) after it.
+/// Returns what is found for a receiver that falls silent after burst 19, with bursts every 40 ms of which burst
+/// `doubtful` is not certain. At `age` (ms) after the last burst, HORUS shows its position as valid or as not valid.
 fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::with_period(1, 40);
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // Within a burst, so that what is around it stays certain.
+        // The doubt begins within a burst, so that the bursts around it stay certain.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);
@@ -88,7 +88,7 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     let own = tick(number)..tick(number + 1);
     events.without(|event| matches!(event.what, What::Sent { started, .. } if !own.contains(&started)));
     if doubtful < 20 {
-        // A false start just before it, as long as what is left of the line until after it.
+        // A false start just before the burst makes it doubtful; its announced length ends after the burst.
         let at = scene.receivers[0][doubtful].at - 10 * BYTE_NS;
         events.fed(at, 0, [0xB5, 0x62, 1, 7, 80, 0, 1, 2, 3, 4].to_vec());
     }
@@ -125,7 +125,8 @@ fn what_crossed_a_line_before_the_first_tick_may_have_been_taken_or_not() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// GPS1 speaks until 545 ms; HORUS restarts in the cycle of 570 ms and starts anew at 600 ms.
+/// Returns what is found if GPS1 sends until 545 ms and HORUS restarts in the cycle of 570 ms and ticks again from 600
+/// ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);
@@ -172,7 +173,7 @@ fn the_frame_that_a_restart_overtakes_is_not_judged() {
         }
     });
     assert_eq!(kinds(&events), CONTENT);
-    // Before its first bit, but after its command.
+    // The reset comes before the frame's first bit, but after its command.
     for after in [COMMAND[0] + 1_000, MS] {
         let mut events = events.clone();
         events.reset(tick(STEADY) + after, Board::Horus, true).without(|event| event.at > tick(STEADY) + 8 * MS);
@@ -219,8 +220,8 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// GPS1 falls silent after burst 3, at 349 ms; its object is still valid, and neither stale nor unheard, from cycle 65
-/// on (660 ms). Before it, one tick was moved by that much. What is found until cycle `last`.
+/// Returns what is found until cycle `last` if GPS1 falls silent after burst 3, at 349 ms, while its object stays
+/// valid, not stale and heard from cycle 65 (660 ms) on. One earlier tick was moved by `moved`, ns.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -248,7 +249,7 @@ fn of_ages_nothing_is_known_for_two_seconds_after_ticks_that_were_not_regular() 
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // The last irregular tick is the one after: 62, two seconds later.
+    // The last irregular tick is the one after the moved tick, number 62, and two seconds later ages are known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);
@@ -261,7 +262,7 @@ fn an_age_is_as_uncertain_as_the_clock_and_the_taking_of_a_message() {
         (least, most)
     };
     let taken = bounds::MESSAGE_TAKEN;
-    // 2.1 % (1/47) and 1 ms.
+    // The uncertainty of an age is 2.1 % (1/47) and 1 ms.
     assert_eq!(age(470 * MS, (0, 0)), (470 * MS - taken - (470 * MS - taken) / 47 - MS, 481 * MS));
     assert_eq!(age(taken + 48 * MS, (MS, MS)), (47 * MS - MS - MS, 59 * MS + 59 * MS / 47 + MS));
     assert_eq!(age(taken + 48 * MS, (MS, 48 * MS)), (0, 59 * MS + 59 * MS / 47 + MS));
@@ -284,7 +285,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // Its period is not certain either: a second and 150 ms, and what it was found late by.
+    // The receiver's period is not certain either, so the limit is a second and 150 ms, and the delay with which the
+    // message was found.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {
@@ -314,7 +316,7 @@ fn a_message_that_repeats_the_time_of_week_of_one_that_is_doubtful_is_as_old_or_
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
             let status = values.status.with_stale(true).with_heard(true);
             let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
-            // That of the one before, where it is certain that HORUS has taken that.
+            // If HORUS has certainly taken the burst before, the age is that of the burst before.
             let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
             gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);

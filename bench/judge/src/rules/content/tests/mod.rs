@@ -1,4 +1,5 @@
-//! A run in which receivers speak and HORUS says what they said, changed by what a test wants to be found.
+//! A run in which receivers send messages and HORUS states their values, with a change by each test for the judge to
+//! find.
 
 mod buses;
 mod doubt;
@@ -13,10 +14,10 @@ use profile::{ABSENT_F32, ABSENT_F64, FixType, GpsStatus, GpsValues, HorusState,
 use super::*;
 use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps};
 
-/// What a receiver puts on its line at once.
+/// A group of messages that a receiver puts on its line at once.
 #[derive(Clone, Debug)]
 struct Burst {
-    /// When its first byte begins, ns.
+    /// When the first byte of the burst begins, ns.
     at: u64,
     pvt: Option<NavPvt>,
     att: Option<NavAtt>,
@@ -26,7 +27,8 @@ struct Burst {
 }
 
 impl Burst {
-    /// All three messages, of a number that makes their values differ from those of the next.
+    /// Returns a burst of all three messages. Its values are derived from `number`, so they differ from those of the
+    /// next burst.
     fn new(at: u64, number: u32, period_ms: u32) -> Self {
         let itow_ms = 400_000_000 + number * period_ms;
         let step = number as i32;
@@ -65,12 +67,12 @@ impl Burst {
         pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
     }
 
-    /// When its last byte has crossed.
+    /// Returns when the burst's last byte has crossed the line, ns.
     fn arrived(&self) -> u64 {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// What HORUS makes of it while it is young enough, in the cycle of this timestamp.
+    /// Returns the values that HORUS derives from the burst while it is young enough, in the cycle of this timestamp.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -94,7 +96,7 @@ impl Burst {
     }
 }
 
-/// A run: what each receiver says.
+/// A run, described by what each receiver sends.
 #[derive(Clone, Debug)]
 struct Scene {
     receivers: Vec<Vec<Burst>>,
@@ -102,14 +104,14 @@ struct Scene {
     cycles: u64,
 }
 
-/// A receiver's numbers are ahead of those of the one before by so many: 2.2 m north and 1.5 m west of it, and 0.2 m/s²
-/// more along each axis.
+/// How far a receiver's numbers are ahead of those of the receiver before it, so that it is 2.2 m north and 1.5 m west
+/// of it, and has 0.2 m/s² more along each axis.
 const APART: u32 = 200;
-/// The first cycle that shows what the inputs of HORUS's state say: three samples come before it.
+/// The first cycle that shows the inputs of HORUS's state, since three samples come before it.
 const INPUTS_KNOWN: u64 = 4;
-/// The receivers' first burst; every 100 ms comes another.
+/// The instant of the receivers' first burst, ns; another follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// Ticks that are far from the arrival of a message, and by which the period is known.
+/// The number of a tick that is far from the arrival of a message, and by which the period is known.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -130,7 +132,7 @@ impl Scene {
         Self { receivers: (0..gps as u32).map(receiver).collect(), period_ms, cycles }
     }
 
-    /// What GPS `receiver` (from 0) is at `tick`.
+    /// Returns the values of GPS `receiver` (from 0) at `tick`.
     fn shown(&self, receiver: usize, tick: u64, timestamp: u32) -> GpsValues {
         let taken = |burst: &&Burst| burst.arrived() + MS <= tick;
         let bursts = self.receivers[receiver].iter().take_while(taken);
@@ -143,9 +145,9 @@ impl Scene {
         GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
-    /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it
-    /// is, that is the vote over the objects as they are then. From when the inputs of its state are known, HORUS
-    /// monitors while there is a result, and has lost its position while there was one.
+    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (from 1). If `change` leaves
+    /// Reported-Position untouched, Reported-Position is the vote over the objects as changed. Once the inputs of its
+    /// state are known, HORUS monitors while there is a result, and has lost its position where there was one before.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -186,12 +188,12 @@ impl Scene {
         events
     }
 
-    /// What is found in the run, changed in what is said.
+    /// Returns what is found in the run if `change` changes what HORUS sends.
     fn said(&self, change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Vec<(Violation, u64)> {
         kinds(&self.events(change))
     }
 
-    /// What is found if GPS1 is changed in cycle `number`, and Reported-Position with it.
+    /// Returns what is found if GPS1 is changed in cycle `number`, and Reported-Position with it.
     fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
         self.said(|cycle, as_reported, gps| {
             if cycle == number {
@@ -202,27 +204,27 @@ impl Scene {
     }
 }
 
-/// `status` with the age of the solution of `gps`.
+/// Returns `status` with the age of the solution of `gps`.
 fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
     status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
 }
 
-/// When the tick of a cycle comes.
+/// Returns the instant of a cycle's tick, ns.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * bounds::CYCLE
 }
 
-/// The first cycle whose tick comes so long after the arrival of a burst, or later.
+/// Returns the first cycle whose tick comes at least `age` after the arrival of a burst.
 fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
 
-/// The vote of a single receiver.
+/// Returns the vote over a single receiver.
 fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }
 
-/// The vote of receivers that do not move: the median of those that are valid and not excluded.
+/// Returns the vote over receivers that do not move: the median of those that are valid and not excluded.
 fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
@@ -236,7 +238,8 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
         let values: Vec<f64> = members.iter().map(of).filter(|value| !value.is_nan()).collect();
         if values.len() < least { None } else { middle(values) }
     };
-    // A quorum has one, and no two are farther apart than the limits; on the circle where that is no more than pi.
+    // A quorum has the value, and no two values differ by more than the limits. Angles are compared on the circle,
+    // where no difference exceeds pi.
     let are_agreed = |of: &[[f32; 3]], limits: [f64; 3]| {
         let off = |axis: usize, one: &[f32; 3], its: &[f32; 3]| (f64::from(one[axis]) - f64::from(its[axis])).abs();
         let turned = |off: f64| if limits[0] < 0.1 { off.min(std::f64::consts::TAU - off) } else { off };
@@ -273,7 +276,7 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// The median, of an even number the mean of the middle two; nothing of nothing.
+/// Returns the median, which is the mean of the middle two for an even number of values; `None` without values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

@@ -3,7 +3,7 @@ use gnss_sim::ubx::{CLASS_NAV, SYNC, frame};
 use super::super::ubx::Message;
 use super::*;
 
-/// Feeds pieces (when, bytes, clean) and gives when each message began, when it arrived, and whether it is sure.
+/// Feeds pieces (when, bytes, clean). Returns when each message began, when it arrived, and whether it is certain.
 fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     let mut reader = Reader::default();
     let mut found = vec![];
@@ -13,7 +13,7 @@ fn read(pieces: &[(u64, &[u8], bool)]) -> Vec<(u64, u64, bool)> {
     found.into_iter().map(|Message { begun, arrived, sure, .. }| (begun, arrived, sure)).collect()
 }
 
-/// A message of a kind that HORUS does not read, with so many bytes around and in it.
+/// Returns a message of a kind that HORUS does not read, `bytes` long with its frame.
 fn message(bytes: usize) -> Vec<u8> {
     frame(CLASS_NAV, 0x35, &vec![7; bytes - 8])
 }
@@ -54,7 +54,7 @@ fn after_a_wrong_checksum_so_many_bytes_are_doubtful_as_the_message_claims() {
     wrong[19] ^= 1;
     let bytes = [wrong.clone(), message(20)].concat();
     assert_eq!(read(&[(0, &bytes, true)]), [(200, 400, true)], "its own");
-    // A message whose length was damaged, from 20 to 60.
+    // This is a message whose length was damaged, from 20 to 60.
     wrong[4] += 40;
     let bytes = [wrong, message(20), message(20), message(20)].concat();
     assert_eq!(read(&[(0, &bytes, true)]), [(200, 400, false), (400, 600, false), (600, 800, true)]);

@@ -3,7 +3,7 @@ use super::*;
 
 #[test]
 fn every_bit_of_the_status_is_judged() {
-    // A step of the age, bit 10, may be right.
+    // Bit 10, one step of the age, is missing because either value may be right.
     for bit in [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 13, 14, 15] {
         let said = Scene::new(3).said(|cycle, _, gps| {
             if cycle == STEADY {
@@ -27,7 +27,8 @@ fn a_solutions_age_is_that_of_the_newest_message_taken() {
         assert!(said.is_empty() || said == STATUS, "{said:?}");
         said.is_empty()
     };
-    // The tick comes up to 10 ms later, and HORUS may count up to 12 ms less, 2.1 % and 1 ms more or less.
+    // The tick comes up to 10 ms later, and HORUS may count up to 12 ms less, with an error of 2.1 % and 1 ms either
+    // way.
     let right: Vec<u32> = (0..62).map(|step| 25 * step).filter(|age| told(400, Some(*age))).collect();
     assert_eq!(right, [375, 400]);
     let right: Vec<u32> = (0..=62).map(|step| 25 * step).filter(|age| told(2_000, Some(*age))).collect();
@@ -51,7 +52,7 @@ fn a_receiver_that_was_never_heard_is_stale_and_nothing_else() {
     assert_eq!(scene.gps1(STEADY, |gps| gps.latitude = -f64::NAN), CONTENT, "another NaN than the design's");
 }
 
-/// Receivers that fall silent after their burst number `last`.
+/// Returns a run whose receivers fall silent after burst number `last`.
 fn silent_after(last: usize, period_ms: u32) -> Scene {
     let mut scene = Scene::with_period(1, period_ms);
     scene.receivers[0].truncate(last + 1);
@@ -65,7 +66,7 @@ fn a_receiver_that_falls_silent_takes_its_validity_along() {
     }
 }
 
-/// What is found if GPS1 changes by `change` in the cycle after burst 5, the last, that is this old (ms).
+/// Returns what is found if `change` changes GPS1 in the cycle at which burst 5, the last one, is `age` old (ms).
 fn at_age(age: u64, change: impl Fn(&mut GpsValues, &Burst)) -> Vec<(Violation, u64)> {
     let scene = silent_after(5, 100);
     let last = &scene.receivers[0][5];
@@ -153,8 +154,8 @@ fn a_receiver_that_repeats_its_time_of_week_renews_nothing() {
     assert_eq!(run(350 * MS)[0].0, Violation::StatusWrong);
 }
 
-/// A receiver of `first` ms whose steps become those, and then silence. Whether after it the position may still be
-/// valid at that age, and may be not any more.
+/// Returns, for a receiver whose period is `first` ms and then follows `steps` until it falls silent, whether at that
+/// age its position may still be valid, and whether it may be invalid already.
 fn after_steps(first: u32, steps: &[u32], age: u64) -> [bool; 2] {
     let steps: Vec<u32> = std::iter::repeat_n(first, 12).chain(steps.iter().copied()).collect();
     let (mut scene, mut at, mut itow) = (Scene::new(1), FIRST_BURST, 400_000_000);

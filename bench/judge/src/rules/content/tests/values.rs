@@ -7,7 +7,7 @@ fn a_flawless_run_has_its_figures_and_no_violation() {
         let scene = Scene::new(gps);
         let (broken, figures) = found(Content::new(&header(gps)), &scene.events(unchanged).log());
         assert_eq!(broken, []);
-        // The position is the first message of the burst.
+        // The position is the first message of the burst, so it has arrived before the burst is complete.
         let last = scene.receivers[0].iter().rfind(|burst| burst.arrived() <= tick(120) + 9 * MS).unwrap();
         let arrived = last.at + NavPvt::WIRE as u64 * BYTE_NS;
         assert_eq!(figures.last_solution_ns, vec![Some(arrived); gps]);
@@ -85,14 +85,14 @@ fn the_message_of_before_may_be_shown_until_the_newest_must_have_been_taken() {
         |cycle: u64| scene.gps1(cycle, |gps| *gps = GpsValues { status: gps.status, ..old.values(gps.timestamp) });
     assert_eq!(still_old(first), []);
     assert_eq!(still_old(cycle_after(newest, bounds::MESSAGE_TAKEN)), CONTENT);
-    // Before it arrives it is not known.
+    // HORUS cannot show the message before it arrives.
     let already =
         |cycle: u64| scene.gps1(cycle, |gps| *gps = GpsValues { status: gps.status, ..newest.values(gps.timestamp) });
     assert_eq!(already(first), []);
     assert_eq!(already(first - 1), CONTENT);
 }
 
-/// The instants at which a message may be shown, with its last byte moved to the nanosecond.
+/// Checks the instants at which a message may be shown, with the arrival of its last byte moved to the nanosecond.
 #[test]
 fn the_bands_of_taking_a_message_are_as_stated() {
     let shows = |arrives_after_tick: i64, new: bool| {
@@ -139,7 +139,7 @@ fn of_a_kind_two_messages_that_arrive_together_either_may_be_shown() {
     }
 }
 
-/// A scene whose NAV-PVT messages are changed, and the position that HORUS shows with them.
+/// Returns what is found in a scene with changed NAV-PVT messages, for the position that HORUS shows with them.
 fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     for burst in &mut scene.receivers[0] {
@@ -222,7 +222,7 @@ fn a_position_is_valid_only_in_the_ranges_of_decision_15() {
         assert_eq!(position(|pvt| change(pvt, wrong), None, 3), [], "{wrong}");
         let mut scene = Scene::new(1);
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, wrong)));
-        // HORUS shows it all the same.
+        // HORUS shows the position although its message makes it invalid.
         assert_eq!(scene.said(unchanged)[0].0, Violation::StatusWrong, "{wrong}");
         scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, right)));
         let kinds: Vec<_> = scene.said(unchanged).into_iter().map(|(violation, _)| violation).collect();

@@ -8,10 +8,10 @@ const VOTE: [(Violation, u64); 1] = [(Violation::VoteWrong, 1)];
 const MISSING: [(Violation, u64); 1] = [(Violation::VoteMissing, 1)];
 const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
 
-/// So many 10⁻⁷ degrees of latitude are a metre at 47.5 degrees.
+/// The number of 10⁻⁷ degrees of latitude in a metre, at 47.5 degrees.
 const PER_METRE: f64 = 89.94;
 
-/// Receivers that stand this far north and above, m.
+/// Returns receivers that stand still, each this far north and above, m.
 fn standing(places: &[(f64, f64)]) -> Scene {
     let mut scene = Scene::of_cycles(places.len(), 100, 120);
     for (receiver, (north, up)) in places.iter().enumerate() {
@@ -24,7 +24,7 @@ fn standing(places: &[(f64, f64)]) -> Scene {
     scene
 }
 
-/// Receivers that stand together, of which GPS2 is 100 m off in these of its bursts.
+/// Returns receivers that stand together, except that GPS2 is 100 m off in these of its bursts.
 fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 260);
     for burst in &mut scene.receivers[1][bursts] {
@@ -33,19 +33,19 @@ fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     scene
 }
 
-/// The first cycle that shows burst `number` of GPS2.
+/// Returns the first cycle that shows burst `number` of GPS2.
 fn shows(scene: &Scene, number: usize) -> u64 {
     let burst = &scene.receivers[1][number];
     cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
 }
 
-/// What is found if GPS2 is excluded in these cycles.
+/// Returns what is found if GPS2 is excluded in these cycles.
 fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// What is found if these receivers are excluded, from the second cycle on in which all are valid; in the first there
-/// is no result yet.
+/// Returns what is found if these receivers are excluded from the second cycle on in which all receivers are valid. In
+/// the first such cycle there is no result yet.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -62,7 +62,7 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// What is found if these receivers are the members of the result, and nobody is excluded.
+/// Returns what is found if these receivers are the members of the result and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -76,7 +76,7 @@ fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// What is found if there is no result.
+/// Returns what is found if there is no result.
 fn none(scene: &Scene) -> Vec<Violation> {
     let said = scene.said(|_, reported, gps| {
         *reported = ReportedValues { status: reported.status, ..ReportedValues::absent(gps[0].timestamp) };
@@ -85,7 +85,7 @@ fn none(scene: &Scene) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// What is found if Reported-Position is changed in one cycle.
+/// Returns what is found if `change` changes Reported-Position in one cycle.
 fn changed(gps: usize, change: impl Fn(&mut ReportedValues)) -> Vec<(Violation, u64)> {
     Scene::new(gps).said(|cycle, reported, _| {
         if cycle == STEADY {
@@ -119,7 +119,7 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // From GPS3, which is 2.2 m north and 1.5 m west of it.
+    // The distance is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -132,7 +132,7 @@ fn who_was_excluded_is_in_the_figures() {
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
     let (from, until) = (shows(&scene, 5), shows(&scene, 9));
-    // The voter may follow a cycle later.
+    // The voter may exclude the receiver a cycle after the receiver's object shows the stray position.
     assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
     assert_eq!(excluded(&scene, from + 1..until + 100), []);
     assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
@@ -142,7 +142,7 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // It begins, and it ends too early.
+    // One violation is the beginning of the exclusion, and the other is its end, which comes too early.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -193,7 +193,7 @@ fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
             }
         }
     }
-    // Two of five are too few even if the others are silent; one of two is enough then.
+    // Two of five receivers are too few even if the others are silent, whereas one of two is enough.
     for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
         let mut scene = standing(&vec![(0.0, 0.0); gps]);
         scene.receivers[speak..].iter_mut().for_each(Vec::clear);
@@ -208,12 +208,12 @@ fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
 
 #[test]
 fn no_larger_set_of_receivers_that_agree_is_passed_over_and_who_agrees_with_a_member_is_not_excluded() {
-    // With 4 m each they agree up to 17 m.
+    // Accuracies of 4 m each let two receivers agree up to 17 m.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (9.0, 0.0), (22.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // Of two sets of one size the judge does not say which.
+    // The judge does not prescribe which of two sets of the same size is chosen.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);
@@ -223,12 +223,13 @@ fn no_larger_set_of_receivers_that_agree_is_passed_over_and_who_agrees_with_a_me
         "they do not agree, and the others are elsewhere"
     );
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
-    // One that agrees with nobody has to be excluded.
+    // A receiver that agrees with no other has to be excluded.
     let scene = standing(&[(0.0, 0.0), (0.0, 0.0), (100.0, 0.0)]);
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// What is found if three receivers, of which the third is so far north and above, have all a vote.
+/// Returns what is found if all of three receivers have a vote, and what is found if the third, which is this far north
+/// and above (m), has none.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -241,7 +242,7 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_the_root_of_the_sum_of_the_squares() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // The age of up to 160 ms adds 5 cm at most, and 1 % and 5 cm more are in doubt.
+    // An age of up to 160 ms adds 5 cm at most, and the verdict is in doubt within another 1 % and 5 cm.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -253,7 +254,7 @@ fn two_receivers_agree_within_three_times_the_root_of_the_sum_of_the_squares() {
         assert_eq!(together(accuracy, 0.0, high * 0.98 - 0.06), agree, "{accuracy:?}");
         assert_eq!(together(accuracy, 0.0, -high * 1.02 - 0.25), disagree, "{accuracy:?}");
     }
-    // At the limit either is right.
+    // At the limit either verdict is right.
     assert_eq!(together([3_000, 3_000], 12.75, 0.0), (vec![], vec![]));
 }
 
@@ -354,17 +355,17 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
-    // GPS2 flies north between the two others, which stand. A row has by how many ms each receiver's messages are late,
-    // and how old GPS2's position is when its message arrives, s.
+    // GPS2 flies north between the two others, which stand still. Each row states how late each receiver's messages
+    // are, ms, and how old GPS2's position is when its message arrives, s.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // Farther off than is believed.
+        // These latencies differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // In doubt: HORUS takes a message up to 12 ms after its arrival.
+        // These are in doubt, because HORUS takes a message up to 12 ms after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -373,11 +374,11 @@ fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
             for (number, burst) in (0..).zip(bursts) {
                 burst.at += late * MS;
                 let pvt = burst.pvt.as_mut().unwrap();
-                // A week ends in between.
+                // The week ends during the run.
                 pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
             }
         }
-        // Once all have spoken.
+        // GPS2 flies once all receivers have sent messages.
         scene.receivers[1][3..].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().velocity_mm_s = [6_000, 0, 0]);
         let arrived: Vec<u64> = scene.receivers[1].iter().map(Burst::arrived).collect();
         let said = |off: f64| {
@@ -484,8 +485,8 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Three receivers' bursts changed so: what is found if the vote follows the rules, and if it is `changed` in all
-/// cycles in which everybody has spoken.
+/// Returns what is found with bursts changed by `bursts`, first if the vote follows the rules, then if `changed`
+/// changes it in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -594,7 +595,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
             att.heading_1e5 %= 36_000_000;
             burst.ins.as_mut().unwrap().accelerations_1e2 = [front, 0, 0];
         };
-        // The other one of the two.
+        // Reported-Position states the value where it must not, and does not state it where it must.
         let changed = |reported: &mut ReportedValues, gps: &[GpsValues]| {
             let of_front = off[3] != 0;
             if of_front {
@@ -615,7 +616,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
     }
 }
 
-/// Receivers that all jump so far north and up in these of their bursts, m.
+/// Returns receivers that all jump this far north and up in these of their bursts, m.
 fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 300);
     for receiver in &mut scene.receivers {
@@ -628,14 +629,14 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// No result, in the state that HORUS is in.
+/// Removes the result, and leaves the state of HORUS as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
     reported.status = reported.status.with_degraded(true).with_state(state);
 }
 
-/// What is found if there is no result in these cycles.
+/// Returns what is found if there is no result in these cycles.
 fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, reported, _| {
         if cycles.contains(&cycle) {
@@ -644,7 +645,7 @@ fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     })
 }
 
-/// The cycle from which on burst `number` of GPS1 is voted on.
+/// Returns the cycle from which on HORUS votes on burst `number` of GPS1.
 fn voted_from(scene: &Scene, number: usize) -> u64 {
     cycle_after(&scene.receivers[0][number], MS)
 }
@@ -668,9 +669,9 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles HORUS may have had the last burst before.
+    // In the first of these cycles HORUS may still have had the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The place that was held back for 400 ms has not held for a second afterwards.
+    // The time of 400 ms for which the place was held back before it was interrupted does not count afterwards.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -689,7 +690,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
 
 #[test]
 fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
-    // With 4 m each 17 m, and 2 m a cycle.
+    // Accuracies of 4 m each allow 17 m, and 200 m/s adds 2 m in each cycle.
     let missing = |north: f64, cycles: u64| {
         let scene = jumping(3, 8..99, north, 0.0);
         let from = voted_from(&scene, 8);
@@ -698,7 +699,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // Once an aircraft could have flown it, it has to be shown: 100 m after 0.42 s.
+    // A result must be shown once an aircraft could have flown that far, which is 100 m after 0.42 s.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -715,7 +716,7 @@ fn what_is_held_back_moves_within_the_same_reach_or_begins_anew() {
     let (from, anew) = (voted_from(&scene, 8), voted_from(&scene, 13));
     assert_eq!(withheld(&scene, from..anew + 100), []);
     assert_eq!(withheld(&scene, from..from + 105), VOTE);
-    // Nothing to show in between.
+    // In this scene there is no result to show in between.
     let mut scene = jumping(1, 8..99, 1_000.0, 0.0);
     scene.receivers[0].drain(10..13);
     let again = voted_from(&scene, 10);
@@ -787,7 +788,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // After a cycle that nobody saw there may have been one.
+    // After a cycle that no frame shows, there may have been a result before.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
@@ -814,18 +815,19 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// What is found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are excluded, or not, from the
-/// first cycle of the next start on.
+/// Returns what is found if HORUS restarts for `cause` while GPS2 is excluded, and from the first cycle of the next
+/// start on GPS2 and GPS3 are excluded or not.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
-/// As [`after_restart`]; its supply is off for 10 ms before if `off`.
+/// Does the same as [`after_restart`], and if `off`, HORUS's supply is off for 10 ms before.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
 }
 
-/// As [`after_off`], in a run of 3 receivers, so many cycles after the first in which GPS2 is excluded.
+/// Does the same as [`after_off`] in a run of 3 receivers, with the restart `cycles` cycles after the first cycle in
+/// which GPS2 is excluded.
 fn after_cycles(
     scene: &Scene,
     cycles: u64,
@@ -874,7 +876,8 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
 
 #[test]
 fn who_speaks_just_before_a_restart_may_be_excluded_by_a_vote_that_no_frame_shows() {
-    // All speak just before the 20th cycle after GPS2 was excluded; of that burst only these receivers'.
+    // All receivers send a burst just before the 20th cycle after the exclusion of GPS2. Only the listed receivers keep
+    // that burst.
     let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
         let mut scene = strayed(3, 5..26);
         for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
@@ -997,8 +1000,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// The vote for a tick is taken in the cycle before, at the age of its tick: a position that grows too old in between
-/// has none, though the tick's object shows a newer one.
+/// HORUS takes the vote for a tick in the cycle before it, with ages computed for the tick. A position that grows too
+/// old in between has no vote, although the tick's object shows a newer one.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {
@@ -1010,7 +1013,7 @@ fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
             }
         })
     };
-    // Valid for 250 ms.
+    // A position is valid for 250 ms.
     for (silence, found) in [(246, &[][..]), (226, &VOTE)] {
         let mut scene = Scene::new(3);
         let bursts = &mut scene.receivers[1];

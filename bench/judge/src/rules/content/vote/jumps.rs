@@ -1,30 +1,30 @@
-//! Whether what is voted jumps, and for how long it has held, each as far as the log tells (decision 15, jumps).
+//! Judges whether a voted result jumps, and how long it has held, each as far as the log shows it (decision 15, jumps).
 //!
-//! A place or an altitude that lies farther from the one that was shown last than 200 m/s and both accuracies allow
-//! must not be shown before there was one at every tick of a second, each within the same reach of the one before it.
-//! What the last one leads to, or what has held for that long, must be shown. In between, and where it is not known
-//! what HORUS had to show, either is right.
+//! A place or an altitude jumps if it lies farther from the one that was last shown than 200 m/s and both accuracies
+//! allow. It must not be shown before there was a result at every tick of a second, each within that reach of the one
+//! before it. A result must be shown if the last shown one leads to it, or if it has held for that second. In between,
+//! and where it is not known what HORUS had to show, either is right.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
 use super::places::{Range, Relation};
 use crate::bounds;
 
-/// What is voted at a tick.
+/// The voted place or altitude at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest distance of two accuracies, m.
+    /// The least and the greatest distance that two accuracies allow, m.
     const LIMITS_M: (f64, f64);
 
-    /// How far the next is from this one, m.
+    /// Returns how far the next mark is from this one, m.
     fn way(&self, next: &Self) -> Range;
 
-    /// The greatest inflated accuracy of its members, m.
+    /// Returns the greatest inflated accuracy of the mark's members, m.
     fn accuracy(&self) -> Range;
 
-    /// Both.
+    /// Returns a mark that covers both.
     fn or(self, other: Self) -> Self;
 
-    /// Whether this one leads to the next, which is `ns` later.
+    /// Returns whether this mark leads to the next one, which is `ns` later.
     fn leads_to(&self, next: &Self, ns: u64) -> Relation {
         let Range { least, most } = self.way(next);
         let off = |distance: f64| distance * bounds::GEODESY_SHARE + bounds::ARITHMETIC_M;
@@ -33,7 +33,7 @@ pub(super) trait Mark: Clone {
             let (floor, ceiling) = Self::LIMITS_M;
             (bounds::AGREEMENT_SIGMAS * one.hypot(its)).clamp(floor, ceiling) + flown(ns)
         };
-        // HORUS counts its own ticks.
+        // HORUS counts its own ticks, so its clock's error widens the limits.
         let slack = ns / (bounds::CYCLE / bounds::TICK_TOLERANCE);
         if least - off(least) > limit(one.most, its.most, ns + slack) {
             Relation::Disagree
@@ -44,19 +44,19 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Whether two steps lead from this one to the next, whatever lies between.
+    /// Returns whether two steps may lead from this mark to the next, whatever lies between.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
     }
 }
 
-/// The way at the greatest speed, m.
+/// Returns the distance that is flown in `ns` at the greatest speed, m.
 fn flown(ns: u64) -> f64 {
     f64::from(bounds::FASTEST_MM_S) / 1e3 * ns as f64 / 1e9
 }
 
-/// On the ellipsoid, within so many metres of a place.
+/// A place on the ellipsoid, known within `within` metres.
 #[derive(Clone, Debug)]
 pub(super) struct Spot {
     pub(super) at: Geodetic,
@@ -89,7 +89,7 @@ impl Mark for Spot {
     }
 }
 
-/// So high, m above the ellipsoid.
+/// A height, m above the ellipsoid.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
     pub(super) height: Range,
@@ -115,34 +115,34 @@ impl Mark for Level {
 /// What HORUS has to show at a tick.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
-    /// There is something for sure; there may be.
+    /// Whether there certainly is a result, and whether there may be one.
     pub(super) sure: bool,
     pub(super) may: bool,
-    /// Where it is if there is anything; nothing if that is not known.
+    /// Where the result is if there is one; `None` if that is not known.
     pub(super) mark: Option<T>,
 }
 
-/// What was shown last.
+/// The result that was last shown.
 #[derive(Clone, Debug)]
 enum Last<T> {
-    /// Nothing since HORUS's start.
+    /// No result was shown since HORUS's start.
     Nothing,
-    /// It is not known.
+    /// It is not known what was shown.
     Unknown,
-    /// This, at this tick.
+    /// This mark was shown at this tick.
     At(u64, T),
 }
 
-/// What was shown, and what was there since.
+/// The course of the results: what was last shown, and what there was since.
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// What there was at the tick before, and at the one before that, if that is known. Where it is not known at which
-    /// of two ticks a message was taken, what there was between is both.
+    /// The mark at the last tick, and the mark at the tick before that, if they are known. Where it is not known at
+    /// which of two ticks a message was taken, the mark between covers both possibilities.
     before: [Option<T>; 2],
-    /// The last tick at which there certainly was nothing that followed from the tick before, or something was shown.
+    /// The last tick at which certainly no result followed from the one of the tick before, or at which one was shown.
     broke: u64,
-    /// The last tick at which that may be.
+    /// The last tick at which the row of results may have broken.
     may_have_broken: u64,
 }
 
@@ -151,13 +151,13 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// What was shown since is not known.
+    /// Forgets which marks were shown and which there were since, because they are not known.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];
     }
 
-    /// The next tick, and what HORUS has to show at it.
+    /// Advances to the next tick, with what HORUS has to show at it.
     pub(super) fn advance(&mut self, tick: u64, found: &Found<T>) {
         let [before, earlier] = std::mem::take(&mut self.before);
         let follows = match (&before, &earlier, &found.mark) {
@@ -175,7 +175,7 @@ impl<T: Mark> Course<T> {
         self.before = [found.mark.clone(), before.filter(|_| found.may)];
     }
 
-    /// Whether it has to be shown for sure.
+    /// Returns whether the result certainly has to be shown.
     pub(super) fn must_be_shown(&self, tick: u64, found: &Found<T>) -> bool {
         let is_near = match (&self.last, &found.mark) {
             (Last::Nothing, _) => true,
@@ -185,7 +185,7 @@ impl<T: Mark> Course<T> {
         found.sure && (is_near || tick - self.may_have_broken > bounds::HELD_BACK)
     }
 
-    /// What is wrong with showing this: it jumps, and has not held.
+    /// Returns what is wrong with showing this mark, if it jumps and has not held.
     pub(super) fn shown_too_soon(&self, tick: u64, mark: &T) -> Option<String> {
         let Last::At(at, last) = &self.last else { return None };
         let jumps = last.leads_to(mark, tick - at) == Relation::Disagree;
@@ -196,7 +196,7 @@ impl<T: Mark> Course<T> {
         })
     }
 
-    /// This is shown.
+    /// Records that this mark is shown.
     pub(super) fn show(&mut self, tick: u64, mark: T) {
         *self = Self { last: Last::At(tick, mark), before: [None, None], broke: tick, may_have_broken: tick };
     }

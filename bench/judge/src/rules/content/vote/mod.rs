@@ -1,49 +1,51 @@
-//! Whether Reported-Position, and who is excluded from it, is what the receivers say.
+//! Judges whether Reported-Position and the excluded receivers follow from what the receivers state.
 //!
-//! Written from decision 15 alone: nothing here is taken from the voter that HORUS runs.
+//! This module is written from decision 15 alone and takes nothing from the voter that HORUS runs.
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it, so of each receiver it has what the object of this cycle shows, or
-//! that of the cycle before. Who has a valid position in both is a candidate, unless the one of the cycle before may
-//! have grown too old for this tick and the newer came after the vote; who has one in either may be one. Who is
-//! excluded in this cycle and was in the one before is not eligible. Position, velocity and accuracy are those of the
-//! messages that show what an object shows; their age is known to what [`Age`] says. From that follows for each two of
-//! them that they agree, that they do not, or that they may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before it, so it has of each receiver what the object of this cycle shows, or
+//! what the object of the cycle before shows. A receiver with a valid position in both objects is a candidate, unless
+//! the older position may have grown too old for this tick and the newer one came after the vote. A receiver with a
+//! valid position in one of them may be a candidate. A receiver that is excluded in this cycle and was in the one
+//! before is not eligible. Position, velocity and accuracy are those of the messages that show what an object shows;
+//! their age is known within the limits of [`Age`]. From this follows for each two receivers whether they agree,
+//! disagree, or may do either ([`places`]).
 //!
-//! Who of the eligible are the members of a result is not told, only how many they are. So every set of so many of them
-//! is tried: a violation is what no set is without.
+//! HORUS does not state which eligible receivers are the members of a result, only how many they are. Therefore every
+//! set of that size is tried, and something is a violation only if it is wrong for every set.
 //!
 //! | violation | when |
 //! |---|---|
-//! | `VoteWrong` | a result of fewer than M, of no majority, of receivers that do not agree, or not the largest set |
+//! | `VoteWrong` | a result has fewer than M members or no majority, its members disagree, or a larger set agrees |
 //! | `VoteWrong` | a place or an altitude jumps, and is shown before it has held for a second ([`jumps`]) |
-//! | `VoteMissing` | no result, though a majority of the eligible, at least M, agree, and it does not jump |
+//! | `VoteMissing` | there is no result, though a majority of the eligible, at least M, agree, and it does not jump |
 //! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
-//! | `ReportedWrong` | what is shown is not the members' medians; or a status bit, or what is not valid, is wrong |
+//! | `ReportedWrong` | the values are not the members' medians, or a status bit or an invalid value is wrong |
 //!
-//! Excluded against the rules: without a position, without a result, though it agrees with a member, or still 1.1 s
-//! after it began to agree with all. Not excluded against them: it agrees with no member, or it cannot have agreed for
-//! a second since it was. Where M members have an altitude, those are the members that one with an altitude has to
-//! agree with. After a restart that leaves RAM as it was: one that was excluded in the last cycle before it and cannot
-//! have returned since is not; or one is that was not, agreed with all others then, and has said nothing new since, nor
-//! have M of the others.
+//! A receiver must not be excluded while it has no position, while there is no result, while it agrees with a member,
+//! or later than 1.1 s after it began to agree with all. It must be excluded if it agrees with no member, or if it
+//! cannot have agreed for a second since it was excluded. Where M members have an altitude, a receiver with an altitude
+//! has to agree with a member that has one. After a restart that leaves RAM as it was, a receiver must still be
+//! excluded if it was in the last cycle before the restart and cannot have returned since. A receiver must not be
+//! excluded then if it was not before, agreed with all others, and neither it nor M of the others have sent anything
+//! new since.
 //!
-//! An altitude, an attitude and an acceleration take M members that have one, and all of those have to agree.
+//! An altitude, an attitude and an acceleration each take M members that have one, all of which have to agree.
 //!
-//! A cycle has one of them at most. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
+//! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
-//! - The cycle after one of which the judge has not seen every object, or has blamed one: who was excluded before is
-//!   not known.
-//! - A position, and an agreement, while it is not known what HORUS holds: HORUS's ticks are not regular, or a message
-//!   may have been taken or not and the object shows neither.
-//! - Which of several sets of the same size wins.
-//! - The bit that tells the clock.
+//! - The cycle after one in which the judge has not seen every object, or has blamed one, is not judged, because it is
+//!   not known which receivers were excluded before.
+//! - A position, and an agreement, are not judged while it is not known what HORUS holds: HORUS's ticks are not
+//!   regular, or a message may have been taken or not and the object shows neither.
+//! - It is not judged which of several sets of the same size wins.
+//! - The status bit that concerns HORUS's clock is not judged here.
 //!
-//! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to vote as decided over what it
-//! takes from it. What it takes is judged as for every GPS object.
+//! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to apply decision 15 to what it
+//! takes from the line. What it takes is judged as for every GPS object.
 
 mod jumps;
 mod places;
@@ -58,45 +60,46 @@ use crate::{Violation, bounds};
 use jumps::{Course, Found, Level, Mark, Spot};
 use places::{Place, Range, Relation, median, median_of, spread};
 
-/// Bits of receivers, bit 0 GPS1.
+/// A set of receivers as bits; bit 0 is GPS1.
 type Set = u8;
 
-/// A GPS object of a cycle, and the messages by which HORUS may have come to its position.
+/// A GPS object of a cycle, and the messages from which HORUS may have its position.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<Held>,
-    /// Its position is still valid at the next tick for sure, if nothing newer comes.
+    /// Whether the object's position is certainly still valid at the next tick, if no newer message arrives.
     pub(super) lasts: bool,
-    /// The receiver said so much within a cycle that the voter may have something of it that no object shows.
+    /// Whether the receiver sent so much within a cycle that the voter may have had values that no object shows.
     pub(super) hurried: bool,
 }
 
-/// What is remembered of a receiver that is excluded, ns.
+/// When an excluded receiver last failed to agree, ns.
 #[derive(Clone, Copy, Debug, Default)]
 struct Returning {
-    /// The last tick at which it may have been no candidate, or disagreed.
+    /// The last tick at which the receiver may have been no candidate, or may have disagreed.
     may_not: u64,
-    /// The last tick at which it certainly was or did; nothing if there is none.
+    /// The last tick at which the receiver certainly was no candidate or disagreed; `None` if there is none.
     did_not: Option<u64>,
 }
 
-/// See the [module](self).
+/// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
-    /// The cycle that was seen last, counted from HORUS's start, and who was excluded in it.
+    /// The number of the last cycle seen, counted from HORUS's start, and the receivers that were excluded in it.
     last: (u64, Set),
-    /// What was seen in it.
+    /// The objects seen in that last cycle.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// Who must be excluded in the first cycle of this start, and who may be, until that was seen.
+    /// The receivers that must be excluded in the first cycle of this start, and those that may be, until that cycle
+    /// was seen.
     restarted: Option<(Set, Set)>,
-    /// Who may have been outvoted after the cycle that was seen last.
+    /// The receivers that may have been outvoted after the last cycle seen.
     doubtful: Set,
-    /// The tick of that cycle, ns.
+    /// The tick of the last cycle seen, ns.
     pub(super) last_tick: u64,
-    /// There was a result since HORUS's start; there may have been one.
+    /// Whether there was a result since HORUS's start, and whether there may have been one.
     located: bool,
     may_be_located: bool,
     places: Course<Spot>,
@@ -105,74 +108,76 @@ pub(super) struct Vote {
     inputs_known: bool,
 }
 
-/// Whether HORUS finds in its RAM who was excluded.
+/// Whether HORUS finds in its RAM which receivers were excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ram {
-    /// It does: its supply stayed.
+    /// HORUS finds in its RAM which receivers were excluded, because its supply stayed on.
     Kept,
-    /// Its supply was away, and the log does not say how low it went.
+    /// HORUS may find in its RAM which receivers were excluded: its supply was off, and the log does not say how low
+    /// the voltage went.
     MayBeKept,
-    /// It does not, or it must not believe it: this was power-on.
+    /// HORUS does not find in its RAM which receivers were excluded, or must not use that, because this start was a
+    /// power-on.
     Lost,
 }
 
-/// What a cycle has come to.
+/// The verdict on a cycle.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Judged {
-    /// What is wrong.
+    /// The violation, and what is wrong in words.
     pub(super) wrong: Option<(Violation, String)>,
-    /// How far each receiver is from those that have a vote, m: the farthest, along the ground and in height.
+    /// For each receiver, its distance from the farthest receiver that has a vote, along the ground and in height, m.
     pub(super) away: [Option<(f64, Option<f64>)>; MAX_RECEIVERS],
 }
 
 /// A cycle as the voter has to see it.
 struct Cycle<'a> {
-    /// What each receiver's object says, and what it said in the cycle before.
+    /// The object of each receiver in this cycle, and in the cycle before.
     seen: &'a [Seen],
     earlier: &'a [Seen],
     places: Vec<Place>,
     relations: [[Relation; MAX_RECEIVERS]; MAX_RECEIVERS],
-    /// Who is a candidate for sure, and who may be.
+    /// The receivers that certainly are candidates, and those that may be.
     sure: Set,
     may: Set,
-    /// Who has an altitude for sure, and who may have one.
+    /// The receivers that certainly have an altitude, and those that may have one.
     high: Set,
     may_be_high: Set,
-    /// Who is excluded, and who was in the cycle before.
+    /// The receivers that are excluded, and those that were excluded in the cycle before.
     now: Set,
     before: Set,
-    /// How many are a quorum.
+    /// The number of receivers that a quorum needs.
     least: usize,
 }
 
 impl Cycle<'_> {
-    /// Those whose relation to `receiver` is this, among `others`.
+    /// Returns those of `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
             .fold(0, |set, other| set | bit(other))
     }
 
-    /// Who agrees with everybody of `others` for sure.
+    /// Returns whether `receiver` certainly agrees with all of `others`.
     fn agrees_with_all(&self, receiver: usize, others: Set) -> bool {
         let others = others & !bit(receiver);
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// The largest set in `of` in which each two agree for sure.
+    /// Returns the largest set in `of` in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
         sets.filter(agree).max_by_key(|set| set.count_ones()).unwrap_or(0)
     }
 
-    /// Who is eligible for sure, and who may be.
+    /// Returns the receivers that certainly are eligible, and those that may be.
     fn eligible(&self) -> (Set, Set) {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
-    /// Whom of a result's members `receiver` has to agree with, for sure and at most: where a quorum has an altitude,
-    /// and it too, those that have one.
+    /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
+    /// may. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -184,7 +189,7 @@ impl Cycle<'_> {
         }
     }
 
-    /// Where there is a result and how high, shown or held back.
+    /// Returns where the result is and how high, whether it is shown or held back.
     fn found(&self) -> (Found<Spot>, Found<Level>) {
         let (eligible, may_vote) = self.eligible();
         let largest = self.largest(eligible);
@@ -207,13 +212,13 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// The greatest accuracy of these.
+    /// Returns the greatest accuracy of these members along an axis.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
     }
 
-    /// Where these are as a result.
+    /// Returns the place that these members have as a result.
     fn spot(&self, members: Set) -> Option<Spot> {
         let origin = &self.places[each(members).next()?];
         let there: Option<Vec<_>> = each(members).map(|member| self.places[member].north_east(origin)).collect();
@@ -224,7 +229,7 @@ impl Cycle<'_> {
         Some(Spot { at: origin.beside([north.middle(), east.middle()])?, within, accuracy: self.accuracy(members, 0)? })
     }
 
-    /// How high these are as a result, where it is known who has an altitude.
+    /// Returns the altitude that these members have as a result, if it is known which of them have an altitude.
     fn level(&self, members: Set) -> Option<Level> {
         let high = members & self.high;
         let of: Option<Vec<_>> = each(high).map(|member| self.places[member].altitude().0).collect();
@@ -233,7 +238,7 @@ impl Cycle<'_> {
     }
 }
 
-/// What holds whichever of them it is; nothing if one is not known.
+/// Returns a mark that holds for each of `marks`; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -256,14 +261,15 @@ impl Vote {
         }
     }
 
-    /// HORUS starts anew after `ticks` ticks and forgets everything but, where its `ram` is kept, who is excluded: that
-    /// was so in the cycle seen last, or is the outcome of one of at most three votes after it that no frame shows. In
-    /// those the receivers `heard` may have had positions that the cycle does not show. One that agreed with all others
-    /// in it is outvoted only by what is new: its own position, or those of a whole quorum.
+    /// Starts anew after `ticks` ticks. HORUS forgets everything but, where its `ram` is kept, which receivers are
+    /// excluded. The excluded receivers are those of the last cycle seen, or the outcome of one of at most three votes
+    /// after it that no frame shows. In those votes the receivers `heard` may have had positions that the cycle does
+    /// not show. A receiver that agreed with all others in that cycle can only be outvoted by a new position: its own,
+    /// or those of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // No cycle was seen since the start before.
+            // No cycle was seen since the start before this one.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -285,7 +291,8 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// What is wrong with who is excluded in the first cycle that is seen of a start, its `number`.
+    /// Returns what is wrong with the excluded receivers in the first cycle seen after a start, whose number is
+    /// `number`.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
             return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
@@ -294,14 +301,13 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Whether the cycle before the one of `number` (from 1) was seen.
+    /// Returns whether the cycle before cycle `number` (from 1) was seen.
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
 
-    /// Judges a cycle, the one of `number` since HORUS's start, whose GPS objects are sound, from Reported-Position's
-    /// values. Whether HORUS is starting or monitoring is asked where the inputs of its state are
-    /// known.
+    /// Judges Reported-Position's values in cycle `number` since HORUS's start, whose GPS objects are sound. Whether
+    /// HORUS may be starting is judged only where the inputs of its state are known.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -334,7 +340,7 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // Whether HORUS takes this for the last one is not known.
+            // It is not known whether HORUS takes this result for the last one.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -353,7 +359,8 @@ impl Vote {
         judged
     }
 
-    /// What each excluded receiver's return hangs on: on every member, and without a result on one of the eligible.
+    /// Records, for each excluded receiver, what decides its return: its agreement with every member, or, without a
+    /// result, with one of the eligible.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -378,7 +385,7 @@ impl Vote {
         }
     }
 
-    /// What is wrong with who is excluded, whoever the members are.
+    /// Returns what is wrong with the excluded receivers, whichever set the members are.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
         let Cycle { sure, may, now, before, .. } = *cycle;
         let others = may & !(now & before);
@@ -406,7 +413,8 @@ impl Vote {
         })
     }
 
-    /// What is wrong with the result, or its absence. `members` gets every set that may be the result's.
+    /// Returns what is wrong with the result, or with its absence. Adds to `members` every set that may be the
+    /// result's.
     fn vote(
         &self,
         tick: u64,
@@ -419,7 +427,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state is the inputs' matter.
+        // Any other state depends on the inputs and is judged with them.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -497,7 +505,7 @@ impl Vote {
     }
 }
 
-/// Where Reported-Position is and how high, of one of these sets of members.
+/// Returns the place and the altitude that Reported-Position shows for one of these sets of members.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {
@@ -534,7 +542,7 @@ impl<'a> Cycle<'a> {
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
         let (was, is) = (valid(earlier), valid(seen));
-        // What the vote had: the position of the cycle before, at the age of this one, or this cycle's.
+        // The vote had the position of the cycle before, aged to this tick, or the position of this cycle.
         let position = |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude];
         let same = |(was, is): (&Seen, &Seen)| position(was).map(f64::to_bits) == position(is).map(f64::to_bits);
         let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
@@ -562,7 +570,7 @@ impl<'a> Cycle<'a> {
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
-    /// How far each excluded receiver is from those that have a vote: the farthest.
+    /// Returns the distance of each excluded receiver from the farthest receiver that has a vote.
     fn away(&self) -> [Option<(f64, Option<f64>)>; MAX_RECEIVERS] {
         let mut away = [None; MAX_RECEIVERS];
         for receiver in each(self.now & self.may) {
@@ -576,7 +584,7 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// What is wrong with a Reported-Position that is not valid.
+/// Returns what is wrong with a Reported-Position that is not valid.
 fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
@@ -601,7 +609,7 @@ fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     wrong_state.then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
 }
 
-/// What is wrong with the position.
+/// Returns what is wrong with the position.
 fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
@@ -642,8 +650,8 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// What is wrong with attitude or acceleration: of each member the voter had those of this cycle's object, or those of
-/// the one before.
+/// Returns what is wrong with attitude or acceleration. The voter had each member's values of this cycle's object, or
+/// those of the object before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
         return None;
@@ -683,16 +691,17 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// What of an object a median is made of, and whether it is valid.
+/// Extracts from an object the values that a median is made of, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
-/// How far apart two of these are at most, on a circle or not.
+/// Returns the largest difference of any two of these values, which are angles if `circle` is set.
 fn farthest(of: &[f32], circle: bool) -> f64 {
     let pairs = of.iter().flat_map(|one| of.iter().map(|other| f64::from(*one) - f64::from(*other)));
     pairs.map(|off| if circle { ((off + PI).rem_euclid(2.0 * PI) - PI).abs() } else { off }).fold(0.0, f64::max)
 }
 
-/// Whether `shown` is the median: bit by bit of one value; of several, on a circle, about the first.
+/// Returns whether `shown` is the median. A single value must match bit by bit; the median of angles is taken relative
+/// to the first.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {
     match *of {
         [] => false,
@@ -726,7 +735,7 @@ fn set(seen: &[Seen], which: impl Fn(&Seen) -> bool) -> Set {
     seen.iter().enumerate().filter(|(_, seen)| which(seen)).fold(0, |set, (receiver, _)| set | bit(receiver))
 }
 
-/// Receivers in words.
+/// Returns the receivers' names in words.
 fn names(set: Set) -> String {
     let names: Vec<String> = each(set).map(|receiver| format!("GPS{}", receiver + 1)).collect();
     if names.is_empty() { "nobody".to_owned() } else { names.join(", ") }

@@ -1,12 +1,13 @@
-//! Where the receivers are at a tick, how far apart, and whether they agree, each as far as the log tells.
+//! Computes where the receivers are at a tick, how far apart they are, and whether they agree, each as far as the log
+//! shows it.
 //!
-//! How much older a position is than its message follows from when the messages came after the times of week that they
-//! are for: 50 ms at the candidate in the middle, and at another as much more or less as its message came later or
-//! sooner, if that is at most 50 ms (decision 15, brought to the tick).
+//! How much older a position is than its message follows from the delay between the time of week in each message and
+//! its arrival. The position is 50 ms older for the candidate with the middle delay. For another candidate the
+//! difference of its delay is added, if it is at most 50 ms (decision 15, brought to the tick).
 //!
-//! When HORUS took a message is known to some milliseconds, and where two messages show the same position it is not
-//! known which of them HORUS holds. So a place, an accuracy and a distance are spans here, and two receivers agree, do
-//! not agree, or may do either.
+//! The instant at which HORUS took a message is known to within some milliseconds, and where two messages show the same
+//! position it is not known which of them HORUS holds. Therefore places, accuracies and distances are ranges here, and
+//! two receivers agree, disagree, or may do either.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -14,10 +15,10 @@ use super::super::track::{Held, WEEK};
 use super::{Set, bit};
 use crate::bounds;
 
-/// Farther apart than this, two receivers are not compared in a plane, m.
+/// The distance of two receivers, m, beyond which they are not compared in a plane.
 const PLANE: f64 = 10_000.0;
 
-/// From a least to a greatest value.
+/// A range from a least to a greatest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub(super) least: f64,
@@ -41,7 +42,7 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Of its values without their signs.
+    /// Returns the range of the magnitudes of this range's values.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -57,44 +58,44 @@ impl Range {
     }
 }
 
-/// What is known of how two receivers' positions compare.
+/// The relation of two receivers' positions, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Relation {
-    /// They agree.
+    /// The positions agree.
     Agree,
-    /// They do not.
+    /// The positions disagree.
     Disagree,
-    /// They may do either.
+    /// The positions may agree or disagree.
     Doubtful,
 }
 
-/// A receiver with a position at a tick: each that HORUS's voter may have of it.
+/// A receiver's place at a tick, in every version that HORUS's voter may have.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place(Vec<Version>);
 
 #[derive(Clone, Debug)]
 struct Version {
-    /// Below what an object shows, on the ellipsoid, and the plane there.
+    /// The point on the ellipsoid below the position that an object shows, and the plane there.
     ground: Geodetic,
     plane: TangentPlane,
-    /// As the object shows it; a 2D fix has none.
+    /// The altitude that the object shows, m; `None` for a 2D fix.
     altitude: Option<f64>,
-    /// The messages by which HORUS may have come to it; none while it is not certain what HORUS holds.
+    /// The messages from which HORUS may have the position; empty while it is not certain what HORUS holds.
     messages: Vec<Held>,
-    /// What is known of its movement and accuracy, once it is known how old it is.
+    /// The position's movement and accuracy; `None` until its age is known.
     held: Option<Brought>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Brought {
-    /// How far north, east and up it has moved since its epoch, m.
+    /// The distance that the receiver has moved north, east and up since the position's epoch, m.
     moved: [Range; 3],
-    /// Its inflated accuracies, horizontal and vertical, m.
+    /// The inflated accuracies, horizontal and vertical, m.
     accuracy: [Range; 2],
 }
 
 impl Place {
-    /// Adds a position that a GPS object shows, and the messages by which HORUS may have come to it.
+    /// Adds a position that a GPS object shows, and the messages from which HORUS may have it.
     pub(super) fn add(
         &mut self,
         latitude: f64,
@@ -108,63 +109,65 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// How long after the time of week its message arrived, as far from `reference` (ns) as half a week at most, s.
+    /// Returns the delay from the time of week to the message's arrival, s, taken within half a week of `reference`
+    /// (ns).
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Whether it is known how it moves.
+    /// Returns whether the movement of every version is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
 
-    /// Where it is at the tick, m north and east in the plane of `origin`.
+    /// Returns the place at the tick, m north and east in the plane of `origin`.
     pub(super) fn north_east(&self, origin: &Self) -> Option<[Range; 2]> {
         let origin = origin.0.first()?;
         let all: Option<Vec<_>> = self.0.iter().map(|version| version.north_east(origin)).collect();
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Where another position is in this one's plane, m north and east.
+    /// Returns where another position lies in this place's plane, m north and east.
     pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> Option<[f64; 2]> {
         let [north, east, _] = self.0.first()?.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
         Some([north, east])
     }
 
-    /// How high it is at the tick, m; nothing for a 2D fix. And whether it may be such a fix or not.
+    /// Returns the altitude at the tick, m, which is `None` for a 2D fix, and whether it is uncertain that it is such a
+    /// fix.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
         (all.iter().flatten().copied().reduce(Range::hull), some != 0 && some != all.len())
     }
 
-    /// Whether it has an altitude for sure, and whether it may have one.
+    /// Returns whether the place certainly has an altitude, and whether it may have one.
     pub(super) fn has_altitude(&self) -> [bool; 2] {
         let mut has = self.0.iter().map(|version| version.altitude.is_some());
         let any = has.clone().any(|has| has);
         [any && has.all(|has| has), any]
     }
 
-    /// Its inflated accuracies at the tick, horizontal and vertical, m.
+    /// Returns the inflated accuracies at the tick, horizontal and vertical, m.
     pub(super) fn accuracy(&self) -> Option<[Range; 2]> {
         let all: Option<Vec<_>> = self.0.iter().map(|version| Some(version.held?.accuracy)).collect();
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// What lies so many metres north and east in this one's plane, on the ellipsoid.
+    /// Returns the point on the ellipsoid that lies this many metres north and east in this place's plane.
     pub(super) fn beside(&self, [north, east]: [f64; 2]) -> Option<Geodetic> {
         let there = self.0.first()?.plane.to_geodetic([north, east, 0.0]);
         Some(Geodetic { height: 0.0, ..there })
     }
 
-    /// How far it is from `other` at the tick, m: along the ground, and in height where both have one.
+    /// Returns the distance from `other` at the tick, m: along the ground, and in height where both have an altitude.
     pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
         self.0.last()?.apart(other.0.last()?)
     }
 
-    /// Whether they agree.
+    /// Returns whether the two places agree.
     pub(super) fn relation(&self, other: &Self) -> Relation {
         let relations = self.0.iter().flat_map(|one| other.0.iter().map(|its| one.relation(its)));
         relations.reduce(|one, other| if one == other { one } else { Relation::Doubtful }).unwrap_or(Relation::Doubtful)
@@ -187,7 +190,7 @@ impl Version {
         let (one, its) = (self.ground.to_ecef(), other.ground.to_ecef());
         let chord = one.iter().zip(its).map(|(one, its)| (one - its).powi(2)).sum::<f64>().sqrt();
         if chord > PLANE {
-            // An arc is longer than its chord, by half of pi at most.
+            // An arc of the ellipsoid is longer than its chord, at most by the factor of half of pi.
             return Some((Range::of(chord, 1.6 * chord), height()));
         }
         let [north, east] = other.north_east(self)?;
@@ -217,7 +220,7 @@ impl Version {
     }
 }
 
-/// Brings the receivers to the tick, of whom those in `sure` are candidates and those in `may` may be.
+/// Brings the receivers to the tick. Those in `sure` are candidates, and those in `may` may be.
 pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
     let Some(reference) = some.map(|held| held.since_epoch) else { return };
@@ -226,7 +229,7 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
         let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
         median(&lags.collect::<Option<Vec<_>>>()?)
     };
-    // Of each set of candidates that there may be.
+    // The middle delay is taken over each set that may be the candidates.
     let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
     let middle = sets.map(of).collect::<Option<Vec<_>>>();
     let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
@@ -236,23 +239,23 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     }
 }
 
-/// s, of ns.
+/// Converts ns to s.
 fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// From the time of week to the tick, as far from `reference` as half a week at most, s.
+/// Returns the time from the time of week to the tick, s, taken within half a week of `reference`.
 fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// From the time of week to the arrival, by the same reference, s.
+/// Returns the delay from the time of week to the arrival, s, by the same `reference` as [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
 }
 
-/// How old the position of a message is at the tick, s, if the middle of the candidates' lags is known to be in
+/// Returns the age of a message's position at the tick, s, if the middle of the candidates' delays is known to lie in
 /// `middle`.
 fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
@@ -264,7 +267,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // When the message arrived cancels out: one that arrived later has waited less and took longer by the same time.
+    // The arrival's instant cancels out: a message that arrived later has waited less, and took longer by the same
+    // time.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
@@ -288,7 +292,7 @@ impl Brought {
         Self { moved, accuracy }
     }
 
-    /// What holds whichever of the two it is.
+    /// Returns the ranges that cover both.
     fn or(self, other: Self) -> Self {
         let hull = |one: Range, other: Range| one.hull(other);
         Self {
@@ -298,13 +302,14 @@ impl Brought {
     }
 }
 
-/// The median of what lies in these ranges: from the median of the least to that of the greatest values.
+/// Returns the range of the median of values in these ranges, from the median of the least values to that of the
+/// greatest.
 pub(super) fn median(ranges: &[Range]) -> Option<Range> {
     let of = |value: fn(&Range) -> f64| median_of(ranges.iter().map(value).collect());
     Some(Range { least: of(|range| range.least)?, most: of(|range| range.most)? })
 }
 
-/// The median; of an even number the mean of the middle two. Nothing of nothing.
+/// Returns the median, which is the mean of the middle two for an even number of values; `None` without values.
 pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
@@ -315,7 +320,7 @@ pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     }
 }
 
-/// How far the values of these ranges spread.
+/// Returns the difference of the greatest and the least value of these ranges.
 pub(super) fn spread(ranges: &[Range]) -> f64 {
     let hull = ranges.iter().copied().reduce(Range::hull);
     hull.map_or(0.0, |hull| hull.most - hull.least)

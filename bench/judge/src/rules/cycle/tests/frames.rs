@@ -16,7 +16,7 @@ fn a_tick_without_frames_is_told_when_the_next_one_comes() {
 #[test]
 fn the_first_tick_has_its_frames_and_the_last_one_of_a_run_need_not() {
     let silent = |number| changed(3, |events| _ = events.without(|event| of(number)(event) && !is_tick(event)));
-    // The end of the run is an event of the last cycle.
+    // The end of the run belongs to the last cycle.
     assert_eq!(silent(1), [(Violation::NoFrame, 1, tick(2))]);
     assert_eq!(changed(3, |events| _ = events.end(tick(CYCLES) + MS)), []);
 }
@@ -44,7 +44,7 @@ fn a_frame_that_its_cycle_does_not_have_is_extra() {
 
 #[test]
 fn frames_that_change_places_are_told_once() {
-    // Frame 2 where frame 1 belongs, and the other way round.
+    // The second frame is sent in the place of the first, and the first in the place of the second.
     let mut events = Events::flawless(5, CYCLES);
     let frames: Vec<Vec<u8>> = events
         .events

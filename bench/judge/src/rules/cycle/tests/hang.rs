@@ -1,10 +1,10 @@
 use super::*;
 
-/// HORUS's watchdog bites so long after a hang, ns.
+/// The time after a hang at which HORUS's watchdog bites, ns.
 const BITES: u64 = 83 * MS;
 
-/// HORUS stops at `at`, but for its timer, which goes on ticking, and what its front end is sending, which breaks off;
-/// its watchdog restarts it. With `told` the bench says that it had it hang then.
+/// Returns a run in which HORUS stops at `at` until its watchdog restarts it. Its timer goes on ticking, and the frame
+/// that its front end is sending breaks off. With `told`, the log states that the bench had HORUS hang then.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -39,7 +39,7 @@ fn what_a_horus_that_hangs_leaves_half_done_or_undone_is_not_blamed_and_otherwis
         {
             let at = tick(5) + after;
             assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
-            // The same restart, asked for: nobody says that it hung before that.
+            // The restart is asked for, and the log does not state that HORUS hung before it.
             let mut asked = hung(gps, at, None);
             for event in &mut asked.events {
                 if let What::Reset { asked, .. } = &mut event.what {
@@ -57,7 +57,7 @@ fn a_timer_that_stops_with_a_horus_that_hangs_is_not_blamed_and_one_that_ticks_w
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // Nor is it where the reset pin ends the hang, or the run.
+    // HORUS is not blamed either if the reset pin, or the end of the run, ends the hang.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);
@@ -75,12 +75,12 @@ fn what_was_missing_before_a_hang_is_told_although_a_watchdogs_reset_follows() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // No frame came in between that would have told it.
+    // No frame came in between that would have led to the report.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(7))]);
-    // A watchdog's reset that nobody asked for tells it.
+    // The report of a watchdog's reset that was not asked for covers the missing frames.
     let mut events = hung(3, at, None);
     events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
     events.without(|event| of(7)(event) && !is_tick(event));
@@ -116,7 +116,7 @@ fn what_a_horus_that_hangs_sends_is_judged() {
     assert_eq!(sent(|_| {}), []);
     assert_eq!(sent(|payload| payload[70] ^= 1), [Violation::SentInvalid]);
     assert_eq!(sent(|payload| *payload = stamped([60; 4])), [Violation::TimestampWrong]);
-    // A frame that nothing commanded, and a command after which none comes.
+    // These are a frame without a command, and a command without a frame.
     let mut events = hung(3, at, Some(at));
     events.frame(tick(7), &stamped([70; 4]));
     assert_eq!(broken(&events), [(Violation::FrameWithoutCommand, 1, end(3, 7) - COMMAND[0] - LATENCY)]);
@@ -132,7 +132,7 @@ fn a_horus_that_has_restarted_after_a_hang_is_blamed_again() {
     let first = at + BITES + 20 * MS;
     events.without(|event| (first + CYCLE..first + 2 * CYCLE).contains(&event.at) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, first + 2 * CYCLE)]);
-    // The DPR's hang excuses nothing of HORUS.
+    // A hang of the DPR excuses nothing that concerns HORUS.
     let mut events = Events::flawless(3, CYCLES);
     events.add(at, What::Hung { board: Board::Dpr }).without(|event| of(7)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(8))]);

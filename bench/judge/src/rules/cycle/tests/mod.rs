@@ -11,7 +11,7 @@ use crate::testing::{COMMAND, Events, FIRST_TICK, LATENCY, MS, found, header};
 const CYCLE: u64 = bounds::CYCLE;
 const CYCLES: u64 = 20;
 
-/// When the tick number `number`, from 1, comes in a flawless run.
+/// Returns when tick number `number`, from 1, comes in a flawless run, ns.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * CYCLE
 }
@@ -20,14 +20,14 @@ fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
     found(Cycle::new(&header(events.gps)), &events.log()).0
 }
 
-/// A flawless run of 20 cycles with `gps` receivers, changed.
+/// Returns what is broken in a flawless run of 20 cycles with `gps` receivers after `change` has changed it.
 fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     change(&mut events);
     broken(&events)
 }
 
-/// Whether an event is of cycle `number`: its tick, and what follows until the next.
+/// Returns whether an event belongs to cycle `number`: its tick, and what follows until the next tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }
@@ -44,7 +44,7 @@ fn is_sent(event: &Event) -> bool {
     matches!(event.what, What::Sent { .. })
 }
 
-/// Moves those events.
+/// Moves the events that `which` selects by `by` ns.
 fn shift(events: &mut Events, by: i64, which: impl Fn(&Event) -> bool) {
     for event in events.events.iter_mut().filter(|event| which(event)) {
         event.at = event.at.checked_add_signed(by).unwrap();
@@ -68,13 +68,13 @@ fn payload(events: &mut Events, number: u64, change: impl Fn(&mut Vec<u8>)) {
     }
 }
 
-/// When the last frame of cycle `number` ends.
+/// Returns when the last frame of cycle `number` ends, ns.
 fn end(gps: usize, number: u64) -> u64 {
     let events = Events::flawless(gps, number);
     events.events.iter().filter(|event| is_sent(event)).map(|event| event.at).max().unwrap()
 }
 
-/// The payload of a frame of three receivers, stamped as given: Reported-Position and each GPS object.
+/// Returns the payload of a frame of three receivers, with these timestamps of Reported-Position and each GPS object.
 fn stamped(stamps: [u32; 4]) -> Vec<u8> {
     let [reported, gps @ ..] = stamps;
     let gps = gps.map(crate::testing::silent_gps);

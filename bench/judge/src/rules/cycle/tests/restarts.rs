@@ -1,10 +1,10 @@
 use super::*;
 
-/// HORUS restarts at `at` while it runs, by `restart`; then it starts again and runs for nine cycles.
+/// Returns what is broken if `restart` restarts HORUS at `at` while it runs, and it then runs for nine cycles.
 fn restarted(gps: usize, at: u64, restart: impl Fn(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     events.without(|event| event.at > at && !is_sent(event));
-    // What its front end was sending it sends to the end.
+    // The front end sends the frame that is on the air to its end.
     events.without(|event| matches!(event.what, What::Sent { started, .. } if started > at));
     restart(&mut events);
     events.field(at + 4 * MS + 7, false).field(at + 6 * MS, true).cycles(at + 20 * MS, 9);

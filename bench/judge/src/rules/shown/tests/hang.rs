@@ -1,10 +1,10 @@
-//! A DPR that hangs: what may stay, and what must not.
+//! Tests a DPR that hangs: which data may stay, and which must not.
 
 use super::super::synthetic::{Air, Image, MS, Run, US};
 use super::{RECEIVERS, hide};
 use crate::{Board, Event, Violation, What, bounds};
 
-/// A run in which the DPR makes nothing new from `at` on, and its watchdog bites 80 ms later.
+/// Returns a run in which the DPR publishes nothing new from `at` on and its watchdog bites 80 ms later.
 fn stopped(n: usize, at: u64) -> Run {
     Run {
         cycles: 80,
@@ -13,12 +13,12 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// It makes nothing new; what it has made expires.
+/// Returns an edit by which the DPR publishes nothing new, so that what it has published expires.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
 
-/// The bench says that it had it hang at `at`.
+/// Adds to a run the event that the bench had the DPR hang at `at`.
 fn told(mut run: Run, at: u64) -> Run {
     run.extra.push(Event { at, what: What::Hung { board: Board::Dpr } });
     run
@@ -33,7 +33,7 @@ fn what_a_dpr_that_hangs_does_not_show_and_does_not_take_away_is_not_blamed_and_
             assert_eq!(told(stopped(n, at), at).broken(silent(at)), [], "{n} receivers, {after}");
             let blamed = stopped(n, at).broken(silent(at));
             assert!(blamed.contains(&Violation::NotShown), "{n} receivers, {after}: {blamed:?}");
-            // HORUS's hang excuses nothing of the DPR.
+            // A hang of HORUS excuses nothing that concerns the DPR.
             let mut other = stopped(n, at);
             other.extra.push(Event { at, what: What::Hung { board: Board::Horus } });
             assert_eq!(other.broken(silent(at)), blamed);
@@ -109,7 +109,7 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 
 #[test]
 fn what_a_frame_would_have_taken_out_again_may_stay_if_the_dpr_hung_before_that() {
-    // Of one receiver, whose frame comes twice in its cycle.
+    // The run has one receiver, and a frame of one of its cycles arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);
     let repeated = run.end(cycle) + after;

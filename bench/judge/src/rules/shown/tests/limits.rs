@@ -1,4 +1,4 @@
-//! Where the rule begins to ask and where it ceases to: each limit from both sides.
+//! Tests the limits within which the rule requires something, each from both sides.
 
 use super::super::Shown;
 use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
@@ -45,7 +45,7 @@ fn an_image_may_be_taken_away_when_a_bit_of_the_images_was_hit_but_for_what_had_
     }
 }
 
-/// The log of a run with one transaction, which took so long, ns, and read an object that HORUS never sent.
+/// Returns the violations of a run with one transaction, which took `took` ns and read an object that HORUS never sent.
 fn forged_in(took: u64) -> Vec<Violation> {
     let run = Run { cycles: 200, ..Run::new(3) };
     let run = Run { only: Some(run.end(20) + MS), ..run };
@@ -81,8 +81,9 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
     }
 }
 
-/// A flight controller in another mode samples MISO half a clock early, so its first bit of a busy DPR is that of the
-/// line before the transfer. Without that bit it is judged as a DPR that hides the cycle; with it, that is damage.
+/// A flight controller in another SPI mode samples MISO half a clock early, so that the first bit that it reads from a
+/// busy DPR is that of the line before the transfer. Without that bit the reading is judged as that of a DPR that hides
+/// the cycle; with that bit it counts as damage.
 #[test]
 fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
     for n in RECEIVERS {
@@ -192,7 +193,7 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
             empty.places.iter_mut().for_each(|place| place.fill(0));
             images.insert(place + 1, empty);
         };
-        // Its Link-Status is that of the image before, which is another rule's.
+        // The Link-Status of this image is that of the image before, which another rule judges.
         let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
         assert!(!is_missed(4 * MS));
         assert!(is_missed(0));
@@ -211,7 +212,7 @@ fn a_second_frame_is_of_the_same_cycle_within_2_and_a_half_ms_and_nothing_is_ask
             }
         };
         assert_eq!(run.broken(without) == [Violation::Vacant], must, "{by}");
-        // An image of what was waiting for it may go out first.
+        // An image without the second frame may be published first.
         let shown = run.broken(show(&run, run.end(20) + (by + 60) * US, 20, 3..=5));
         assert_eq!(shown == [Violation::ShownOutOfSequence], never, "{by}: {shown:?}");
     }
@@ -237,7 +238,8 @@ fn what_is_told_says_when() {
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
 
-/// The log of a run, the frame of cycle 20 as it was heard for `edit` to change, and images that hide that cycle.
+/// Returns the violations of a run in which `edit` changes the frame of cycle 20 as it arrived, and the images hide
+/// that cycle.
 fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
     let mut log = run.log(hide(200));
     let at = run.end(20);
@@ -285,7 +287,7 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
     let mut run =
         Run { cycles: 80, dpr_start: Some((300 * MS, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     run.assert_flawless();
-    // Cycle 38 is sent 400 ms after power-on, and the sequence is found by the three after it at the latest.
+    // Cycle 38 is sent 400 ms after power-on, and the three cycles after it find the sequence at the latest.
     let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);
     assert_eq!(first, Some(41));
     run.dpr_start = None;
@@ -295,7 +297,7 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
 #[test]
 fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
     let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
-    // It is brought up again by then: between the two frames of cycle 70.
+    // The front end is brought up again by an instant between the two frames of cycle 70.
     let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
     let fault = injected(deaf, run.tick(70) + 2 * MS - bounds::FRONT_END_RECOVERY);
     run.extra.push(Event { at: 200 * MS, what: fault });
@@ -304,7 +306,8 @@ fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
 
 #[test]
 fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() {
-    // Its DPR has heard nothing of cycle 20. What was there was torn and came 5 ms late.
+    // The model of the DPR receives nothing of cycle 20. The frame that reached the antenna broke off and came 5 ms
+    // late.
     let missed = Run::new(3).hit_all([20], &Air::Lost);
     let mut log = missed.log(|_| {});
     let at = missed.end(20) + 5 * MS;
@@ -323,7 +326,8 @@ fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() 
 fn a_dpr_that_may_have_missed_a_frame_that_came_again_may_go_on_in_sequence() {
     for hit in [true, false] {
         let run = Run::new(1);
-        // It begins while the front end is being brought up, which is over when the next cycle's does.
+        // The repeated frame begins while the front end is being brought up, which ends as the next cycle's frame
+        // begins.
         let again = run.end(20) + MS;
         let mut log = run.log(|_| {});
         let repeated = log.events.iter().find_map(|event| match &event.what {

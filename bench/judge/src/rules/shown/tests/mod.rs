@@ -6,14 +6,14 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// Each number of receivers that makes a difference.
+/// The numbers of receivers for which the rule differs.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
 fn a_flawless_run_breaks_nothing() {
     for n in RECEIVERS {
         let verdict = Run::new(n).assert_flawless();
-        // Of those before the sequence was found none is shown.
+        // No cycle from before the sequence was found is shown.
         assert_eq!(verdict.figures.valid_cycles, 37, "{n} receivers");
         assert_eq!(verdict.figures.faults.invalid_shown_valid, 0);
     }
@@ -46,7 +46,7 @@ fn whatever_the_air_does_to_frames_a_dpr_that_does_right_breaks_nothing() {
                 Run::new(n).hit(20, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit(20, frame, hit.clone()).hit(22, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit_all(20..23, &hit).assert_flawless();
-                // While the sequence is searched for.
+                // The same effects are tried while the sequence is searched for.
                 Run::new(n).hit_all(9..=35, &Air::Lost).hit(37, frame, hit.clone()).assert_flawless();
             }
         }
@@ -96,7 +96,7 @@ fn a_frozen_horus_breaks_nothing() {
     }
 }
 
-/// Images that show this timestamp show nothing.
+/// Returns an edit that removes the objects of the images with this timestamp.
 fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         for image in images.iter_mut().filter(|image| image.timestamp() == Some(timestamp)) {
@@ -105,7 +105,7 @@ fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     }
 }
 
-/// The first image published from `at` on shows these objects of a profile.
+/// Returns an edit by which the first image published from `at` on shows these objects of a cycle's profile.
 fn show(run: &Run, at: u64, cycle: u32, objects: impl IntoIterator<Item = usize> + Clone) -> impl Fn(&mut Vec<Image>) {
     let (profile, layout) = (run.profile(cycle), run.layout());
     move |images| {
@@ -140,7 +140,7 @@ fn a_window_without_the_objects_is_not_asked_for_them() {
 
 #[test]
 fn a_cycle_is_asked_for_from_its_readiness_to_the_next_frame_or_the_deadline() {
-    // A single transaction so much after the last bit.
+    // The run has a single transaction, `after` ns after the last bit.
     for (after, expected) in [(99_999, false), (100_000, true), (9_999_999, true), (10_000_000, false)] {
         let mut run = Run { cycles: 25, ..Run::new(3) };
         run.only = Some(run.end(20) + after);
@@ -154,7 +154,7 @@ fn a_cycle_is_asked_for_from_its_readiness_to_the_next_frame_or_the_deadline() {
         let expected: &[Violation] = if expected { &[Violation::NotShown] } else { &[] };
         assert_eq!(run.broken(hide(200)), expected, "{after} ns");
     }
-    // Of two frames the second may be missing.
+    // The second of a cycle's two frames may be missing.
     let ready = 3_802_000 + 3_000 + 7_000_000 + 100_000;
     for (after, expected) in [(ready - 1, false), (ready, true)] {
         let mut run = Run { cycles: 25, ..Run::new(5) }.hit(20, 1, Air::Lost);
@@ -183,7 +183,7 @@ fn an_object_that_is_missing_where_its_cycle_is_shown_is_vacant() {
                     image.places[index].fill(with);
                 };
                 assert_eq!(run.broken(vacate), [Violation::Vacant], "{n} receivers, object {index}");
-                // Not if it was hit.
+                // An object that was hit on the air may be vacant.
                 let hit = run.clone().hit(20, usize::from(n == 5 && index > 2), Air::Hit(vec![index]));
                 let verdict = hit.assert_flawless();
                 assert_eq!(verdict.figures.valid_cycles, if index == 0 { 36 } else { 37 });
@@ -220,7 +220,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // Of a cycle of 10 ms each transaction of 2 ms.
+            // Each transaction within the cycle of 10 ms counts, one every 2 ms.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
@@ -231,7 +231,7 @@ fn what_is_not_in_sequence_or_never_came_is_shown_out_of_sequence() {
     for n in RECEIVERS {
         let lost = Run::new(n).hit_all([20], &Air::Lost);
         assert_eq!(lost.broken(show(&lost, lost.tick(21) - US, 20, 0..=n)), [Violation::ShownOutOfSequence]);
-        // A step of 31 cycles loses the sequence: the cycles 40 to 42 find it again, 43 is shown.
+        // A step of 31 cycles loses the sequence. Cycles 40 to 42 find it again, and cycle 43 is shown.
         let mut search = Run::new(n).hit_all(10..40, &Air::Lost);
         search.cycles = 60;
         search.assert_flawless();
@@ -266,7 +266,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // What the repeated frame, or its missing second, publishes.
+            // The change concerns the images that follow the repeated frame, or its missing second frame.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
@@ -297,7 +297,7 @@ fn data_that_stay_past_the_deadline_are_stale_and_past_25_ms_expired() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // Also if it is longer than anybody remembers what was heard.
+        // The verdict is the same if the silence lasts longer than the judge remembers frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -372,7 +372,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The model's DPR has not heard what was there.
+    // The model of the DPR has not received the frames that were at the antenna.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
@@ -389,23 +389,23 @@ fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it
         run.verdict(|_| {}).figures.faults.max_recovery_cycles
     };
     assert_eq!(with(vec![], 0..0), None);
-    // The frame of cycle 20 begins at 220.34 ms and is readable at 225.228 ms, the first transaction after is at 226
-    // ms.
+    // The frame of cycle 20 begins at 220.34 ms and is readable at 225.228 ms. The first transaction after that is at
+    // 226 ms.
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 216 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(200 * MS, 215_999 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220_400 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 20..25), Some(6));
-    // Overlapping, and one after the other.
+    // The first two faults overlap, and the next two follow each other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
-    // What ends in the last 400 ms of the run is not measured, nor what never ends.
+    // A fault that ends in the last 400 ms of the run, or never, is not measured.
     let end = Run { cycles: 120, ..Run::new(3) }.tick(121) + 300 * MS;
     assert_eq!(with(vec![fault(end - 400 * MS, end - 400 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX), fault(210 * MS, 220 * MS)], 0..0), Some(1));
-    // What does not recover has not by the end.
+    // If the link does not recover, the time counts until the end of the run.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));
 }
 
@@ -418,7 +418,7 @@ fn a_start_of_a_board_is_a_cause_and_the_first_of_all_is_none() {
     };
     assert_eq!(with(vec![power(0, Board::Dpr, true)]), None);
     let off = power(200 * MS, Board::Horus, false);
-    // The frame of cycle 22 is the first to begin after that.
+    // The frame of cycle 22 is the first to begin after the supply came back.
     assert_eq!(with(vec![off.clone(), power(235 * MS, Board::Horus, true)]), Some(2));
     assert_eq!(with(vec![off]), None, "it never comes back");
     let reset = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
@@ -429,7 +429,7 @@ fn a_start_of_a_board_is_a_cause_and_the_first_of_all_is_none() {
 fn the_last_valid_position_is_told_and_from_when_on_there_was_none() {
     let mut run = Run::new(3);
     let end = run.end(40);
-    // Gone at the deadline, which is published 12.55 ms after the last bit.
+    // The position is gone at the deadline, whose image is published 12.55 ms after the last bit.
     let invalid = run.assert_flawless().figures.invalid_since_ns.unwrap();
     assert!((end + 12_550 * US..end + 14_550 * US).contains(&invalid), "{invalid}");
     run.only = Some(end + MS);
@@ -440,9 +440,9 @@ fn the_last_valid_position_is_told_and_from_when_on_there_was_none() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // Some that a judge of less doubt took for violations, and some that nobody chose.
+    // The first seeds are ones that a less careful judge took for violations; the others were not chosen.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
-        // A linear congruential generator (Knuth, MMIX).
+        // This is a linear congruential generator (Knuth, MMIX).
         let mut state = seed;
         let mut draw = |below: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
