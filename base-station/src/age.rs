@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_is_over_with_the_sample_at_its_end_and_2_percent_are_plausible() {
+    fn a_clock_off_by_just_2_percent_is_plausible() {
         // The value is the lag of HORUS's clock behind the station's in each of two windows, ms; 2 % are 600 ms.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn crystals_may_drift_apart_for_hours_and_without_a_crystal_by_2_percent() {
+    fn drift_within_tolerance_makes_no_sample_old() {
         for (ppm, crystal) in [(190, true), (-190, true), (19_000, false), (-19_000, false)] {
             let mut ages = Ages::default();
             for cycle in 0..720_000_u32 {
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_wrong_by_more_than_2_percent_is_found_within_two_windows_and_forgiven_later() {
+    fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
         for sign in [1, -1] {
             let mut ages = Ages::default();
             let mut at = 0;

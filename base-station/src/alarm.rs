@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_and_words_are_different_for_each_alarm_and_the_gravest_come_first() {
+    fn each_alarm_has_its_own_code_and_its_own_words() {
         let codes: std::collections::BTreeSet<_> = Alarm::ALL.iter().map(|alarm| alarm.code()).collect();
         let words: std::collections::BTreeSet<_> = Alarm::ALL.iter().map(|alarm| alarm.words()).collect();
         assert_eq!((codes.len(), words.len()), (Alarm::ALL.len(), Alarm::ALL.len()));

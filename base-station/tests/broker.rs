@@ -185,7 +185,7 @@ fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>
 }
 
 #[test]
-fn a_page_fed_by_the_broker_alone_shows_both_stations_drones_and_does_again_after_the_broker_restarts() {
+fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let folder = std::env::temp_dir().join(format!("horus-base-broker-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let port = free_port();
@@ -315,7 +315,7 @@ fn certificate(folder: &Path, authority: &CertifiedIssuer<'_, KeyPair>, name: &s
 }
 
 #[test]
-fn over_tls_only_who_is_known_for_certain_is_spoken_to_and_what_is_wrong_is_said() {
+fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let folder = std::env::temp_dir().join(format!("horus-base-tls-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let ours = authority(&folder, "ours");

@@ -333,7 +333,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
 }
 
 #[test]
-fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_they_are() {
+fn the_page_marks_data_as_old_within_half_a_second() {
     let _alone = alone();
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
@@ -393,7 +393,7 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
 }
 
 #[test]
-fn a_page_says_that_its_station_is_gone_and_comes_back_by_itself() {
+fn a_page_that_lost_its_station_reconnects_by_itself() {
     let _alone = alone();
     let Some(mut tab) = tab("reconnect") else { return };
     let mut scene = Scene::begin();
@@ -448,7 +448,7 @@ fn a_page_that_is_opened_late_shows_the_last_minutes() {
 }
 
 #[test]
-fn the_page_is_readable_on_a_desk_and_on_a_phone_in_light_and_in_dark() {
+fn the_page_is_readable_on_each_screen_in_light_and_dark() {
     let _alone = alone();
     let Some(mut tab) = tab("looks") else { return };
     let mut scene = Scene::begin();
@@ -819,7 +819,7 @@ fn more_tabs_than_a_browser_has_connections_show_the_drone() {
 }
 
 #[test]
-fn a_new_critical_alarm_sounds_until_it_is_acknowledged_and_stays_in_the_list() {
+fn a_new_critical_alarm_sounds_until_it_is_acknowledged() {
     let _alone = alone();
     let Some(mut tab) = tab("acknowledge") else { return };
     let mut scene = Scene::begin();
@@ -857,7 +857,7 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged_and_stays_in_the_list() 
 }
 
 #[test]
-fn an_uplink_from_the_page_is_said_to_be_sent_and_then_written() {
+fn the_page_shows_an_uplink_as_sent_and_then_as_written() {
     let _alone = alone();
     let Some(mut tab) = tab("uplink") else { return };
     let key = Key::new([3; 32]);
@@ -966,7 +966,7 @@ fn record(path: PathBuf, seconds: u32) -> Recording {
 }
 
 #[test]
-fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does() {
+fn a_playback_can_be_controlled_by_keyboard_alone() {
     let _alone = alone();
     let Some(mut tab) = tab("playback") else { return };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("playback");

@@ -41,7 +41,7 @@ fn uplinks_need_a_key_and_a_heartbeat_is_asked_for() {
 }
 
 #[test]
-fn a_page_for_other_machines_needs_a_login_or_the_word_that_it_is_open() {
+fn a_page_for_other_machines_requires_a_login_or_explicit_consent() {
     let udp = ["serve", "--udp", "127.0.0.1:0", "--seconds", "0"];
     let on = |more: &[&str]| run(&[&udp[..], more].concat());
     let (began, said) = on(&["--http", "0.0.0.0:0"]);

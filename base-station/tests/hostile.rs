@@ -182,7 +182,7 @@ fn write_one(stream: &mut TcpStream) -> Result<(), ErrorKind> {
 }
 
 #[test]
-fn a_thousand_connections_are_held_to_their_limit_and_their_places_are_free_again() {
+fn the_page_answers_again_after_a_thousand_idle_connections() {
     let page = Page::start(LIMITS);
     while !page.answers() {}
     let watcher = Watcher::start(&page);

@@ -47,7 +47,7 @@ fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
 }
 
 #[test]
-fn a_recorder_that_is_killed_has_lost_less_than_a_second_and_the_file_is_whole_until_then() {
+fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let folder = folder("killed");
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
@@ -73,7 +73,7 @@ fn a_recorder_that_is_killed_has_lost_less_than_a_second_and_the_file_is_whole_u
 }
 
 #[test]
-fn a_disk_that_is_full_is_told_and_what_was_written_before_is_readable() {
+fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
     // The parts have at most 128 KiB, in units of 512 bytes: about two chunks, each of half a second.

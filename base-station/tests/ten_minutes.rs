@@ -136,7 +136,7 @@ impl Judge {
 }
 
 #[test]
-fn over_mavlink_nothing_is_shown_that_was_not_sent_and_nothing_refused_that_arrived_whole() {
+fn over_mavlink_exactly_the_intact_objects_are_accepted() {
     let (messages, sent) = flight(1, true);
     let mut judge = Judge { fleet: Fleet::default(), sent, new: 0, refused: 0, newest: 0 };
     let mut receiver = Receiver::default();
@@ -155,7 +155,7 @@ fn over_mavlink_nothing_is_shown_that_was_not_sent_and_nothing_refused_that_arri
 }
 
 #[test]
-fn as_datagrams_nothing_is_shown_that_was_not_sent_and_nothing_refused_that_arrived_whole() {
+fn as_datagrams_exactly_the_intact_objects_are_accepted() {
     let (messages, sent) = flight(2, false);
     let mut judge = Judge { fleet: Fleet::default(), sent, new: 0, refused: 0, newest: 0 };
     for message in messages.iter().filter(|message| !message.foreign) {

@@ -189,7 +189,7 @@ impl Upstream<Horus> for Antenna {
 }
 
 #[test]
-fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_afterwards() {
+fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };

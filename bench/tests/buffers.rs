@@ -46,7 +46,7 @@ fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
 }
 
 #[test]
-fn a_bit_that_is_stuck_at_either_value_is_found_by_a_scrub_and_no_other_bit_is() {
+fn a_scrub_finds_a_bit_stuck_at_either_value() {
     for buffers in [Buffers::Receive, Buffers::Image] {
         for value in [false, true] {
             let stuck = Fault::Buffer(BufferFault::Stuck(buffers, value, 1_234));
@@ -61,7 +61,7 @@ fn a_bit_that_is_stuck_at_either_value_is_found_by_a_scrub_and_no_other_bit_is()
 
 /// Where a frame's length cannot be read while it arrives, the whole frame is read and verified after its last bit.
 #[test]
-fn a_bit_that_is_stuck_in_the_length_of_a_frame_makes_it_late_and_violates_nothing() {
+fn a_bit_stuck_in_a_frames_length_only_makes_it_late() {
     let mut late = 0;
     for buffer in 0..RECEIVE_BUFFERS as u64 {
         let length = 8 * (buffer * 4 * RECEIVE_WORDS as u64 + LEAD as u64);

@@ -26,7 +26,7 @@ const FIELD_OFF: u64 = 100 * US;
 const BITE: u64 = 200 * MS;
 
 #[test]
-fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accepted() {
+fn the_dpr_accepts_what_horus_sends_without_a_crystal() {
     for hsi_ppb in [0, 10_000_000, -10_000_000] {
         let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
         let (Some(a), Some(b)) = (boards::horus_on(oscillators), boards::dpr()) else { return };
@@ -182,7 +182,7 @@ impl Transmitter {
 /// The failure comes at several phases of the cycle: while a profile is sealed, loaded, on the air, and in the silence
 /// after it.
 #[test]
-fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_without_it() {
+fn a_clock_that_fails_switches_the_field_off_at_once() {
     let mut worst = 0;
     for phase in [20 * US, 90 * US, 250 * US, 2_000 * US, 7_000 * US] {
         let Some(mut horus) = Transmitter::new() else { return };

@@ -211,7 +211,7 @@ fn vector_catch_halts_the_core_at_its_reset() {
 }
 
 #[test]
-fn flash_is_programmed_through_its_controller_and_is_there_when_the_board_is_switched_on_again() {
+fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     const KEYR: u32 = 0x4002_3C04;
     const SR: u32 = 0x4002_3C0C;
     const CR: u32 = 0x4002_3C10;
@@ -253,7 +253,7 @@ fn a_bit_that_sticks_survives_erasing_and_programming() {
 }
 
 #[test]
-fn a_new_nrf52840_is_locked_and_erasing_opens_it_until_the_next_power_on() {
+fn erasing_opens_a_new_nrf52840_until_the_next_power_on() {
     let mut tool = Tool::connected(Desk::Dpr);
     assert_eq!(tool.access(0, 0xFC), 0, "no memory access port");
     assert_eq!(tool.access(1, 0xFC), 0x0288_0000, "CTRL-AP");
@@ -279,7 +279,7 @@ fn a_new_nrf52840_is_locked_and_erasing_opens_it_until_the_next_power_on() {
 }
 
 #[test]
-fn an_nrf52840_with_no_firmware_that_opens_the_port_is_locked_whatever_uicr_says() {
+fn an_nrf52840_stays_locked_unless_its_firmware_opens_the_port() {
     const NVMC_CONFIG: u32 = 0x4001_E504;
     let mut tool = Tool::connected(Desk::Dpr);
     tool.write_access(1, 0x04, 1);
@@ -297,7 +297,7 @@ fn an_nrf52840_with_no_firmware_that_opens_the_port_is_locked_whatever_uicr_says
 }
 
 #[test]
-fn without_a_debugger_a_new_nrf52840_locks_up_and_resets_again_and_again_and_with_one_it_stays() {
+fn an_nrf52840_that_locks_up_is_not_reset_under_a_debugger() {
     let mut tool = Tool::connected(Desk::Dpr);
     tool.write_access(1, 0x04, 1);
     tool.0.pass(170 * MS);
@@ -325,7 +325,7 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 }
 
 #[test]
-fn an_nrf52840s_pin_reset_resets_its_debug_registers_and_a_soft_reset_does_not() {
+fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
     // A pin reset locks the part, so it must be erased again before it can be inspected.
     let erase = |tool: &mut Tool| {
         tool.write_access(1, 0x04, 1);
@@ -358,7 +358,7 @@ fn an_nrf52840s_pin_reset_resets_its_debug_registers_and_a_soft_reset_does_not()
 }
 
 #[test]
-fn an_nrf52840s_watchdog_goes_on_through_a_soft_reset_pauses_with_the_halted_core_and_bites_when_it_runs() {
+fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     const WDT: u32 = 0x4001_0000;
     let mut tool = Tool::connected(Desk::Dpr);
     tool.write_access(1, 0x04, 1);

@@ -129,7 +129,7 @@ fn a_dpr_whose_crystal_is_dead_stops_by_name() {
 // ---- the SSI
 
 #[test]
-fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_violates_nothing() {
+fn an_undriven_mosi_reads_the_image_and_violates_nothing() {
     let Some(mut node) = boards::dpr() else { return };
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
@@ -161,7 +161,7 @@ fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_vio
 }
 
 #[test]
-fn a_busy_dpr_does_not_hear_a_request_and_goes_on_showing_the_window_that_it_was_asked_for_before() {
+fn a_busy_dpr_keeps_its_window_and_ignores_a_request() {
     let Some(mut node) = boards::dpr() else { return };
     pass(&mut node, 50 * MS);
     let whole = layout().image_len();
@@ -224,7 +224,7 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
 const UICR_APPROTECT: u64 = 0x1000_1208;
 
 #[test]
-fn the_debug_port_of_a_revision_3_part_is_opened_where_uicr_allows_it_and_an_older_part_is_left_alone() {
+fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
     for (build_code, uicr, opened) in
         [(*b"AAF0", 0x5A, true), (*b"AAF0", 0xFFFF_FFFF, false), (*b"AAF0", 0, false), (*b"AAD0", 0x5A, false)]
     {

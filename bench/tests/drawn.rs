@@ -93,7 +93,7 @@ fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
 
 /// Boards hang, alone and together with every disturbance of the DPR, with each number of receivers and on each clock.
 #[test]
-fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_recovers() {
+fn the_link_recovers_from_drawn_hangs_without_a_violation() {
     let among = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Hang];
     for (clock, gps, kinds, seed) in [
         (Clock::Fast, 3, &[Kind::Hang][..], 1),

@@ -123,7 +123,7 @@ fn horus_restarts_when_a_task_dies_or_hangs_and_sends_again() {
 }
 
 #[test]
-fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_back() {
+fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
     for (vector, task) in HORUS_TASKS {
         let Some(mut horus) = transmitter() else { return };
         horus.run_for(STARTS);
@@ -177,7 +177,7 @@ fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
 }
 
 #[test]
-fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted_it() {
+fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
     for (vector, task) in DPR_TASKS {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
@@ -389,7 +389,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 }
 
 #[test]
-fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
+fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
         // Each damage comes at another phase of HORUS's cycle, and late enough that ten valid images were read before.
@@ -417,7 +417,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 }
 
 #[test]
-fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_is_right_again() {
+fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
     // The vector is the window watchdog's, interrupt 0.
     let address = unused_vector(0x0800_0000, 0);
@@ -436,7 +436,7 @@ fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_
 }
 
 #[test]
-fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_until_it_is_right_again() {
+fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut dpr) = boards::dpr() else { return };
     // The vector is the radio's, interrupt 1.
     let address = unused_vector(0, 1);
@@ -463,7 +463,7 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
 // ---- tests without images
 
 #[test]
-fn a_test_without_its_images_fails_where_ci_runs_and_says_elsewhere_that_it_did_not_run() {
+fn a_test_without_its_images_fails_only_where_ci_runs() {
     let words = "not run: there is no image (build it)".to_owned();
     assert_eq!(boards::verdict(true, "there is no image", "build it"), Err(words.clone()));
     assert_eq!(boards::verdict(false, "there is no image", "build it"), Ok(words));

@@ -185,7 +185,7 @@ fn finished<O>(ended: Ended<O>) -> O {
 }
 
 #[test]
-fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock() {
+fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
     for clock in [Clock::Fast, Clock::Optimistic, Clock::Pessimistic] {
         let Some(setup) = setup(clock) else { return };
         let without = sim::run(&setup, &mut ()).unwrap();
@@ -248,7 +248,7 @@ fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock
 }
 
 #[test]
-fn a_debugger_at_horus_holds_the_dpr_too_and_leaves_the_run_as_it_is() {
+fn a_debugger_at_horus_leaves_the_run_of_the_link_unchanged() {
     let Some(setup) = setup(Clock::Fast) else { return };
     let without = sim::run(&setup, &mut ()).unwrap();
     let (tick, _) = symbol(&setup.images.horus, "TIM2");
@@ -340,7 +340,7 @@ fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
 }
 
 #[test]
-fn a_debugger_at_a_board_that_is_alone_leaves_its_run_as_it_is_on_every_clock() {
+fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
     for clock in [Clock::Fast, Clock::Optimistic, Clock::Pessimistic] {
         dpr_alone(clock, |alone, path| {
             let (mut seen_without, mut seen_with) = (vec![], vec![]);
@@ -374,7 +374,7 @@ fn a_debugger_at_a_board_that_is_alone_leaves_its_run_as_it_is_on_every_clock() 
 }
 
 #[test]
-fn a_board_that_is_alone_is_reset_halts_where_its_firmware_ends_and_tells_its_status() {
+fn a_board_alone_halts_where_its_firmware_ends() {
     dpr_alone(Clock::Fast, |alone, path| {
         let commit = commit(path);
         let script = |gdb: &Client| {

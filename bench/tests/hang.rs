@@ -64,7 +64,7 @@ fn run_to(node: &mut Node<Player>, to: u64) {
 }
 
 #[test]
-fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites_and_is_not_awake_meanwhile() {
+fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites() {
     let mut node = counting();
     run_to(&mut node, 200 * MS);
     assert_eq!((node.word(u64::from(COUNTER)), node.resets()), (Some(19), &[][..]), "it feeds its watchdog");
@@ -107,7 +107,7 @@ fn a_hang_gives_the_same_state_however_the_time_is_cut() {
 }
 
 #[test]
-fn a_part_that_is_reset_for_another_reason_or_loses_its_supply_hangs_no_longer() {
+fn a_hang_ends_with_any_reset_or_loss_of_supply() {
     for why in [FromOutside::Pin, FromOutside::BrownOut, FromOutside::SoftReset, FromOutside::PowerOn(1)] {
         let mut node = counting();
         run_to(&mut node, 50 * MS);
@@ -129,7 +129,7 @@ fn a_part_that_is_reset_for_another_reason_or_loses_its_supply_hangs_no_longer()
 }
 
 #[test]
-fn an_nrf52840_that_hangs_says_after_its_watchdogs_reset_that_it_was_that() {
+fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
     let mut main = Thumb::at(0x400);
     // The watchdog takes 100 ms at 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1);
@@ -254,7 +254,7 @@ fn hang(faults: Faults, at: u64, board: Board) -> Faults {
 }
 
 #[test]
-fn each_board_that_hangs_and_both_are_restarted_by_their_watchdogs_and_the_link_is_well_again_within_15_cycles() {
+fn the_link_recovers_from_any_hang_within_15_cycles() {
     for clock in CLOCKS {
         for (nth, boards) in [&BOARDS[..1], &BOARDS[1..], &BOARDS].into_iter().enumerate() {
             let at = BEGINS + 1_300 * US * nth as u64;
@@ -301,7 +301,7 @@ fn no_task_of_a_board_that_does_not_run_is_dead() {
 }
 
 #[test]
-fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() {
+fn a_dead_task_makes_the_watchdog_bite_and_the_link_recovers() {
     let mut wrong = vec![];
     for board in BOARDS {
         for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
@@ -330,7 +330,7 @@ fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() 
 }
 
 #[test]
-fn a_dead_task_beside_any_flight_controller_ends_in_a_restart_in_time() {
+fn a_dead_task_ends_in_a_restart_beside_any_flight_controller() {
     for (nth, conduct) in (0..).zip(Conduct::ALL) {
         let at = BEGINS + 370 * US * nth;
         let dead = Fault::DeadTask(Board::Dpr, 2 + (nth % 3) as u8);
@@ -433,7 +433,7 @@ fn forgetful_sag() -> u64 {
 }
 
 #[test]
-fn power_on_forgets_who_is_excluded_also_if_its_start_is_cut_off() {
+fn power_on_clears_the_exclusions_even_if_its_start_is_cut_off() {
     let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
     let (shape, from) = (forgetful_sag(), BEGINS + 300 * MS);
     let to = from + power::sag_length(shape);
@@ -464,7 +464,7 @@ fn power_on_forgets_who_is_excluded_also_if_its_start_is_cut_off() {
 }
 
 #[test]
-fn a_run_with_hangs_is_the_same_on_one_thread_and_on_two() {
+fn a_run_with_hangs_does_not_depend_on_the_number_of_threads() {
     let faults = hang(hang(Faults::none(), BEGINS, Board::Horus), BEGINS + 7 * MS, Board::Dpr);
     let Some(setup) = setup(faults, BEGINS + AFTER) else { return };
     let on = |threads| {
@@ -477,7 +477,7 @@ fn a_run_with_hangs_is_the_same_on_one_thread_and_on_two() {
 }
 
 #[test]
-fn a_board_that_hangs_is_also_restarted_by_its_pin_and_by_its_supply() {
+fn a_board_that_hangs_is_also_restarted_by_its_pin_or_supply() {
     for board in BOARDS {
         for power in [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Off(3)] {
             let at = BEGINS + 20 * MS;
@@ -508,7 +508,7 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
 /// Wherever in the publication of an image the DPR hangs, no expired data are read from it: the flight controller
 /// waits, and reads just after that image has expired.
 #[test]
-fn wherever_the_dpr_hangs_while_it_puts_an_image_in_nothing_expired_is_read() {
+fn nothing_expired_is_read_if_the_dpr_hangs_during_a_publication() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };
     let mut bench: Bench = Bench::new(&setup).unwrap();
     bench.keep_log();

@@ -136,7 +136,7 @@ const LINES: [(ReceiverFault, Arrived); 14] = [
 ];
 
 #[test]
-fn every_fault_of_a_receiver_arrives_at_horus_leaves_the_others_alone_and_ends() {
+fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
     let Some(mut healthy) = Fed::new() else { return };
     healthy.run_to(105 * MS);
     let ten = Counts { bytes: 1_000, messages: 10, ..Counts::default() };
@@ -197,7 +197,7 @@ fn causes<B: Board>(node: &Node<B>) -> Vec<Reset> {
 }
 
 #[test]
-fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
+fn horus_without_supply_is_off_the_air_until_it_starts_again() {
     let Some(mut node) = boards::horus() else { return };
     into_a_frame(&mut node);
     PowerFault::Off(1).begin(&mut node);
@@ -212,7 +212,7 @@ fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
 }
 
 #[test]
-fn the_dpr_without_supply_has_no_front_end_and_starts_again_when_it_is_back() {
+fn the_dpr_without_supply_has_no_front_end_until_it_starts_again() {
     let Some(mut node) = boards::dpr() else { return };
     node.advance(50 * MS);
     assert!(node.board().front_end.chip().is_powered());
@@ -243,7 +243,7 @@ fn ram_comes_up_with_noise_that_follows_from_the_seed() {
 }
 
 #[test]
-fn a_pin_and_a_brown_out_restart_a_board_at_once_and_leave_ram_and_front_end_as_they_were() {
+fn a_pin_reset_and_a_brown_out_keep_ram_and_field() {
     for (fault, cause) in [(PowerFault::Pin, Reset::Pin), (PowerFault::BrownOut, Reset::BrownOut)] {
         let Some(mut node) = boards::horus() else { return };
         emitted(&mut node, 55 * MS);
@@ -276,7 +276,7 @@ fn horus_finds_its_front_end_again_after_that_was_without_supply() {
 }
 
 #[test]
-fn a_front_end_whose_fault_ends_while_its_board_is_off_stays_off() {
+fn a_front_end_stays_off_without_supply_when_its_fault_ends() {
     let Some(mut node) = boards::dpr() else { return };
     node.advance(20 * MS);
     PowerFault::FrontEndOff.begin(&mut node);
@@ -302,7 +302,7 @@ fn a_variable_is_overwritten_by_its_symbol_and_mended() {
 }
 
 #[test]
-fn a_variable_or_handler_that_the_image_lacks_is_refused_by_its_name() {
+fn a_symbol_that_the_image_lacks_is_refused_by_its_name() {
     let Some(mut node) = boards::horus() else { return };
     let refused = |fault: ImageFault, node: &mut Node<Horus>| match fault.apply(node) {
         Err(Error::NoSymbol { symbol, .. }) => symbol,
@@ -314,7 +314,7 @@ fn a_variable_or_handler_that_the_image_lacks_is_refused_by_its_name() {
 }
 
 #[test]
-fn a_patch_that_is_sealed_passes_the_firmwares_check_of_its_flash_and_one_that_is_not_does_not() {
+fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let Some(node) = boards::horus() else { return };
     // The window watchdog's vector is part of the image, and never fetched.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };

@@ -88,7 +88,7 @@ fn cycles(node: &mut Node<Dpr>, from: u32, to: u32) {
 }
 
 #[test]
-fn a_bit_that_flips_in_the_image_shown_is_noticed_in_time_and_no_object_of_that_image_is_shown_after_it() {
+fn a_bit_that_flips_in_the_shown_image_withdraws_it_in_time() {
     for (byte, bit) in [(3, 0), (40, 7), (100, 3), (170, 1), (275, 5)] {
         let Some(mut node) = boards::dpr() else { return };
         field_on(&mut node);
@@ -125,7 +125,7 @@ fn while_nothing_flips_nothing_is_found_and_the_passes_go_on() {
 }
 
 #[test]
-fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects_until_it_is_as_it_was() {
+fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
@@ -150,7 +150,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects_until_it_is_as_it_wa
 }
 
 #[test]
-fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
+fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
     for symbol in ["__ehot"].into_iter().chain(guards) {
         let Some(mut node) = boards::dpr() else { return };
@@ -290,7 +290,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
 }
 
 #[test]
-fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_and_is_named() {
+fn a_bit_that_flips_in_horus_memory_switches_the_field_off() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
     for symbol in ["__program_crc"].into_iter().chain(guards) {
         let Some(mut node) = boards::horus() else { return };

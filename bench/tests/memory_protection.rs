@@ -125,7 +125,7 @@ fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
 }
 
 #[test]
-fn the_dpr_stops_at_each_access_that_no_task_may_make_and_names_it_after_the_restart() {
+fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
     let rows: [Row; 10] = [
         (Misdeed::Read(0), "data access at 0x00000000", "null page"),
         (Misdeed::Read(0xFC), DATA, "null page"),
@@ -164,7 +164,7 @@ fn the_dpr_stops_at_each_access_that_no_task_may_make_and_names_it_after_the_res
 const HORUS_LAST_STOP: usize = core::mem::offset_of!(horus_tx_fw::telemetry::Telemetry, last_stop);
 
 #[test]
-fn horus_switches_the_field_off_at_each_access_that_no_task_may_make_and_names_it_after_the_restart() {
+fn horus_stops_at_each_forbidden_access_and_reports_it_later() {
     let rows: [Row; 9] = [
         (Misdeed::Read(0), "data access at 0x00000000", "null page"),
         (Misdeed::Write(0x0800_8000), "data access at 0x08008000", "flash"),

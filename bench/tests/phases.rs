@@ -89,7 +89,7 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
 
 /// This clock takes the longest that silicon may take, which also delays what the scrub triggers.
 #[test]
-fn on_the_pessimistic_clock_a_publication_may_meet_a_transaction_in_any_phase() {
+fn publications_on_the_pessimistic_clock_may_meet_transactions_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
 }
 

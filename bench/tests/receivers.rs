@@ -209,17 +209,17 @@ fn of_bus(clock: Clock) {
 }
 
 #[test]
-fn no_fault_of_a_bus_costs_a_cycle_or_another_receiver_and_each_is_over_soon_on_the_fast_clock() {
+fn a_bus_fault_costs_no_other_receiver_on_the_fast_clock() {
     of_bus(Clock::Fast);
 }
 
 #[test]
-fn no_fault_of_a_bus_costs_a_cycle_or_another_receiver_and_each_is_over_soon_on_the_optimistic_clock() {
+fn a_bus_fault_costs_no_other_receiver_on_the_optimistic_clock() {
     of_bus(Clock::Optimistic);
 }
 
 #[test]
-fn no_fault_of_a_bus_costs_a_cycle_or_another_receiver_and_each_is_over_soon_on_the_pessimistic_clock() {
+fn a_bus_fault_costs_no_other_receiver_on_the_pessimistic_clock() {
     of_bus(Clock::Pessimistic);
 }
 
@@ -382,7 +382,7 @@ const PROVED: u64 = 450 * MS;
 /// ends have waited in the receiver since HORUS was switched off: more than a second, 1.4 kB, some of which the reads
 /// until then have lost.
 #[test]
-fn what_waited_behind_a_line_that_was_stuck_as_horus_started_is_not_taken_for_new() {
+fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {
         let Some(mut setup) = setup(2_600) else { return };
         let stuck = Fault::Receiver(2, ReceiverFault::Bus(BusFault::Ones));
@@ -448,7 +448,7 @@ fn receivers_as_delivered_are_configured_at_the_start() {
 }
 
 #[test]
-fn three_receivers_at_25_hz_take_no_more_than_a_tenth_of_the_processor_on_the_pessimistic_clock() {
+fn three_receivers_at_25_hz_take_under_a_tenth_of_the_processor() {
     let Some(mut setup) = setup(2_000) else { return };
     setup.receiver_hz = Some(25);
     setup.clock = Clock::Pessimistic;

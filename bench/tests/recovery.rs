@@ -45,7 +45,7 @@ fn one(fault: Fault, length: u64) -> Faults {
 }
 
 #[test]
-fn after_silence_a_frozen_horus_and_a_field_that_was_lost_the_link_is_well_again_within_5_cycles() {
+fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
@@ -59,7 +59,7 @@ fn after_silence_a_frozen_horus_and_a_field_that_was_lost_the_link_is_well_again
 }
 
 #[test]
-fn after_a_flight_controller_that_misuses_the_ssi_the_link_is_well_again_within_5_cycles() {
+fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
     for conduct in Conduct::ALL {
         if !recovers(one(Fault::FlightController(conduct), 200 * MS), 200 * MS, 5) {
             return;
@@ -68,7 +68,7 @@ fn after_a_flight_controller_that_misuses_the_ssi_the_link_is_well_again_within_
 }
 
 #[test]
-fn after_each_fault_of_either_front_end_the_link_is_well_again_within_15_cycles() {
+fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
             // The lengths are shorter than a cycle, such that the back-off has just doubled, and such that it is at its
@@ -88,7 +88,7 @@ fn after_each_fault_of_either_front_end_the_link_is_well_again_within_15_cycles(
 }
 
 #[test]
-fn after_a_restart_of_either_board_for_any_reason_the_link_is_well_again_within_15_cycles() {
+fn the_link_recovers_from_any_restart_of_a_board_within_15_cycles() {
     for board in BOARDS {
         for fault in RESTARTS {
             if !recovers(one(Fault::Power(board, fault), 0), 0, 15) {
@@ -104,7 +104,7 @@ fn after_a_restart_of_either_board_for_any_reason_the_link_is_well_again_within_
 }
 
 #[test]
-fn after_a_restart_of_both_boards_in_any_order_the_link_is_well_again_within_15_cycles() {
+fn the_link_recovers_from_restarts_of_both_boards_within_15_cycles() {
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
         for (nth, of_first) in RESTARTS.into_iter().enumerate() {
             let of_second = RESTARTS[(nth + 1) % RESTARTS.len()];
@@ -123,7 +123,7 @@ fn after_a_restart_of_both_boards_in_any_order_the_link_is_well_again_within_15_
 }
 
 #[test]
-fn a_front_end_that_fails_while_the_other_board_restarts_is_brought_up_within_15_cycles() {
+fn the_link_recovers_from_a_front_end_fault_during_a_restart() {
     for (of_chip, other) in [(Board::Horus, Board::Dpr), (Board::Dpr, Board::Horus)] {
         for chip in ChipFault::ALL {
             let faults = one(Fault::Chip(of_chip, chip), 100 * MS).with(

@@ -26,7 +26,7 @@ fn refused(bytes: Vec<u8>) -> String {
 }
 
 #[test]
-fn a_file_that_is_no_firmware_is_refused_and_the_words_say_what_it_is() {
+fn a_file_that_is_no_firmware_is_refused_with_the_reason() {
     assert!(refused(Vec::new()).contains("the file is empty"));
     assert!(refused(b"fn main() {}\n".to_vec()).contains("not an ELF file"));
     assert!(refused(vec![0; 4096]).contains("not an ELF file"));
@@ -60,7 +60,7 @@ fn on_horus(firmware: &Firmware) -> Outcome {
 }
 
 #[test]
-fn an_image_that_does_not_fit_the_part_or_has_no_vectors_is_refused() {
+fn an_image_that_does_not_fit_the_part_is_refused() {
     let refused = |target: Target, segments: Vec<(u64, Vec<u8>)>| {
         let firmware = Firmware::parse("image", elf(ET_EXEC, EM_ARM, &segments, &[])).unwrap();
         target.run(Clock::Fast, &firmware, Limits::default(), |_| {}).unwrap_err().to_string()
@@ -83,7 +83,7 @@ fn kinds(outcome: &Outcome) -> Vec<FindingKind> {
 }
 
 #[test]
-fn a_reset_vector_to_nowhere_locks_up_at_once_and_ends_the_run_on_both_parts() {
+fn a_reset_vector_to_nowhere_ends_the_run_in_a_lock_up() {
     for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
         let lost = firmware_at(base, "lost", &Thumb::at(base + 0x0070_0000), &[]);
         let lost = Firmware::raw("lost", lost.segments()[..1].to_vec());
@@ -99,7 +99,7 @@ fn a_reset_vector_to_nowhere_locks_up_at_once_and_ends_the_run_on_both_parts() {
 }
 
 #[test]
-fn a_firmware_that_spins_or_sleeps_for_ever_ends_at_the_limit_and_the_outcome_says_which() {
+fn a_firmware_that_never_ends_is_stopped_at_the_time_limit() {
     let mut spins = Thumb::at(MAIN);
     spins.branch(MAIN);
     let outcome = on_horus(&firmware("spins", &spins, &[]));
@@ -147,7 +147,7 @@ fn a_firmware_that_only_switches_contexts_ends_at_the_limit() {
 }
 
 #[test]
-fn a_hard_fault_handler_that_only_loops_is_reported_once_and_ends_the_run() {
+fn a_hard_fault_handler_that_only_loops_ends_the_run() {
     let mut main = Thumb::at(MAIN);
     main.raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
@@ -192,7 +192,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
 
 /// The table's HardFault leads to the reset handler, which also runs at each start.
 #[test]
-fn a_vector_table_whose_hard_fault_is_reset_is_no_fault_until_there_is_one() {
+fn a_hard_fault_vector_to_reset_is_harmless_without_a_fault() {
     let mut main = Thumb::at(MAIN);
     main.idle();
     let outcome = on_horus(&with_exception(&main, 3, (MAIN, &main)));
@@ -205,7 +205,7 @@ fn a_vector_table_whose_hard_fault_is_reset_is_no_fault_until_there_is_one() {
 
 /// Our firmwares enable MemManage, BusFault and UsageFault and end all of them as a HardFault.
 #[test]
-fn a_fault_that_has_the_handler_of_hard_fault_is_told_and_one_with_its_own_is_not() {
+fn a_fault_is_reported_only_if_it_shares_the_hard_fault_handler() {
     const SHCSR: u32 = 0xE000_ED24;
     let mut main = Thumb::at(MAIN);
     main.store(SHCSR, 7 << 16).raw(&[0xDE00]);
@@ -237,7 +237,7 @@ fn a_hard_fault_behind_a_moved_vector_table_is_told() {
 }
 
 #[test]
-fn a_firmware_that_stops_itself_in_a_masked_loop_or_a_handler_is_said_to() {
+fn a_firmware_that_no_interrupt_can_wake_has_stopped_itself() {
     let mut masked = Thumb::at(MAIN);
     masked.raw(&[0xB672, 0xE7FE]);
     let outcome = on_horus(&firmware("masked", &masked, &[]));
@@ -254,7 +254,7 @@ fn a_firmware_that_stops_itself_in_a_masked_loop_or_a_handler_is_said_to() {
 }
 
 #[test]
-fn a_firmware_that_only_restarts_ends_and_the_words_say_why_it_restarts() {
+fn a_firmware_that_only_restarts_ends_the_run_with_the_reason() {
     for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
         let mut main = Thumb::at(base + 0x400);
         main.store(0xE000_ED0C, 0x05FA_0004).idle();
@@ -281,7 +281,7 @@ fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
 }
 
 #[test]
-fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit_and_what_it_wrote_is_shown() {
+fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit() {
     let mut main = Thumb::at(MAIN);
     main.store(COUNTER, u32::from(b'x'));
     let again = main.here();
@@ -295,7 +295,7 @@ fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit_and_what_it_wrote_i
 // ---- findings
 
 #[test]
-fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_change_of_clock() {
+fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     const WAIT: u32 = 16_000;
     let mut main = Thumb::at(MAIN);
     main.mov(0, WAIT);
@@ -315,7 +315,7 @@ fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_
 }
 
 #[test]
-fn a_finding_in_a_release_image_names_the_firmwares_own_function_and_line() {
+fn a_finding_in_a_release_image_names_the_firmwares_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
     // The image is the other board's: the code that it copies to RAM cannot be fetched at its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
@@ -378,7 +378,7 @@ fn shown(outcome: &Outcome) -> Vec<String> {
 }
 
 #[test]
-fn text_channels_come_by_lines_under_their_names_and_bytes_that_are_no_text_show_as_such() {
+fn text_channels_are_shown_by_lines_under_their_names() {
     let one = on_horus(&logging(&[Up("Terminal", b"one\r\nt\xFFo\nunfinished", 0)], |_| {}));
     assert_eq!(shown(&one), ["one", "t\u{FFFD}o", "unfinished"]);
     assert_eq!(one.findings, []);
@@ -387,7 +387,7 @@ fn text_channels_come_by_lines_under_their_names_and_bytes_that_are_no_text_show
 }
 
 #[test]
-fn defmt_frames_without_a_table_are_said_to_be_dropped_and_text_beside_them_is_shown() {
+fn defmt_frames_without_a_table_are_reported_as_dropped() {
     let outcome = on_horus(&logging(&[Up("defmt", &[3, 1, 2, 0, 5, 0], 1), Up("Terminal", b"text\n", 0)], |_| {}));
     assert_eq!(shown(&outcome), ["[Terminal] text"]);
     assert_eq!(kinds(&outcome), [FindingKind::LogCorrupt]);
@@ -413,7 +413,7 @@ fn a_corrupt_channel_is_a_finding_once_and_the_others_go_on() {
 }
 
 #[test]
-fn a_channel_that_fills_between_two_looks_is_a_finding_unless_the_firmware_waits_for_room() {
+fn a_channel_that_overflows_is_a_finding_unless_the_firmware_waits() {
     let text = [b'.'; 255];
     let lossy = on_horus(&logging(&[Up("Terminal", &text, 1)], |_| {}));
     assert_eq!(kinds(&lossy), [FindingKind::LogOverrun]);
@@ -450,7 +450,7 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
 const USART2: u32 = 0x4000_4400;
 
 #[test]
-fn what_is_sent_to_a_uart_arrives_and_what_it_sends_is_heard() {
+fn a_uart_of_a_board_receives_and_sends_bytes() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
     // PA2 and PA3 are in alternate function 7; the debug port's pins stay as they are after a reset.

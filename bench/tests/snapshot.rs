@@ -45,7 +45,7 @@ const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 
 #[test]
-fn a_copy_taken_at_any_instant_and_run_on_leaves_the_bytes_of_the_original() {
+fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
     let Some(setup) = setup() else { return };
     let expected = whole::<Fast>(&setup, Threads::Two);
     let mut original = Bench::<Fast>::new(&setup).unwrap();
@@ -61,7 +61,7 @@ fn a_copy_taken_at_any_instant_and_run_on_leaves_the_bytes_of_the_original() {
 }
 
 #[test]
-fn a_run_in_pieces_has_the_event_log_of_a_run_in_one() {
+fn a_run_in_pieces_has_the_event_log_of_a_whole_run() {
     let Some(setup) = setup() else { return };
     // A repetition is an actor of the air that a frame heard in time brings.
     let faults = Faults::of_air(AirFaults { lost: 0.1, repeated: 0.5, ..AirFaults::default() });
@@ -78,7 +78,7 @@ fn a_run_in_pieces_has_the_event_log_of_a_run_in_one() {
 }
 
 #[test]
-fn copies_of_one_instant_that_are_treated_alike_stay_alike_and_others_do_not() {
+fn copies_of_one_instant_give_the_same_outcome() {
     let Some(setup) = setup() else { return };
     let mut original = Bench::<Fast>::new(&setup).unwrap();
     original.run_to(120 * MS, Threads::Two);

@@ -52,7 +52,7 @@ fn two_tasks_with(hit: u32) -> Node<Player> {
 const TABLE: [(&str, &str); 3] = [("tick", "TIM2"), ("hit", "EXTI3"), ("absent", "TIM7")];
 
 #[test]
-fn changes_of_the_active_exception_come_with_the_instants_of_entry_and_return() {
+fn task_changes_have_the_instants_of_exception_entry_and_return() {
     let mut node = two_tasks();
     node.watch_line(TIM2_INTERRUPT);
     node.watch_tasks(true);
@@ -93,7 +93,7 @@ fn watching_tasks_changes_nothing_that_the_firmware_could_see() {
 /// The core starts at 16 MHz and changes to 8 MHz while it runs; earlier instants are reported in the earlier clock's
 /// time.
 #[test]
-fn instants_before_a_change_of_the_clock_are_those_of_the_clock_before() {
+fn task_changes_before_a_change_of_clock_keep_the_earlier_clocks_time() {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17);
     // The firmware executes SVC, and changes the clock within the same millisecond.

@@ -24,7 +24,7 @@ fn pairs(expected: &[(u64, &str)]) -> Vec<(u64, String)> {
 }
 
 #[test]
-fn a_decoder_reads_the_byte_back_in_either_mode_and_the_bytes_signal_has_it_while_the_chip_is_selected() {
+fn a_decoder_reads_each_spi_byte_back_from_the_waves() {
     for file in files("bytes") {
         for byte in [0x00, 0xFF, 0xA5, 0x01, 0x80, 0xC4] {
             let mut trace = Trace::create(&file, &[], &[]).unwrap();
@@ -74,7 +74,7 @@ fn events_out_of_order_within_the_window_are_written_in_order() {
 }
 
 #[test]
-fn an_event_that_is_told_after_its_instant_was_written_is_an_error() {
+fn an_event_that_comes_after_its_instant_was_written_is_an_error() {
     for file in files("late") {
         let mut trace = Trace::create(&file, &[], &[]).unwrap();
         trace.flush_before(1_000_000).unwrap();
@@ -140,7 +140,7 @@ fn a_long_trace_loses_nothing_between_the_blocks_of_its_file() {
 }
 
 #[test]
-fn a_name_of_another_ending_and_a_directory_that_is_not_there_are_refused_at_once() {
+fn a_trace_with_another_ending_or_a_missing_directory_is_refused() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
     for name in ["trace", "trace.txt", "trace.vcd.gz", ".fst"] {
         let error = Trace::create(&folder.join(name), &[], &[]).err().unwrap();

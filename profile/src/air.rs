@@ -238,7 +238,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_of_any_length_takes_32_carrier_periods_a_bit_rounded_to_the_nearest_ns() {
+    fn each_bit_of_a_frame_takes_32_carrier_periods() {
         for payload in 0..=u8::MAX {
             let bits = 48 + 16 + 8 * (1 + u64::from(payload) + 2);
             // A time of 50 000 ns is 678 periods of the carrier.
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ages_at_the_ends_of_all_frames_are_their_slots_and_air_times() {
+    fn each_frames_age_at_its_end_is_slot_plus_air_time() {
         fn ages<const N: usize>() -> [Option<u32>; 3] {
             [0, 1, 2].map(age_at_end_us::<N>)
         }

@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_is_as_critical_to_its_reader_as_the_table_says_of_its_writer() {
+    fn each_object_has_the_criticality_of_its_writer_for_every_reader() {
         const SAFETY: Criticality = <FlightController as MayRead<object::Profile>>::CRITICALITY;
         const LOAD: Criticality = <ActiveLoad as MayRead<object::UplinkFrom<BaseStation>>>::CRITICALITY;
         assert_eq!((SAFETY, LOAD), (Criticality::SafetyRelevant, Criticality::NonCritical));

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_objects_of_a_profile_lie_one_after_the_other_and_fill_it_and_its_frames() {
+    fn the_objects_fill_the_profile_and_its_frames_without_a_gap() {
         for layout in Layout::ALL {
             let mut end = 0;
             for index in 0..layout.objects() {

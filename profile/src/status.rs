@@ -405,7 +405,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_code_reads_back_as_what_it_was_set_to_and_a_reserved_one_as_nothing() {
+    fn every_code_reads_back_as_written_and_a_reserved_one_as_none() {
         let fixes = (0..=0xF).map(|code| GpsStatus::from_bits(0xFFF0 | code).fix_type());
         let states = (0..=0xF).map(|code| ReportedStatus::from_bits(0xF0FF | code << 8).state());
         let reasons = (0..=7).map(|code| LinkStatusBits::from_bits(0x07FF | code << 12).reset_reason());

@@ -61,7 +61,7 @@ fn burst(start: usize, length: usize, pattern: u32) -> impl Iterator<Item = usiz
 }
 
 #[test]
-fn a_burst_of_every_length_up_to_32_bits_is_rejected_wherever_it_starts() {
+fn a_burst_of_up_to_32_bits_is_rejected_wherever_it_starts() {
     // An xorshift generator (Marsaglia) gives the bits between the ends.
     let mut pattern = 0x9E37_79B9_u32;
     for (name, valid) in objects() {
@@ -84,7 +84,7 @@ fn a_burst_of_every_length_up_to_32_bits_is_rejected_wherever_it_starts() {
 }
 
 #[test]
-fn stored_little_endian_the_frame_crc_would_miss_a_burst_of_28_bits_across_the_payloads_end() {
+fn a_little_endian_frame_crc_would_miss_a_burst_of_28_bits() {
     let valid = &objects()[1].1;
     let mut little_endian = valid.clone();
     little_endian[56..].reverse();
@@ -108,7 +108,7 @@ proptest! {
     #![proptest_config(seeded(4096))]
 
     #[test]
-    fn any_burst_of_up_to_32_bits_across_objects_is_rejected_in_each_object_it_touches(
+    fn a_burst_across_objects_is_rejected_in_each_object_it_touches(
         start in 0_usize..8 * 244 - 31,
         length in 1_usize..=32,
         pattern: u32,
@@ -195,7 +195,7 @@ fn the_position_crc_has_hamming_distance_9_over_latitude_and_longitude() {
 }
 
 #[test]
-fn a_position_changed_before_the_frame_crc_was_computed_is_rejected_by_its_own() {
+fn the_position_crc_rejects_a_position_changed_before_the_frame_crc() {
     let (name, valid) = &objects()[0];
     for bit in 8 * 8..8 * 28 {
         let mut changed = flipped(valid, [bit]);
@@ -276,7 +276,7 @@ fn a_wrong_length_is_rejected_as_that() {
 }
 
 #[test]
-fn a_line_that_idles_high_looks_intact_at_one_length_only_and_that_asks_for_nothing() {
+fn a_line_of_ones_looks_intact_only_as_a_request_for_nothing() {
     // The XOR of 0xFFFFFFFF and the first four bytes is 0; the CRC of that is 0xFFFFFFFF again.
     let intact: Vec<_> = (0..=512).filter(|length| crc::frame_intact(&vec![0xFF; *length])).collect();
     assert_eq!(intact, [8]);

@@ -92,7 +92,7 @@ fn each_bit_of_port_status_is_where_the_table_says() {
 }
 
 #[test]
-fn an_uplink_is_the_bytes_of_its_table_and_belongs_to_its_writer_alone() {
+fn an_uplink_has_the_bytes_of_its_table_and_its_writers_identifier() {
     fn of<W: WritesUplink>(writer: Writer<W>, identifier: u16) {
         let sealed = Uplink::seal(writer, &seeds::uplink_values(0x0403_0201));
         let mut bytes = [0; 64];
@@ -114,7 +114,7 @@ fn an_uplink_is_the_bytes_of_its_table_and_belongs_to_its_writer_alone() {
 }
 
 #[test]
-fn a_command_is_its_word_and_zeros_and_any_other_bit_makes_it_unknown() {
+fn a_command_with_any_other_bit_is_unknown() {
     let words = [(Command::ClearCounters, *b"CLRC"), (Command::SelfTest, *b"TEST")];
     assert_eq!(words.map(|(command, _)| command), Command::ALL);
     for (command, word) in words {
@@ -204,7 +204,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
 }
 
 #[test]
-fn the_map_is_the_image_and_then_the_port_for_every_number_of_receivers() {
+fn the_map_is_the_image_and_then_the_port_area() {
     the_map_is_the_image_and_then_the_port::<1>();
     the_map_is_the_image_and_then_the_port::<2>();
     the_map_is_the_image_and_then_the_port::<3>();
@@ -212,7 +212,7 @@ fn the_map_is_the_image_and_then_the_port_for_every_number_of_receivers() {
 }
 
 #[test]
-fn an_uplink_that_is_put_in_its_place_leaves_the_other_and_port_status_alone() {
+fn an_uplink_leaves_the_rest_of_the_port_area_unchanged() {
     let mut area = seeds::port_area();
     area.set_uplink(BASE, Uplink::EMPTY);
     assert_eq!(area.as_bytes()[64..128], [0; 64]);

@@ -22,7 +22,7 @@ fn step(step_ms: u32, passed_us: i64) -> Judgement {
 }
 
 #[test]
-fn at_the_start_the_fourth_cycle_is_the_first_that_is_in_sequence() {
+fn the_fourth_cycle_is_the_first_in_sequence() {
     let mut sequence = Sequence::new();
     assert!(!sequence.is_held(0));
     assert_eq!(sequence.last(), None);
@@ -47,7 +47,7 @@ fn a_restart_of_horus_is_shown_again_from_its_fourth_cycle_on() {
 }
 
 #[test]
-fn a_clock_that_differs_by_exactly_2_percent_is_plausible_and_by_a_microsecond_more_it_is_not() {
+fn a_clock_off_by_exactly_2_percent_is_plausible() {
     for (cycles, window_us, implausible) in
         [(98_u32, 1_000_000, false), (98, 1_000_001, true), (102, 1_000_000, false), (103, 1_009_803, true)]
     {
@@ -84,7 +84,7 @@ fn twenty_five_missed_cycles_are_in_sequence_and_twenty_six_are_not() {
 }
 
 #[test]
-fn the_time_between_two_cycles_may_differ_by_2_5_ms_and_2_percent_and_by_no_microsecond_more() {
+fn two_cycles_may_be_off_by_2_5_ms_and_2_percent() {
     // Each row has the step in ms, and the least and the most time that may pass in µs.
     for (ms, least, most) in
         [(10, 7_300, 12_700), (20, 17_100, 22_900), (130, 124_900, 135_100), (260, 252_300, 267_700)]
@@ -102,7 +102,7 @@ fn the_time_between_two_cycles_may_differ_by_2_5_ms_and_2_percent_and_by_no_micr
 }
 
 #[test]
-fn the_search_wants_steps_of_exactly_one_cycle_each_within_half_a_millisecond() {
+fn the_search_accepts_only_steps_of_one_cycle_within_half_a_millisecond() {
     // Only an exact third step ends a search.
     let third = |step_ms: u32, passed_us: u64| {
         let mut sequence = Sequence::new();
@@ -126,7 +126,7 @@ fn the_search_wants_steps_of_exactly_one_cycle_each_within_half_a_millisecond() 
 }
 
 #[test]
-fn after_any_other_step_three_exact_steps_in_a_row_are_needed_anew() {
+fn any_other_step_requires_three_exact_steps_anew() {
     // The cycles are repeated, early, late, irregular, behind, and far ahead.
     for (step_ms, passed_us) in [(0, 10_000), (10, 5_000), (10, 15_000), (13, 13_000), (-10, 10_000), (270, 270_000)] {
         let mut sequence = held(5_000, 0);
@@ -209,7 +209,7 @@ fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
 }
 
 #[test]
-fn a_clock_that_is_wrong_by_more_than_2_percent_is_noticed_within_two_windows_and_so_is_its_return() {
+fn a_clock_off_by_over_2_percent_is_reported_within_two_windows() {
     // The rate is the time on the receiver's clock in 10 ms of HORUS's, µs: 2 % of the receiver's time are 9 803.9 and
     // 10 204.1.
     for (rate, wrong) in [(9_803, true), (9_804, false), (10_204, false), (10_205, true), (7_300, true), (12_700, true)]
@@ -359,7 +359,7 @@ proptest! {
     }
 
     #[test]
-    fn a_clock_at_any_rate_with_cycles_missing_is_judged_as_the_definition_says(
+    fn a_clock_at_any_rate_is_judged_as_the_definition_requires(
         rate in 9_600_i64..10_400, later in 7_400_i64..12_600, missed in prop::collection::vec(0_u32..4, 200..300),
     ) {
         let mut sequence = Sequence::new();
@@ -376,7 +376,7 @@ proptest! {
     }
 
     #[test]
-    fn no_single_frame_that_is_inserted_repeated_held_back_or_swapped_is_shown_as_new(
+    fn no_misplaced_frame_is_judged_in_sequence(
         error in 0_u8..4, after_us in 100_u64..7_000, back in 1_u32..40,
     ) {
         let mut sequence = held(5_000, 0);

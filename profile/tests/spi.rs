@@ -133,7 +133,7 @@ fn the_blocking_client_reads_a_position_and_then_a_receiver() {
 }
 
 #[test]
-fn a_bus_that_fails_lets_the_position_age_and_what_was_asked_for_is_asked_for_again() {
+fn a_request_is_sent_again_after_the_bus_failed() {
     let mut dpr = Dpr::default();
     dpr.publish(0);
     dpr.broken = true;
@@ -176,7 +176,7 @@ fn the_async_client_says_what_the_blocking_one_says() {
 }
 
 #[test]
-fn a_future_that_is_dropped_before_its_end_loses_nothing_that_was_to_be_sent() {
+fn a_future_that_is_dropped_early_loses_no_request() {
     /// A future that never ends.
     struct Hung;
     impl ErrorType for Hung {
@@ -196,7 +196,7 @@ fn a_future_that_is_dropped_before_its_end_loses_nothing_that_was_to_be_sent() {
 }
 
 #[test]
-fn an_object_that_is_handed_over_during_a_transaction_is_written_in_the_next() {
+fn an_object_given_during_a_transaction_is_written_in_the_next() {
     let seal = |timestamp| {
         let values = UplinkValues { timestamp, ..UplinkValues::default() };
         Uplink::seal(Writer::<FlightController>::claim(), &values)

@@ -186,7 +186,7 @@ fn timestamps_wrap_without_a_gap() {
 }
 
 #[test]
-fn the_first_timestamp_is_fresh_whatever_it_is_and_a_repeated_one_never() {
+fn the_first_timestamp_is_fresh_and_a_repeated_one_is_not() {
     for timestamp in [0, 1, 10, u32::MAX] {
         assert_eq!(freshness(None, timestamp), Freshness::First);
         assert!(Freshness::First.is_fresh());
@@ -279,7 +279,7 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
 }
 
 #[test]
-fn each_reset_reason_has_its_code_and_says_whether_anybody_asked_for_it() {
+fn each_reset_reason_has_its_code_and_its_flag_unasked() {
     use ResetReason::{BrownOutOrOther, Lockup, Pin, PowerOn, Software, Watchdog};
     let reasons = [
         (PowerOn, 0, false),
@@ -416,7 +416,7 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
 }
 
 #[test]
-fn a_sample_is_as_old_at_its_frames_end_as_slot_and_air_time_make_it() {
+fn slot_and_air_time_give_the_age_at_a_frames_end() {
     assert_eq!(air::age_at_end_us::<1>(0), Some(70 + 2_549));
     assert_eq!(air::age_at_end_us::<2>(0), Some(80 + 3_682));
     assert_eq!(air::age_at_end_us::<3>(0), Some(100 + 4_815));

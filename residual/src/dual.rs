@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn the_walk_finds_what_brute_force_finds_at_every_width_even_or_not() {
+    fn the_walk_gives_the_counts_of_brute_force_at_every_width() {
         for (degree, normal) in [(1, 1), (3, 3), (7, 0x09), (8, 0x07), (8, 0x2F), (10, 0x233), (11, 0x385)] {
             let polynomial = Polynomial::from_normal(degree, normal).unwrap();
             for length in [degree as usize + 1, 63, 64, 65, 128, 160, 256, 300, 384, 448, 480, 511, 512] {

@@ -19,7 +19,7 @@ fn distance_ends_at(named: Named, distance: usize, data: usize) {
 }
 
 #[test]
-fn the_profiles_polynomials_keep_their_distance_as_far_as_koopman_says_and_no_further() {
+fn the_polynomials_keep_their_distance_up_to_koopmans_lengths() {
     // users.ece.cmu.edu/~koopman/crc/: best 32-bit polynomials, HD = 8 to 992 bits and HD = 9 to 223.
     distance_ends_at(FRAME, 8, 992);
     distance_ends_at(POSITION, 9, 223);

@@ -115,7 +115,7 @@ fn every_compared_code_is_in_the_json_by_length() {
 }
 
 #[test]
-fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_error_rate() {
+fn the_papers_claims_hold_except_the_failure_rate_at_1e_2() {
     let claims = REPORT.claims();
     let holds =
         |part: &str| claims.iter().find(|claim| claim.claim.contains(part)).unwrap_or_else(|| panic!("{part}")).holds;

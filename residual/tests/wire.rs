@@ -23,7 +23,7 @@ fn sealed_objects_are_accepted_as_they_are() {
 }
 
 #[test]
-fn bursts_of_up_to_32_bits_are_rejected_and_the_polynomial_itself_is_not() {
+fn all_bursts_of_up_to_32_bits_are_rejected() {
     for object in Object::ALL {
         none_pass(wire::sample_bursts(object, 17..=32, 20_000, TWO), 16 * 20_000);
         let polynomial = wire::polynomial_word(FRAME.polynomial);
@@ -36,7 +36,7 @@ fn bursts_of_up_to_32_bits_are_rejected_and_the_polynomial_itself_is_not() {
 }
 
 #[test]
-fn frame_codewords_of_weight_8_pass_in_a_gps_object_but_for_its_identifier() {
+fn in_a_gps_object_a_codeword_passes_unless_it_touches_the_identifier() {
     let words = wire::random_codewords(FRAME.polynomial, GPS_BITS, 8, 500);
     let changed = words.iter().filter(|word| wire::touches(word, GPS_BITS, 4..6)).count() as u64;
     let injected = wire::inject_words(Object::Gps, words.iter().map(Vec::as_slice));
@@ -45,7 +45,7 @@ fn frame_codewords_of_weight_8_pass_in_a_gps_object_but_for_its_identifier() {
 }
 
 #[test]
-fn frame_codewords_of_weight_8_pass_in_reported_position_only_where_they_spare_the_position() {
+fn in_reported_position_a_codeword_passes_only_if_it_spares_the_position() {
     let object = Object::ReportedPosition;
     let words = wire::random_codewords(FRAME.polynomial, object.bits(), 8, 500);
     let sealed = object.sealed();

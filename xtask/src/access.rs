@@ -134,7 +134,7 @@ mod tests {
     const PROBE: &str = "J-Link";
 
     #[test]
-    fn a_locked_part_is_called_locked_and_the_cost_of_unlocking_is_said_before_it_is_paid() {
+    fn a_locked_part_is_reported_with_the_cost_of_unlocking() {
         let text = explain(Refusal::Locked, Board::Dpr, PROBE);
         for part in ["nRF52840", "locked", "--erase-all", "all of flash", "UICR"] {
             assert!(text.contains(part), "{part}: {text}");
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn the_other_boards_part_is_told_by_name_and_a_locked_part_may_be_the_right_one() {
+    fn another_boards_part_is_refused_by_name() {
         for (board, right) in [
             (Board::Dpr, Seen::Nordic(None)),
             (Board::Dpr, Seen::Nordic(Some(0x52840))),
@@ -167,13 +167,13 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_stays_locked_is_told_from_one_that_was_never_unlocked() {
+    fn a_part_that_stays_locked_is_reported_as_still_locked() {
         let text = explain(Refusal::StaysLocked, Board::Dpr, PROBE);
         assert!(text.contains("locked still") && text.contains("off and on"), "{text}");
     }
 
     #[test]
-    fn a_board_that_does_not_answer_is_to_be_connected_and_no_erasing_is_advised() {
+    fn an_unanswering_board_should_be_connected_and_not_erased() {
         for (board, plug) in [(Board::Dpr, "J2"), (Board::Horus, "CN1")] {
             let text = explain(Refusal::NoAnswer, board, PROBE);
             assert!(text.contains(PROBE) && text.contains(plug) && !text.contains("erase"), "{text}");
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn uicr_is_programmed_on_new_parts_whose_uicr_is_erased_and_on_no_others() {
+    fn uicr_is_programmed_only_on_new_parts_with_erased_uicr() {
         let of = |variant: &[u8; 4], uicr| Approtect::of(u32::from_be_bytes(*variant), uicr);
         assert_eq!(of(b"AAF0", u32::MAX), Approtect::Program);
         assert_eq!(of(b"AAFA", 0x5A), Approtect::Leave);

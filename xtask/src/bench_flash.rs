@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_board_without_a_file_is_new_and_a_file_of_another_size_is_refused() {
+    fn a_flash_file_of_another_size_is_refused() {
         let folder = std::env::temp_dir().join(format!("bench-flash-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let file = folder.join("dpr.flash");

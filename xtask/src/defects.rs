@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_that_is_not_there_is_an_error_that_names_the_defect() {
+    fn an_error_names_the_defect_whose_text_is_not_found() {
         let Defect { name, edit, .. } = &DEFECTS[0];
         for text in ["", &format!("{} {}", edit.old, edit.old)] {
             let error = with_defects(edit.file, text).unwrap_err().to_string();

@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_is_not_what_the_layouts_say_is_refused_with_the_remedy() {
+    fn an_outdated_header_is_refused_with_the_remedy() {
         let path = crate::workspace::root().join("profile/c/horus_dpr.h");
         let error = check_one(&path, &client_header().unwrap().replace("GAP_NS", "GAP")).unwrap_err();
         assert!(error.to_string().contains("run `cargo xtask header`"), "{error}");

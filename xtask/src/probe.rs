@@ -630,7 +630,7 @@ mod tests {
     use probe_rs::architecture::arm::sequences::ArmDebugSequenceError;
 
     #[test]
-    fn what_the_library_says_of_a_locked_part_is_told_from_a_part_that_does_not_answer() {
+    fn a_locked_part_is_distinguished_from_one_that_does_not_answer() {
         for error in [
             probe_rs::Error::Arm(ArmError::MissingPermissions("erase_all".into())),
             probe_rs::Error::MissingPermissions("erase_all".into()),
@@ -644,7 +644,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_the_library_was_to_unlock_and_could_not_stays_locked() {
+    fn a_failed_unlock_is_reported_as_a_part_that_stays_locked() {
         let failed = ArmDebugSequenceError::SequenceSpecific("Could not unlock core".into());
         let error = probe_rs::Error::Arm(failed.into());
         assert_eq!(refusal(&error, true), Refusal::StaysLocked);

@@ -475,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn text_gets_virtual_time_and_a_reader_that_goes_away_is_not_written_to_again() {
+    fn text_gets_virtual_time_and_stops_when_its_reader_closes() {
         let line = |timestamp: &str, text: &str| LogLine {
             at: 1_500_000,
             timestamp: timestamp.to_owned(),

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sealed_image_passes_the_check_of_the_firmware_and_an_unsealed_one_does_not() {
+    fn only_a_sealed_image_passes_the_firmwares_check() {
         let mut elf = image();
         assert!(!Comparison::of(words(&flash()), stored(&elf)).is_intact());
         let crc = seal(&mut elf).unwrap();
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn sealing_changes_the_four_bytes_of_the_crc_alone_and_sealing_again_nothing() {
+    fn sealing_changes_the_crc_alone_and_only_once() {
         let mut elf = image();
         let (_, at) = layout(&elf).unwrap();
         let before = elf.clone();
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_without_the_crcs_section_is_refused_and_the_message_says_what_is_missing() {
+    fn an_image_without_the_crc_section_is_refused_with_the_reason() {
         let mut elf = elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE)]);
         let before = elf.clone();
         let message = format!("{:#}", seal(&mut elf).unwrap_err());
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_elf_file_or_is_cut_short_is_an_error_and_no_panic() {
+    fn a_truncated_or_foreign_file_is_an_error_and_no_panic() {
         assert!(seal(&mut b"not an ELF file".to_vec()).is_err());
         let whole = image();
         for len in 0..whole.len() {

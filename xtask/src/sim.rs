@@ -550,7 +550,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_tells_since_when_reported_position_is_invalid_and_which_receiver_fell_silent() {
+    fn the_table_shows_when_reported_position_became_invalid_and_why() {
         let mut report = Report::default();
         assert!(table(&report).contains("never valid"), "{}", table(&report));
         report.reported.valid_cycles = 500;

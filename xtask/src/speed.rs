@@ -86,7 +86,7 @@ mod tests {
     use super::per_instruction;
 
     #[test]
-    fn the_time_of_an_instruction_is_read_from_the_line_of_the_fast_clock() {
+    fn the_instruction_time_is_read_from_the_fast_clocks_line() {
         let text = "compute  optimistic   100 M/s, 1.2 cycles\ncompute  fast          250 M/s, 1.37 cycles\n";
         assert_eq!(per_instruction(text), Some(4.0));
         assert_eq!(per_instruction("polling  fast  250 M/s"), None);

@@ -35,7 +35,7 @@ fn suite() -> PathBuf {
 }
 
 #[test]
-fn a_suite_that_fails_is_told_by_its_message_and_so_is_the_restart_before_it() {
+fn a_failing_suite_reports_its_message_and_earlier_restarts() {
     // The board's flash is below this folder: it is a new board that is not shared.
     let folder = std::env::temp_dir().join(format!("failing-suite-{}", std::process::id()));
     let ran = Command::new(env!("CARGO_BIN_EXE_xtask"))

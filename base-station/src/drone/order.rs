@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn what_continues_a_search_may_run_ahead_by_the_drift_and_the_slack_alone() {
+    fn a_search_continues_only_within_the_clocks_drift_and_slack() {
         let seen = |timestamp, at_us| Seen { timestamp, at_us };
         // The lead is 10 s, 2 % of it, and 2 s.
         assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));

@@ -158,7 +158,7 @@ fn a_sample_that_the_carrier_held_back_is_old_when_it_arrives() {
 }
 
 #[test]
-fn a_restarted_horus_is_shown_from_its_third_cycle_on_and_what_was_before_is_forgotten() {
+fn a_restarted_horus_is_shown_from_its_third_cycle_on() {
     let mut drone = Drone::new(0);
     take(&mut drone, 0, profile(100_000).as_bytes());
     for (cycle, expected) in [Verdict::OutOfSequence, Verdict::OutOfSequence, Verdict::New].into_iter().enumerate() {
@@ -175,7 +175,7 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on_and_what_was_before_is_for
 }
 
 #[test]
-fn another_reason_of_the_last_reset_is_a_restart_also_where_the_timestamps_go_on() {
+fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
     // HORUS is received until 0.27 s after its start, and a second later again, 0.28 s after its next start.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
@@ -204,7 +204,7 @@ fn another_reason_of_the_last_reset_is_a_restart_also_where_the_timestamps_go_on
 }
 
 #[test]
-fn a_late_message_of_before_a_restart_is_older_whatever_reset_it_tells_of() {
+fn a_late_message_from_before_a_restart_is_older() {
     let mut drone = Drone::new(0);
     take(&mut drone, 0, profile(60_000).as_bytes());
     let again = status().with_reset_reason(ResetReason::Watchdog);
@@ -395,7 +395,7 @@ fn link_status_has_a_clock_of_its_own() {
 }
 
 #[test]
-fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life() {
+fn the_newest_port_status_is_kept_whatever_arrives_after_it() {
     let port = |timestamp, uplinks_accepted| {
         let values = PortValues { timestamp, uplinks_accepted, ..PortValues::default() };
         *PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes()

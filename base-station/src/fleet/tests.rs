@@ -167,7 +167,7 @@ fn a_drone_whose_address_changed_is_one_again_after_silence() {
 }
 
 #[test]
-fn a_silent_sender_whose_start_is_not_known_is_not_taken_for_another() {
+fn a_silent_sender_of_unknown_start_is_not_mistaken_for_another() {
     let mut fleet = Fleet::default();
     let link = LinkStatus::seal(&LinkValues::default());
     let alone = Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap();

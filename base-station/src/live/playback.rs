@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_of_two_parts_is_played_to_where_it_is_asked_to_and_again_from_its_start() {
+    fn a_playback_jumps_to_any_instant_of_a_recording_in_two_parts() {
         let folder = std::env::temp_dir().join(format!("horus-base-playback-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let parts = [folder.join("a.mcap"), folder.join("b.mcap")];

@@ -199,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_alert_is_told_alike_whether_it_comes_as_an_error_or_in_words() {
+    fn an_alert_is_explained_alike_as_an_error_and_as_text() {
         let ca = rcgen::generate_simple_self_signed([]).unwrap().cert.pem();
         let tls = Tls::new(ca.as_bytes(), None).unwrap();
         for alert in [AlertDescription::CertificateRequired, AlertDescription::UnknownCA] {

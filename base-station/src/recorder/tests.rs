@@ -105,7 +105,7 @@ fn is_same(read: &Record, (carried, judged): &(Carried, Vec<Judged>)) -> bool {
 }
 
 #[test]
-fn what_arrived_is_in_the_file_with_its_verdict_and_judging_it_again_finds_the_same() {
+fn judging_a_recording_again_gives_the_recorded_verdicts() {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
     let recorded = record(&mut recorder, 0..200);
@@ -143,7 +143,7 @@ fn the_file_is_what_mcap_expects_of_one() {
 }
 
 #[test]
-fn a_file_that_is_cut_anywhere_keeps_all_but_the_last_half_second() {
+fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
@@ -176,7 +176,7 @@ fn a_file_that_is_cut_anywhere_keeps_all_but_the_last_half_second() {
 }
 
 #[test]
-fn a_damaged_byte_costs_what_comes_after_it_at_most_and_is_never_taken_for_data() {
+fn a_damaged_byte_in_a_recording_never_yields_false_data() {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
     let recorded = record(&mut recorder, 0..60);
@@ -328,7 +328,7 @@ fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
 }
 
 #[test]
-fn a_record_that_claims_to_be_longer_than_the_file_takes_no_more_memory_than_the_file() {
+fn a_record_with_a_false_length_takes_no_excessive_memory() {
     use mcap::records::op;
     let (file, records) = unfinished();
     for opcode in [op::CHUNK, op::MESSAGE, op::CHANNEL, op::ATTACHMENT, op::DATA_END, 0x80] {

@@ -183,7 +183,7 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
 }
 
 #[test]
-fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sends() {
+fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
     let Some(mut peer) = Peer::start() else { return };
     for signed in [false, true] {
         let objects: Vec<_> = (0..20).flat_map(|cycle| expected(&image(70_000 + 10 * cycle))).collect();
@@ -254,7 +254,7 @@ fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sen
 }
 
 #[test]
-fn of_a_damaged_stream_pymavlink_reads_no_object_that_is_not_read_here() {
+fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let Some(mut peer) = Peer::start() else { return };
     let frames = sent(&mut forwarder(false, SECOND), 200);
     let mut drawn = Drawn(2);
@@ -330,7 +330,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
 }
 
 #[test]
-fn an_autopilot_sends_to_a_station_once_it_hears_it_and_takes_its_uplink() {
+fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
     let Some(mut peer) = Peer::start() else { return };
     let port = peer.ask(&json!({ "do": "autopilot", "key": KEY })).as_u64().unwrap();
     let clock = Clock::begin();

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn the_plane_touches_at_its_origin_and_the_earth_falls_away_from_it() {
+    fn the_tangent_plane_touches_the_earth_only_at_its_origin() {
         let origin = Geodetic { latitude: 47.4979, longitude: 8.7289, height: 470.0 };
         let plane = TangentPlane::new(origin);
         let at = plane.to_geodetic([0.0; 3]);

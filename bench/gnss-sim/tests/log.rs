@@ -52,7 +52,7 @@ fn each_epoch_is_a_burst_and_nothing_is_left_out() {
 }
 
 #[test]
-fn the_week_rolls_over_long_gaps_are_cut_and_time_that_stands_still_is_paced() {
+fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
     let log = log(&[
         &pvt(WEEK_MS - 200, 1).encode(),
         &pvt(0, 2).encode(),
@@ -99,7 +99,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
 }
 
 #[test]
-fn rtcm_and_nmea_are_told_by_their_checks_and_what_they_contain_is_not_ubx() {
+fn rtcm_and_nmea_are_counted_as_such_and_not_searched_for_ubx() {
     // RTCM 1005 is the example in RTCM 10403.3; the NMEA sentence cannot contain a UBX frame's bytes.
     let rtcm = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac, 0x09,
@@ -219,7 +219,7 @@ fn a_real_recording_plays_second_by_second() {
 }
 
 #[test]
-fn damaged_real_recordings_are_played_if_they_hold_a_position_and_refused_if_not() {
+fn a_damaged_recording_is_played_only_if_it_holds_a_position() {
     if let Some(path) = recording("pygpsdata-BADCK2.log") {
         let log = Log::open(path).expect("it holds a position");
         assert_eq!((log.positions().len(), log.counts().ubx), (1, 25));

@@ -728,7 +728,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_is_excused_for_its_own_disturbance_and_of_what_that_takes() {
+    fn a_receivers_disturbance_excuses_only_what_that_receiver_reports() {
         let events = [Disturbance::Receiver { receiver: 0 }, HORUS_FRONT_END].map(|it| (BEGINS, injected(it, ENDS)));
         let disturbances = after(&events);
         let excused = |receiver| disturbances.excuse_of(receiver, Excuse::Position, BEGINS + 1);

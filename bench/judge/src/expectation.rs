@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_is_as_old_at_the_last_bit_as_its_slot_and_its_frame_are_long() {
+    fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
         // These are the slots of the table in `profile::air`, µs.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
@@ -419,7 +419,7 @@ mod tests {
     const INEXACT: Step = Step::Regular { exact: false };
 
     #[test]
-    fn a_timestamp_advances_by_1_to_26_cycles_stands_still_or_goes_back() {
+    fn a_timestamp_step_of_1_to_26_cycles_is_regular() {
         let mut first = vec![];
         State::default().steps(1_000, AT, |step| first.push(step));
         assert_eq!(first, [Step::First]);

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_belongs_to_the_last_tick_before_its_first_bit_if_that_is_less_than_a_cycle_ago() {
+    fn a_frame_belongs_to_the_tick_less_than_a_cycle_before_it() {
         let tick = 50 * MS;
         assert_eq!(tick_of(tick - 1, &[tick]), None);
         for after in [0, 1, bounds::CYCLE - 1] {

@@ -27,7 +27,7 @@ fn kinds(log: &Log) -> Vec<Violation> {
 }
 
 #[test]
-fn a_profile_that_does_not_arrive_within_100_ms_or_by_the_end_is_missed() {
+fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
     let (_, log, place) = forwarding(3);
     let at = log.events[place].at;
     let mut lost = log.clone();
@@ -54,7 +54,7 @@ fn a_profile_that_does_not_arrive_within_100_ms_or_by_the_end_is_missed() {
 }
 
 #[test]
-fn a_profile_of_which_a_bit_was_changed_on_the_way_is_a_violation_and_not_missed_as_well() {
+fn a_profile_changed_on_its_way_is_not_missed_too() {
     for gps in [1, 2, 3, 5] {
         let (plan, log, place) = forwarding(gps);
         for byte in (0..plan.layout.profile_len()).step_by(11) {
@@ -168,7 +168,7 @@ fn what_was_read_busy_or_in_part_cannot_be_forwarded() {
 }
 
 #[test]
-fn an_object_that_is_shown_and_not_valid_in_its_place_is_a_violation() {
+fn the_base_station_may_not_show_an_invalid_object() {
     let (plan, log, place) = forwarding(3);
     for index in 0..plan.layout.objects() {
         let mut log = log.clone();
@@ -193,7 +193,7 @@ fn an_object_that_is_shown_and_not_valid_in_its_place_is_a_violation() {
 }
 
 #[test]
-fn a_vacant_object_that_is_shown_is_a_violation_of_the_base_station_alone() {
+fn the_base_station_may_not_show_a_vacant_object() {
     let mut plan = Plan::new(3, 40);
     let number = plan.showing(200);
     plan.publications[number].image[96..156].fill(0);
@@ -270,7 +270,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 }
 
 #[test]
-fn a_new_profile_that_is_read_and_not_forwarded_at_once_is_a_violation() {
+fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
     // The profile differs from the one before it.
     let of = |place: usize| match &log.events[place].what {

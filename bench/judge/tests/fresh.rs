@@ -46,7 +46,7 @@ fn offering_at_once(log: &Log) -> Log {
 }
 
 #[test]
-fn it_is_the_same_whether_an_image_is_offered_as_fresh_rises_or_as_it_falls_or_read_first() {
+fn the_verdict_does_not_depend_on_when_an_image_is_offered() {
     let (_, log, _) = run(3);
     let verdict = judged(&log);
     assert_eq!(judged(&offering_at_once(&log)), verdict);
@@ -58,7 +58,7 @@ fn it_is_the_same_whether_an_image_is_offered_as_fresh_rises_or_as_it_falls_or_r
 }
 
 #[test]
-fn fresh_with_an_unsound_image_is_a_violation_and_what_is_read_of_it_is_not_another() {
+fn fresh_with_an_unsound_image_is_exactly_one_violation() {
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     for at_once in [false, true] {
@@ -95,7 +95,7 @@ fn fresh_with_an_unsound_image_is_a_violation_and_what_is_read_of_it_is_not_anot
 }
 
 #[test]
-fn fresh_while_a_transaction_would_meet_the_dpr_busy_for_no_reason_is_a_violation() {
+fn fresh_while_the_dpr_is_busy_without_reason_is_a_violation() {
     let (_, log, place) = run(3);
     let quiet = log.events[place].at + 600_000;
     let mut log = log;
@@ -104,7 +104,7 @@ fn fresh_while_a_transaction_would_meet_the_dpr_busy_for_no_reason_is_a_violatio
 }
 
 #[test]
-fn fresh_for_an_image_that_is_put_in_too_late_after_silence_is_a_violation() {
+fn fresh_may_not_announce_an_image_put_in_too_late() {
     let mut plan = Plan::new(3, 60);
     let from = plan.publications[plan.showing(300)].at;
     plan.publications.retain(|publication| !(from + 1..from + 34 * MS).contains(&publication.at));
@@ -257,7 +257,7 @@ fn fresh_that_rises_after_the_image_is_readable_is_one_violation() {
 }
 
 #[test]
-fn a_transaction_that_lasts_for_longer_than_announcements_are_kept_is_not_judged_by_them() {
+fn a_transaction_outlasting_the_kept_announcements_is_not_judged_by_them() {
     let mut plan = Plan::new(3, 110);
     let from = plan.publications[plan.showing(200)].at + 4 * MS;
     plan.selects.retain(|selected| !(from - 2 * MS..from + 750 * MS).contains(selected));
@@ -275,7 +275,7 @@ fn a_transaction_that_lasts_for_longer_than_announcements_are_kept_is_not_judged
 }
 
 #[test]
-fn an_image_may_be_unsound_or_tell_the_same_again_for_as_long_as_it_may_hold_a_bit_that_was_hit_and_no_longer() {
+fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
         let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
@@ -308,7 +308,7 @@ fn an_image_may_be_unsound_or_tell_the_same_again_for_as_long_as_it_may_hold_a_b
 }
 
 #[test]
-fn an_unsound_image_that_is_offered_as_fresh_rises_and_as_it_falls_is_one_violation() {
+fn an_unsound_image_offered_twice_is_one_violation() {
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -331,7 +331,7 @@ fn an_unsound_image_that_is_offered_as_fresh_rises_and_as_it_falls_is_one_violat
 }
 
 #[test]
-fn a_link_status_that_was_never_announced_with_objects_that_were_is_an_image_without_fresh_and_no_tear() {
+fn an_unannounced_link_status_is_a_missing_fresh_and_no_tear() {
     let (_, mut log, place) = run(3);
     let image = miso(&mut log, place);
     let values = LinkStatus::verify(&image[..LinkStatus::SIZE]).unwrap().values();
@@ -343,7 +343,7 @@ fn a_link_status_that_was_never_announced_with_objects_that_were_is_an_image_wit
 }
 
 #[test]
-fn the_first_image_too_may_be_read_once_and_fresh_may_come_late_for_it() {
+fn a_first_image_read_without_fresh_is_a_violation_too() {
     let mut plan = Plan::new(3, 20);
     plan.selects = plan.publications.iter().map(|publication| publication.at + MS).collect();
     let log = plan.log();
@@ -359,7 +359,7 @@ fn the_first_image_too_may_be_read_once_and_fresh_may_come_late_for_it() {
 }
 
 #[test]
-fn a_pulse_of_fresh_that_is_shorter_than_its_bound_is_a_violation() {
+fn a_fresh_pulse_shorter_than_its_bound_is_a_violation() {
     for (width, violations) in [(bounds::FRESH_WIDTH, 0), (bounds::FRESH_WIDTH - 1, 1)] {
         let mut log = Plan::new(3, 40).log();
         let rises = log.events.iter().enumerate().filter(|(_, it)| matches!(it.what, What::Fresh { high: true, .. }));

@@ -47,7 +47,7 @@ fn judged_with(log: &Log, at: u64, what: What) -> Vec<(Violation, u64)> {
 }
 
 #[test]
-fn nothing_that_a_dpr_which_hangs_does_not_serve_is_blamed_and_otherwise_it_is() {
+fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
@@ -63,7 +63,7 @@ fn nothing_that_a_dpr_which_hangs_does_not_serve_is_blamed_and_otherwise_it_is()
 }
 
 #[test]
-fn a_run_that_ends_while_the_dpr_hangs_tells_nothing_that_it_did_not_serve() {
+fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     let mut plan = Plan::new(3, 60);
     let first = last_end(&plan.log(), 258 * MS);
     plan.end = first + 90 * MS;
@@ -108,7 +108,7 @@ fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
 }
 
 #[test]
-fn two_transactions_in_a_row_that_met_the_dpr_busy_before_it_hung_are_told() {
+fn two_busy_transactions_before_a_hang_are_still_a_violation() {
     let log = Plan::new(3, 60).log();
     let first = last_end(&log, 258 * MS);
     let second = last_end(&log, first + 5 * MS);
@@ -152,7 +152,7 @@ fn what_is_read_of_a_dpr_that_hangs_is_judged() {
 }
 
 #[test]
-fn a_dpr_that_hangs_in_its_start_need_not_get_ready_and_one_that_has_restarted_must() {
+fn a_dpr_that_hangs_during_its_start_need_not_get_ready() {
     let mut plan = Plan::new(3, 40);
     plan.publications.clear();
     let log = plan.log();
@@ -168,7 +168,7 @@ fn a_dpr_that_hangs_in_its_start_need_not_get_ready_and_one_that_has_restarted_m
 }
 
 #[test]
-fn a_flight_controller_that_does_not_read_is_told_while_the_dpr_hangs() {
+fn a_missing_transaction_is_a_violation_even_while_the_dpr_hangs() {
     let mut log = silent(&Plan::new(3, 60), 200 * MS);
     log.events.retain(|event| {
         !(200 * MS..BACK).contains(&event.at)

@@ -15,7 +15,7 @@ fn distance(a: &[u8], b: &[u8]) -> u32 {
 }
 
 #[test]
-fn a_read_that_is_spliced_of_two_images_at_any_byte_is_torn() {
+fn a_read_spliced_from_two_images_is_torn() {
     for (gps, step) in [(1, 1), (5, 7)] {
         let (plan, log, place) = run(gps);
         let now = miso(&mut log.clone(), place).clone();
@@ -169,7 +169,7 @@ fn link_status_of_one_image_with_the_objects_of_another_is_torn() {
 }
 
 #[test]
-fn a_window_that_the_flight_controller_asks_for_is_read_and_offered_as_such() {
+fn a_requested_window_of_the_image_is_judged_as_such() {
     let (_, log, place) = run(3);
     let selected = |log: &Log, place: usize| match log.events[place].what {
         What::Transaction { selected, .. } => selected,

@@ -25,7 +25,7 @@ fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
 }
 
 #[test]
-fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_is_no_damage() {
+fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     let (from, until) = (300 * MS, 400 * MS);
     let over = until + bounds::MISUSE_OVER;
     let mut log = read_by_wrong_clocks(from, over);
@@ -56,7 +56,7 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
 }
 
 #[test]
-fn a_flight_controller_that_misuses_the_ssi_is_owed_no_readiness_and_no_image() {
+fn misuse_of_the_ssi_excuses_the_dprs_silence() {
     let silent = |kind: Option<Disturbance>| {
         let mut log = Plan::new(3, 60).log();
         for (selected, miso) in transactions(&mut log) {
@@ -74,7 +74,7 @@ fn a_flight_controller_that_misuses_the_ssi_is_owed_no_readiness_and_no_image() 
 }
 
 #[test]
-fn a_transaction_that_began_before_the_dpr_was_ready_for_any_owes_no_readiness_at_its_end() {
+fn a_transaction_begun_before_the_dpr_was_ready_demands_no_readiness() {
     let mut plan = Plan::new(3, 20);
     // Chip select falls before the first image is put in, and rises after it.
     let took = plan.transaction_ns();
@@ -91,7 +91,7 @@ fn a_transaction_that_began_before_the_dpr_was_ready_for_any_owes_no_readiness_a
 }
 
 #[test]
-fn two_images_of_one_millisecond_that_differ_in_what_they_count_are_two() {
+fn images_of_one_millisecond_with_different_counters_are_distinct() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
@@ -115,7 +115,7 @@ fn heard(log: &mut Log, at: u64, change: impl Fn(&mut Vec<u8>, &mut bool)) {
 }
 
 #[test]
-fn a_frame_whose_len_was_damaged_has_the_time_of_one_that_is_read_at_its_end() {
+fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     for (gps, waits) in [(3, 0), (5, bounds::SECOND_FRAME)] {
         for (late, violations) in [(0, vec![]), (1, vec![(Violation::LateReadable, 1)])] {
             let mut plan = Plan::new(gps, 40);
@@ -150,7 +150,7 @@ fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
 }
 
 #[test]
-fn a_frame_that_broke_off_has_its_objects_if_all_that_len_announces_arrived() {
+fn a_broken_off_frame_counts_if_every_announced_byte_arrived() {
     let layout = Layout::for_receivers(1).unwrap();
     let announced = LEN_BYTES + layout.profile_len();
     assert_eq!(objects_of(announced + CRC_BYTES, true), (Some(0), 2));
@@ -162,7 +162,7 @@ fn a_frame_that_broke_off_has_its_objects_if_all_that_len_announces_arrived() {
 }
 
 #[test]
-fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_is_held_against_its_firmware() {
+fn a_front_end_fault_excuses_misuse_and_field_drops_until_recovery() {
     let kinds = |log: &Log| judge(log).kinds().collect::<Vec<_>>();
     const ENDS: u64 = 100 * MS;
     for (kind, horus, dpr) in [
@@ -227,7 +227,7 @@ fn broken_code_of_a_firmware_explains_none_of_its_complaints() {
 }
 
 #[test]
-fn what_a_front_end_had_not_handed_over_when_its_supply_failed_need_not_be_shown() {
+fn a_frame_lost_with_the_front_ends_supply_is_excused() {
     let lost = |after: u64, kind: Disturbance| {
         let plan = Plan::new(3, 60);
         let place = plan.showing(300);

@@ -9,7 +9,7 @@ const MS: u64 = 1_000_000;
 const GPS: [usize; 4] = [1, 2, 3, 5];
 
 #[test]
-fn a_cycle_that_is_readable_too_late_after_its_last_bit_is_a_violation() {
+fn a_cycle_must_be_readable_soon_after_its_last_bit() {
     for gps in GPS {
         for (late, violations) in
             [(100_000, vec![]), (100_001, vec![(LateReadable, 1)]), (6_000_000, vec![(LateReadable, 1)])]
@@ -43,7 +43,7 @@ fn a_sample_that_is_readable_too_late_is_a_violation() {
 }
 
 #[test]
-fn frames_that_were_delayed_or_lost_on_the_air_and_cycles_without_a_tick_are_not_measured() {
+fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     let measured = |gps: usize, spoil: &dyn Fn(&mut Plan, u64)| {
         let mut plan = Plan::new(gps, 40);
         let number = plan.showing(200);
@@ -110,7 +110,7 @@ fn a_flight_controller_that_misuses_the_ssi_delays_no_image() {
 }
 
 #[test]
-fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
+fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     for (kind, sooner, violations) in [
         (DPR_FRONT_END, 0, vec![]),
         (DPR_FRONT_END, 1, vec![(LateReadable, 1)]),
@@ -133,7 +133,7 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
 
 /// The hit bit may be one of the buffer's bits that hold LEN.
 #[test]
-fn a_frame_in_a_buffer_with_a_hit_bit_may_be_as_late_as_one_stored_whole() {
+fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
         for (kind, after, violations) in [
             (RECEIVE_BIT, bounds::STORE_AND_FORWARD, vec![]),
@@ -182,7 +182,7 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
 }
 
 #[test]
-fn a_cycle_of_which_the_dprs_front_end_may_not_have_handed_over_the_last_frame_may_be_late() {
+fn a_frame_still_in_a_failing_front_end_may_be_late() {
     for gps in [3, 5] {
         for (kind, after, violations) in [
             (DPR_FRONT_END, 359_999, vec![]),
@@ -201,7 +201,7 @@ fn a_cycle_of_which_the_dprs_front_end_may_not_have_handed_over_the_last_frame_m
 }
 
 #[test]
-fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_less_than_a_cycle_before_it() {
+fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
     let cycle = FIRST_TICK + 19 * bounds::CYCLE;
     let started = |plan: &Plan, from: u64| {
         plan.upstream.iter().find_map(|event| match event.what {
@@ -251,7 +251,7 @@ fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_l
 }
 
 #[test]
-fn a_cycle_whose_second_frame_is_lost_is_shown_late_and_is_not_late() {
+fn a_cycle_awaiting_its_lost_second_frame_is_not_late() {
     let mut plan = Plan::new(5, 40);
     let number = plan.showing(200);
     let ended = plan.publications[number].at - TO_FRESH;
@@ -264,7 +264,7 @@ fn a_cycle_whose_second_frame_is_lost_is_shown_late_and_is_not_late() {
 }
 
 #[test]
-fn where_the_second_frame_may_be_missed_the_first_alone_may_be_shown_when_it_is_overdue() {
+fn a_possibly_missed_second_frame_allows_a_late_cycle() {
     let allowed = bounds::STORE_AND_FORWARD + bounds::SECOND_FRAME;
     for (hit, after, violations) in [
         (true, allowed, vec![]),

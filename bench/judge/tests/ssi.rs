@@ -77,7 +77,7 @@ fn without_transactions(from: u64, to: u64) -> Plan {
 }
 
 #[test]
-fn a_flight_controller_that_reads_nothing_for_longer_than_100_ms_is_a_violation() {
+fn a_flight_controller_must_read_at_least_every_100_ms() {
     let from = 251 * MS;
     assert_eq!(found(&without_transactions(from, from + bounds::NO_TRANSACTION).log()), []);
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
@@ -128,7 +128,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 }
 
 #[test]
-fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() {
+fn a_dpr_kept_selected_since_its_restart_is_ready_once_deselected() {
     // The DPR restarts before it is selected, or while it is selected.
     for restart in [258 * MS, 265 * MS] {
         kept_selected_at_a_restart(restart);
@@ -183,7 +183,7 @@ fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::
 }
 
 #[test]
-fn a_dpr_that_is_not_ready_in_time_after_a_restart_is_a_violation_and_starts_anew() {
+fn a_dpr_must_get_ready_in_time_after_a_restart() {
     let power = |on| What::Power { board: Board::Dpr, on };
     let power_cycle = [power(false), power(true)];
     for what in [&[dpr_reset(true)][..], &[dpr_reset(false)], &power_cycle] {
@@ -234,7 +234,7 @@ fn a_dpr_that_restarts_counts_anew() {
 }
 
 #[test]
-fn a_dpr_owes_readiness_again_from_the_instant_at_which_misuse_is_over() {
+fn the_dpr_must_be_ready_again_once_misuse_is_over() {
     for (sooner, violations) in [(1, vec![]), (0, vec![(NotReady, 1)])] {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
@@ -287,7 +287,7 @@ fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> benc
 }
 
 #[test]
-fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
+fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     let log = Plan::new(3, 60).log();
     let ended = log.events[repeats(&log)[40]].at;
     let ready = [SsiEvent::Released, SsiEvent::Ready];
@@ -346,7 +346,7 @@ fn a_dpr_that_is_ready_as_the_transaction_ends_needs_no_time() {
 }
 
 #[test]
-fn a_dpr_that_is_never_ready_again_is_a_violation_and_one_alone() {
+fn a_dpr_that_is_never_ready_again_is_one_violation() {
     let mut log = Plan::new(3, 60).log();
     let ended = log.events[*repeats(&log).last().unwrap()].at;
     log.events
@@ -358,7 +358,7 @@ fn a_dpr_that_is_never_ready_again_is_a_violation_and_one_alone() {
 }
 
 #[test]
-fn a_flight_controller_that_does_not_keep_the_gap_is_no_evidence_of_the_dpr_being_late() {
+fn a_transaction_too_soon_after_another_excuses_a_late_dpr() {
     let log = Plan::new(3, 60).log();
     let ended = log.events[repeats(&log)[40]].at;
     for (gap, violations) in [(9_000, vec![]), (10_000, vec![]), (10_001, vec![(NotReady, 1)])] {
@@ -420,7 +420,7 @@ fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
 }
 
 #[test]
-fn a_silence_that_lasts_to_the_end_of_the_run_is_a_violation_and_so_is_one_that_a_restart_ends_too_late() {
+fn a_silence_without_a_timely_restart_is_a_violation() {
     let log = Plan::new(3, 60).log();
     let ended = log.events[repeats(&log)[40]].at;
     for (cycles, violations) in [(4, vec![(BusyTwice, 1)]), (9, vec![(Silent, 1)])] {
@@ -452,7 +452,7 @@ fn a_dpr_that_stops_publishing_falls_silent_and_that_is_one_violation() {
 }
 
 #[test]
-fn buffers_that_hardware_takes_because_an_images_time_is_over_are_not_held_back() {
+fn the_dpr_may_hold_its_buffers_once_an_image_has_expired() {
     let mut plan = Plan::new(3, 60);
     let from = plan.publications[plan.showing(300)].at;
     plan.publications.retain(|publication| !(from + 1..from + 34 * MS).contains(&publication.at));
@@ -476,7 +476,7 @@ fn an_spis_that_serves_0xff_throughout_is_silent_too() {
 }
 
 #[test]
-fn transactions_of_a_few_bytes_tell_nothing_unless_they_met_the_dpr_busy() {
+fn a_short_transaction_counts_as_busy_only_with_a_busy_event() {
     let plan = Plan::new(3, 60);
     for (bytes, busy, violations) in
         [(31, false, vec![]), (0, false, vec![]), (32, false, vec![(BusyTwice, 1)]), (1, true, vec![(BusyTwice, 1)])]
@@ -523,7 +523,7 @@ fn readiness_is_owed_from_the_end_of_the_pause() {
 }
 
 #[test]
-fn a_flight_controller_that_runs_away_gets_so_many_transactions_for_each_image_and_no_more() {
+fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
     let plan = Plan::new(1, 60);
     let gap = plan.publications[plan.showing(300)].at + 400_000;
     for (served, violations) in [(bounds::SSI_BUDGET, vec![]), (bounds::SSI_BUDGET - 1, vec![(NotReady, 1)])] {
@@ -578,7 +578,7 @@ fn a_silence_is_longer_than_an_image_lives() {
 }
 
 #[test]
-fn a_silence_that_a_restart_ends_may_be_as_long_as_an_image_lives_and_a_start_takes() {
+fn a_silence_before_a_restart_may_last_expiry_plus_start() {
     for (longer, violations) in [(0, vec![]), (1, vec![(Silent, 1)])] {
         let mut plan = Plan::new(3, 60);
         let first = plan.publications[plan.showing(300)].at + MS;
@@ -605,7 +605,7 @@ fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
 }
 
 #[test]
-fn a_dpr_need_not_get_ready_while_it_is_kept_selected_for_longer_than_a_cycle_nor_just_after() {
+fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
     let transaction =
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
@@ -626,7 +626,7 @@ fn a_dpr_need_not_get_ready_while_it_is_kept_selected_for_longer_than_a_cycle_no
 }
 
 #[test]
-fn a_transaction_that_begins_as_the_dpr_is_ready_for_the_first_time_is_followed_by_readiness() {
+fn a_transaction_at_the_first_readiness_must_be_followed_by_readiness() {
     let mut plan = Plan::new(3, 20);
     let ready = FIRST_IMAGE + RELEASED_AFTER;
     plan.selects.retain(|selected| *selected > ready + MS);
@@ -640,7 +640,7 @@ fn a_transaction_that_begins_as_the_dpr_is_ready_for_the_first_time_is_followed_
 }
 
 #[test]
-fn a_dpr_that_restarts_while_it_is_selected_holds_its_buffers_for_itself() {
+fn a_dpr_that_restarts_while_selected_may_hold_its_buffers() {
     for (longer, violations) in [(0, vec![]), (1, vec![(HeldBack, 1)])] {
         let mut plan = Plan::new(3, 60);
         let held = plan.selects.iter().copied().find(|selected| *selected > 260 * MS).unwrap();
@@ -669,7 +669,7 @@ fn a_dpr_that_restarts_while_it_is_selected_holds_its_buffers_for_itself() {
 }
 
 #[test]
-fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
+fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     // A reset without a supply changes nothing.
     let power = |on| What::Power { board: Board::Dpr, on };
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
@@ -694,7 +694,7 @@ fn is_unserved(log: &bench_judge::Log) -> bool {
 }
 
 #[test]
-fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_violation() {
+fn a_transaction_must_be_served_while_an_image_is_readable() {
     let nothing = || {
         let log = Plan::new(3, 40).log();
         let rises: Vec<u64> = log

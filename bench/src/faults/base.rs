@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_base_station_that_shows_all_shows_the_objects_of_its_profile_and_no_other() {
+    fn a_base_station_that_shows_all_shows_each_object_of_its_profile() {
         for (receivers, all) in [(1, 0b11), (3, 0b1111), (5, 0b11_1111)] {
             assert_eq!(BaseFault::ShowsAll.shows(0, Layout::for_receivers(receivers).unwrap()), all);
         }

@@ -334,14 +334,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_dangerous_without_the_upset_counts_only_where_there_is_more_of_it() {
+    fn an_upset_is_dangerous_only_if_it_adds_violations_to_the_reference() {
         let reference = outcome(&[(Violation::Regression, 2)], 7);
         assert_eq!(Class::of(&reference, &outcome(&[(Violation::Regression, 2)], 7)), Class::Masked);
         assert_eq!(Class::of(&reference, &outcome(&[(Violation::Regression, 3)], 7)), Class::Dangerous);
     }
 
     #[test]
-    fn a_campaign_tries_as_many_upsets_as_asked_for_in_turn_on_each_board_and_each_kind() {
+    fn a_campaign_spreads_its_upsets_evenly_over_boards_and_kinds() {
         let options = Options { kinds: vec![Kind::Ram, Kind::Flash, Kind::Registers], count: 201, ..options() };
         let campaign = Campaign::run(Bench::default(), &options);
         assert_eq!(campaign.trials.len(), 201);

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_faults_of_one_line_the_last_counts_until_it_is_over() {
+    fn the_later_of_two_faults_on_one_line_prevails_until_it_ends() {
         let mut faults = ChipFaults::default();
         faults.begin(ChipFault::ReadsOnes);
         faults.begin(ChipFault::ReadsZeros);

@@ -291,13 +291,13 @@ mod tests {
     }
 
     #[test]
-    fn a_mute_one_has_a_carrier_alone_and_one_without_an_antenna_not_even_that() {
+    fn a_mute_front_end_still_emits_its_carrier() {
         assert_eq!(leaves(&[FrontEndFault::Mute], u64::MAX).0, [(0, AirEvent::FieldOn)]);
         assert_eq!(leaves(&[FrontEndFault::NoCarrier], u64::MAX).0, []);
     }
 
     #[test]
-    fn the_carrier_goes_and_comes_back_with_the_antenna_and_the_frame_between_is_lost() {
+    fn a_carrier_that_fails_within_a_frame_loses_that_frame() {
         let mut emission = Emission::new(1);
         emission.emitted(MS, AirEvent::FrameStart(frame()));
         assert_eq!(emission.take(MS).map(|(at, _)| at), Some(MS));
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_and_chip_select_come_late_by_less_than_was_said_and_not_always_the_same() {
+    fn frames_and_chip_select_are_delayed_at_random_below_the_given_bound() {
         let mut emission = Emission::new(1);
         emission.begin(0, FrontEndFault::Scatters(1_000), true);
         let mut lates = std::collections::BTreeSet::new();

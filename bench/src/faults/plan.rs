@@ -489,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn episodes_are_in_order_leave_both_ends_of_the_run_alone_and_last_as_long_as_they_may() {
+    fn drawn_episodes_keep_their_order_bounds_and_lengths() {
         for seed in 0..20 {
             let faults = Faults::drawn(&Kind::ALL, 3, seed, MINUTE);
             assert!(faults.episodes().is_sorted_by_key(|episode| episode.at));
@@ -613,7 +613,7 @@ mod tests {
     }
 
     #[test]
-    fn a_minute_has_each_board_hanging_alone_and_both_together_in_either_order() {
+    fn a_minute_of_drawn_hangs_has_each_board_alone_and_both_together() {
         let episodes = of(Kind::Hang);
         let together = |pair: &[Episode]| pair[1].at - pair[0].at <= BETWEEN_BOARDS && pair[0].fault != pair[1].fault;
         let firsts: Vec<&Fault> =

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_without_symbols_has_no_targets_and_says_which_symbol_it_lacks() {
+    fn an_image_without_symbols_is_refused_with_the_symbol_it_lacks() {
         assert!(matches!(Targets::of(&node()), Err(Error::NoSymbol { symbol, .. }) if symbol == "__sdata"));
     }
 

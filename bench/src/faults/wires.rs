@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn a_replay_reads_what_was_sent_that_long_ago_and_not_what_was_seen_then() {
+    fn a_replay_delivers_what_was_sent_the_given_time_ago() {
         let mut wires = wires();
         for read in 0..5_u8 {
             seen(&mut wires, u64::from(read) * 4 * MS, 0, &[read; 8]);
@@ -507,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_line_repeats_the_last_transaction_before_it_froze_until_it_thaws() {
+    fn a_frozen_line_repeats_the_last_transaction_until_it_thaws() {
         let mut wires = wires();
         wires.begin(WireFault::MisoFrozen);
         assert_eq!(seen(&mut wires, 0, 0, &[1; 4]), [1; 4], "there was none before");
@@ -520,7 +520,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forged_object_or_link_status_differs_in_the_bits_asked_for_and_its_crc_fits() {
+    fn a_forged_object_has_the_wrong_bits_and_a_right_crc() {
         let layout = Layout::for_receivers(3).unwrap();
         for (object, place) in [(None, 0..32), (Some(0), layout.in_image(0).unwrap()), (Some(3), 216..276)] {
             let mut wires = broken(WireFault::MisoForged { object, byte: 9, bits: 0x81 });
@@ -574,7 +574,7 @@ mod tests {
     }
 
     #[test]
-    fn the_radio_drops_a_frame_inverts_one_bit_of_it_or_mixes_it_with_the_one_before() {
+    fn each_radio_fault_drops_damages_or_mixes_its_frame() {
         assert!(!broken(WireFault::RadioDrop).radio(&mut vec![1, 2]));
         assert!(broken(WireFault::RadioDrop).radio(&mut vec![]), "nothing was sent");
         let mut wires = broken(WireFault::RadioBit);
@@ -599,7 +599,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "a replay of 1000000001 ns ago")]
-    fn a_replay_that_reaches_back_too_far_is_a_fault_of_the_bench() {
+    fn a_replay_that_reaches_back_too_far_panics() {
         wires().begin(WireFault::MisoReplay { age_ns: HISTORY_NS + 1 });
     }
 }

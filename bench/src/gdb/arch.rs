@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_description_has_the_registers_in_the_order_and_with_the_widths_of_the_numbers() {
+    fn the_target_description_lists_the_registers_as_they_are_numbered() {
         let text = CortexM4::target_description_xml().unwrap();
         let described: Vec<(&str, usize)> = text
             .lines()

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_holds_what_was_sent_after_its_tick_and_when_it_was_readable() {
+    fn a_cycle_has_the_positions_sent_in_it_and_its_latency() {
         let events = [
             fresh(MS),
             tick(10 * MS),
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_is_a_document_with_every_panel_also_of_a_run_without_a_cycle() {
+    fn the_picture_is_complete_even_for_a_run_without_a_cycle() {
         let events: Vec<Event> = (1..20_u64)
             .flat_map(|number| {
                 let at = number * 10 * MS;

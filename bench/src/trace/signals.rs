@@ -316,7 +316,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_wire_and_word_is_at_the_place_in_its_table_that_its_number_says() {
+    fn every_wire_and_word_is_listed_at_the_place_of_its_number() {
         for (place, (wire, ..)) in WIRES.iter().enumerate() {
             assert_eq!(*wire as usize, place, "{wire:?}");
         }

@@ -10,7 +10,7 @@ fn clean() -> AirFaults {
 }
 
 #[test]
-fn clean_air_hands_every_event_on_at_its_instant_and_keeps_nothing_back() {
+fn clean_air_forwards_every_event_at_its_instant() {
     let mut antenna = Antenna::new(1, clean());
     let bytes = frame(20, 1);
     let end = antenna.send(10 * MS, &bytes);
@@ -59,7 +59,7 @@ fn a_frame_that_the_poller_broke_off_is_not_delivered() {
 }
 
 #[test]
-fn an_nfc_a_frame_is_whole_when_its_end_of_communication_was_sent() {
+fn an_nfc_a_frame_is_whole_only_with_its_end_of_communication() {
     // Each case has the data bits, the bits on the air after the start of communication, and whether the frame is
     // whole.
     for (bits, air, whole) in [(24, 27 + 2, true), (24, 27, false), (24, 27 + 1, false), (20, 18 + 4 + 2, true)] {
@@ -72,7 +72,7 @@ fn an_nfc_a_frame_is_whole_when_its_end_of_communication_was_sent() {
 }
 
 #[test]
-fn a_frame_without_an_end_is_broken_off_by_the_next_one_and_by_the_field() {
+fn a_frame_without_an_end_is_broken_off_by_the_next_one() {
     let bytes = frame(20, 1);
     let mut antenna = Antenna::new(1, clean());
     antenna.poller(MS, AirEvent::FrameStart(start(Technology::NfcF, &bytes)));
@@ -113,7 +113,7 @@ fn each_inverted_bit_is_noted_at_its_place_on_the_air() {
 }
 
 #[test]
-fn a_burst_inverts_its_first_and_last_bit_and_is_no_longer_than_allowed() {
+fn a_burst_inverts_its_first_and_its_last_bit() {
     let bytes = frame(5, 1);
     let bits = 8 * bytes.len() as u64;
     let mut antenna = Antenna::new(5, AirFaults { burst: 1.0, burst_bits: 6, ..clean() });
@@ -140,7 +140,7 @@ fn a_burst_inverts_its_first_and_last_bit_and_is_no_longer_than_allowed() {
 }
 
 #[test]
-fn a_burst_is_two_bits_at_least_and_the_whole_frame_at_most() {
+fn a_burst_is_two_bits_to_a_whole_frame_long() {
     let bytes = frame(1, 1);
     for (burst_bits, longest) in [(0, 2), (1, 2), (2, 2), (u32::MAX, 32)] {
         let mut antenna = Antenna::new(5, AirFaults { burst: 1.0, burst_bits, ..clean() });
@@ -261,7 +261,7 @@ fn a_frame_that_the_poller_sends_without_its_carrier_is_lost() {
 }
 
 #[test]
-fn an_odd_number_of_wrong_bits_in_a_byte_is_a_parity_error_where_there_is_parity() {
+fn nfc_a_reports_an_odd_number_of_wrong_bits_by_parity() {
     for (technology, parity) in [(Technology::NfcA, true), (Technology::NfcF, false)] {
         let mut antenna = Antenna::new(1, AirFaults { burst: 1.0, burst_bits: 2, ..clean() });
         let mut errors = 0;
@@ -297,7 +297,7 @@ fn nothing_of_a_frame_is_heard_after_it_was_cut() {
 }
 
 #[test]
-fn a_frame_longer_than_its_len_is_whole_only_with_all_that_the_poller_gave() {
+fn a_frame_longer_than_its_len_needs_all_its_bytes() {
     // With 255 bytes of payload LEN wraps to 0.
     let mut bytes = frame(254, 1);
     bytes[0] = 0;
@@ -331,7 +331,7 @@ fn only_nfc_f_has_a_sync_to_lose() {
 }
 
 #[test]
-fn frozen_air_repeats_the_last_frame_of_the_same_length_and_clean_air_goes_on_with_what_is_sent() {
+fn frozen_air_repeats_the_last_frame_of_the_same_length() {
     let mut antenna = Antenna::new(1, clean());
     let (long, short) = (|seed| frame(20, seed), |seed| frame(12, seed));
     for (nth, bytes) in [long(1), short(2), long(3)].into_iter().enumerate() {

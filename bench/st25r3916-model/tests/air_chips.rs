@@ -38,7 +38,7 @@ fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
 }
 
 #[test]
-fn a_burst_is_found_by_the_crc_and_what_the_fifo_holds_is_what_the_antenna_heard() {
+fn the_crc_finds_every_burst_of_up_to_16_bits() {
     // CRC-16 detects every burst of up to 16 bits.
     let mut pair = pair(AirFaults { burst: 1.0, burst_bits: 16, ..clean() });
     let mut whole = 0;
@@ -109,7 +109,7 @@ fn scattered_frames_all_arrive_each_later_by_its_own_amount() {
 }
 
 #[test]
-fn a_field_that_is_taken_away_breaks_the_frame_and_raises_the_interrupts_of_a_lost_field() {
+fn a_field_that_disappears_breaks_the_frame_off() {
     let mut pair = pair(clean());
     send(&mut pair, 244, 1);
     pair.run_for(2 * MS);
@@ -134,7 +134,7 @@ fn a_field_that_is_taken_away_breaks_the_frame_and_raises_the_interrupts_of_a_lo
 }
 
 #[test]
-fn of_a_byte_that_breaks_off_the_fifo_holds_the_bits_that_came_and_tells_how_many() {
+fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
     let sent = payload(60, 1);
     for bits in 0..24 {
         let mut pair = pair(clean());
@@ -160,7 +160,7 @@ fn of_a_byte_that_breaks_off_the_fifo_holds_the_bits_that_came_and_tells_how_man
 }
 
 #[test]
-fn a_frame_that_meets_a_repetition_is_not_received_and_the_repetition_ends_in_errors() {
+fn a_frame_that_collides_with_a_repetition_is_not_received() {
     let mut pair = pair(AirFaults { repeated: 1.0, repeat_after_ns: (MS, MS), ..clean() });
     send(&mut pair, 60, 1);
     pair.run_for(1_800 * US);
@@ -180,7 +180,7 @@ fn a_frame_that_meets_a_repetition_is_not_received_and_the_repetition_ends_in_er
 }
 
 #[test]
-fn a_frame_that_breaks_off_before_its_sync_has_ended_is_not_seen() {
+fn a_frame_that_breaks_off_within_its_sync_is_not_received() {
     for (bits_in, seen) in [(20, false), (63, false), (70, true)] {
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
@@ -228,7 +228,7 @@ fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
 }
 
 #[test]
-fn what_is_heard_ahead_of_the_listeners_time_is_received_all_the_same() {
+fn a_listener_behind_the_airs_time_still_receives_its_frames() {
     // The poller and the air run a millisecond ahead; the listener follows.
     let faults = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..clean() };
     let mut pair = pair(faults);

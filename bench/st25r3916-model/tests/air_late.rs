@@ -25,7 +25,7 @@ fn heard(antenna: &mut Antenna) -> Vec<(u64, u64, bool, Origin)> {
 }
 
 #[test]
-fn a_repetition_is_the_frame_as_it_was_heard_once_and_after_its_delay() {
+fn a_repetition_follows_once_after_its_delay_with_the_same_bytes() {
     // A burst makes the received frame differ from the sent one.
     let faults = AirFaults { burst: 1.0, burst_bits: 8, ..repeating(3 * MS) };
     let mut antenna = Antenna::new(1, faults);
@@ -63,7 +63,7 @@ fn a_repetition_comes_at_any_instant_of_its_range() {
 }
 
 #[test]
-fn a_repetition_waits_for_the_frame_on_the_air_and_then_300_us_more() {
+fn a_repetition_waits_until_300_us_after_the_frame_on_the_air() {
     let mut antenna = Antenna::new(1, repeating(2 * MS));
     let first = antenna.send(10 * MS, &frame(20, 1));
     antenna.set(first + MS, clean());
@@ -80,7 +80,7 @@ fn a_repetition_waits_for_the_frame_on_the_air_and_then_300_us_more() {
 }
 
 #[test]
-fn two_repetitions_that_wait_for_the_same_frame_come_one_after_the_other() {
+fn two_repetitions_that_wait_for_the_same_frame_follow_in_turn() {
     let mut antenna = Antenna::new(1, repeating(10 * MS));
     let first = antenna.send(10 * MS, &frame(20, 1));
     let second = antenna.send(first + 400 * US, &frame(30, 2));
@@ -161,7 +161,7 @@ fn a_delay_shorter_than_the_frame_moves_every_byte_by_as_much() {
 }
 
 #[test]
-fn a_delayed_frame_waits_for_the_frame_on_the_air_and_one_that_the_poller_broke_off_stays_broken() {
+fn a_delayed_frame_waits_for_the_frame_on_the_air() {
     let mut antenna = Antenna::new(1, delaying(2 * MS));
     antenna.poller(10 * MS, AirEvent::FrameStart(start(Technology::NfcF, &frame(20, 1))));
     antenna.poller(10 * MS + bits_ns(HEADER + 80), AirEvent::FrameEnd { bits: 80 });
@@ -184,7 +184,7 @@ fn a_delayed_frame_may_be_repeated() {
 }
 
 #[test]
-fn scatter_moves_a_frame_as_a_whole_and_by_no_more_than_its_bound() {
+fn scatter_moves_a_frame_as_a_whole_within_its_bound() {
     let mut antenna = Antenna::new(1, AirFaults { scatter_ns: 3, ..clean() });
     let mut moved = [0; 4];
     for i in 1..=400 {
@@ -202,7 +202,7 @@ fn scatter_moves_a_frame_as_a_whole_and_by_no_more_than_its_bound() {
 }
 
 #[test]
-fn a_scattered_frame_that_begins_on_a_repetition_is_damaged_and_damages_it() {
+fn a_scattered_frame_and_a_repetition_that_overlap_damage_each_other() {
     let mut antenna = Antenna::new(1, repeating(2 * MS));
     let first = antenna.send(10 * MS, &frame(244, 1));
     antenna.set(first, AirFaults { scatter_ns: 1_000, ..clean() });
@@ -214,7 +214,7 @@ fn a_scattered_frame_that_begins_on_a_repetition_is_damaged_and_damages_it() {
 }
 
 #[test]
-fn without_a_field_the_listener_sees_no_carrier_and_no_frame_until_it_is_back() {
+fn without_a_field_the_listener_receives_no_frame() {
     let mut antenna = Antenna::new(1, clean());
     antenna.set(5 * MS, AirFaults { field_off: true, ..clean() });
     antenna.send(10 * MS, &frame(20, 1));
@@ -228,7 +228,7 @@ fn without_a_field_the_listener_sees_no_carrier_and_no_frame_until_it_is_back() 
 }
 
 #[test]
-fn the_listener_is_told_only_what_changes_for_it_while_the_field_is_away() {
+fn a_field_fault_is_reported_only_where_it_changes_the_listeners_field() {
     let off = AirFaults { field_off: true, ..clean() };
     let mut antenna = Antenna::new(1, clean());
     antenna.poller(MS, AirEvent::FieldOff);
@@ -252,7 +252,7 @@ fn the_listener_is_told_only_what_changes_for_it_while_the_field_is_away() {
 }
 
 #[test]
-fn a_field_that_goes_off_breaks_off_the_frame_on_the_air_and_one_that_comes_back_joins_none() {
+fn a_field_that_drops_within_a_frame_breaks_it_off() {
     let bytes = frame(100, 1);
     let mut antenna = Antenna::new(1, clean());
     antenna.poller(10 * MS, AirEvent::FrameStart(start(Technology::NfcF, &bytes)));
@@ -343,7 +343,7 @@ fn a_late_frame_breaks_off_with_the_carrier_that_it_travels_on() {
 }
 
 #[test]
-fn a_frame_that_begins_without_a_field_is_lost_whatever_else_would_have_become_of_it() {
+fn a_frame_that_begins_without_a_field_is_lost() {
     let mut antenna = Antenna::new(1, AirFaults { field_off: true, ..delaying(5 * MS) });
     antenna.send(10 * MS, &frame(20, 1));
     antenna.set(12 * MS, clean());

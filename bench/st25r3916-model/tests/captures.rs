@@ -226,7 +226,7 @@ fn crc_a(data: &[u8]) -> [u8; 2] {
 }
 
 #[test]
-fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_time() {
+fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     let Some(lines) = capture("Read_UID_ISO14443A_NFC-A.txt") else { return };
     let mut chip = board();
     bring_up(

@@ -86,7 +86,7 @@ fn a_frame_of_whole_bytes_in_mode_1_is_its_bytes() {
 }
 
 #[test]
-fn a_clock_of_another_phase_shifts_what_is_read_or_what_is_taken_by_a_bit() {
+fn a_clock_of_another_phase_shifts_the_bytes_by_a_bit() {
     for mode in [SpiMode::Mode0, SpiMode::Mode2] {
         let mut chip = Chip::new(Config::default());
         chip.select(0);

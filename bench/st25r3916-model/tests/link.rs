@@ -141,7 +141,7 @@ fn running_dry_breaks_the_frame_off_and_the_receiver_says_so() {
 }
 
 #[test]
-fn the_water_level_of_a_long_frame_sets_its_bit_behind_the_mask() {
+fn the_water_level_of_a_long_frame_sets_its_masked_interrupt() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(244, 5));
     pair.fire();
@@ -197,7 +197,7 @@ fn a_sync_already_under_way_is_not_joined() {
 }
 
 #[test]
-fn a_target_whose_field_detector_is_off_or_whose_receiver_is_off_hears_nothing() {
+fn a_target_without_field_detector_or_receiver_receives_nothing() {
     for operation in [0xC0, 0x83, 0xC3] {
         let mut pair = pair();
         pair.spi(Side::Listener, &[0x02, operation]);
@@ -212,7 +212,7 @@ fn a_target_whose_field_detector_is_off_or_whose_receiver_is_off_hears_nothing()
 }
 
 #[test]
-fn two_frames_a_third_of_a_millisecond_apart_both_arrive_when_read_at_8_mhz() {
+fn two_frames_a_third_of_a_millisecond_apart_both_arrive() {
     let mut pair = pair();
     for seed in 0..2 {
         pair.load(&payload(184, seed));
@@ -264,7 +264,7 @@ fn field_off_and_on_raise_their_interrupts_and_break_a_frame() {
 }
 
 #[test]
-fn a_listener_that_starts_in_a_field_and_a_poller_that_restarts_recover() {
+fn the_link_recovers_after_either_chip_loses_its_supply() {
     let mut pair = pair();
     let now = pair.now;
     pair.listener.power_off(now);
@@ -326,7 +326,7 @@ fn bit_errors_are_found_by_the_crc_and_counted_by_the_air() {
 }
 
 #[test]
-fn lost_and_truncated_frames_are_counted_and_the_same_seed_gives_the_same_run() {
+fn the_same_seed_loses_and_truncates_the_same_frames() {
     let run = |seed| {
         let faults = AirFaults { lost: 0.2, truncated: 0.3, ..AirFaults::default() };
         let mut pair = Pair::started(Config::default(), Config::default(), Air::new(seed, faults));
@@ -394,7 +394,7 @@ fn bit_rate_detection_finds_424_and_a_fixed_rate_ignores_another() {
 }
 
 #[test]
-fn initial_field_on_waits_for_silence_and_gives_way_to_a_foreign_field() {
+fn initial_field_on_waits_for_silence_and_yields_to_a_foreign_field() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
     pair.start(Side::Listener);
@@ -440,7 +440,7 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
 }
 
 #[test]
-fn interrupts_that_are_withheld_are_not_raised_and_come_again_when_they_are_not() {
+fn withheld_interrupts_are_not_raised_although_the_frame_arrives() {
     let mut pair = pair();
     pair.run_for(1_000_000);
     pair.irqs(Side::Listener);

@@ -118,7 +118,7 @@ fn spi_clock_and_chip_select_are_watched() {
 }
 
 #[test]
-fn interrupts_set_behind_a_mask_move_the_pin_when_unmasked_and_are_cleared_by_what_was_read() {
+fn an_interrupt_set_behind_a_mask_raises_the_pin_when_unmasked() {
     let mut chip = Chip::new(Config::default());
     exchange(&mut chip, 0, &[0x16, 0xFF]);
     exchange(&mut chip, 0, &[0x02, 0x80]);
@@ -221,7 +221,7 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
 }
 
 #[test]
-fn a_frame_that_was_loaded_in_parts_and_then_cleared_counts_as_damaged() {
+fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(244, 1)[..16]);
     pair.spi(Side::Poller, &[0x22, 0x07, 0xA0]);
@@ -252,7 +252,7 @@ fn reading_the_fifo_in_mid_frame_takes_bytes_from_the_frame() {
 }
 
 #[test]
-fn clearing_the_fifo_before_its_first_byte_is_due_lets_other_bytes_be_sent() {
+fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
@@ -325,7 +325,7 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 }
 
 #[test]
-fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
+fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
         // The modes are an NFC-A target with its anticollision, and active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),

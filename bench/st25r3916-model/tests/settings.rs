@@ -15,7 +15,7 @@ fn found(chip: &Chip, kind: Kind) -> u64 {
 }
 
 #[test]
-fn a_driver_can_measure_the_supply_and_choose_its_range_or_refuse_it() {
+fn a_driver_can_measure_the_supply_and_set_its_range() {
     for (vdd_mv, steps, sup3v, out_of_range) in [
         (2_000, 85, true, true),
         (3_300, 141, true, false),
@@ -99,7 +99,7 @@ fn the_measured_supply_is_the_one_that_is_selected() {
 }
 
 #[test]
-fn the_reserved_bit_of_register_01_reads_0_and_all_others_are_kept() {
+fn only_the_reserved_bit_of_register_01_always_reads_0() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.spi(Side::Poller, &[0x01, 0xFF]);
     assert_eq!(pair.spi(Side::Poller, &[0x41, 0]), [0, 0xFD]);
@@ -188,7 +188,7 @@ fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<Finding>, u64) {
 }
 
 #[test]
-fn a_listener_with_the_reset_values_of_the_receive_chain_is_found_out() {
+fn a_listener_with_the_receive_chain_of_a_reset_is_reported() {
     let reset: [&[u8]; 2] = [&[0x0B, 0x08, 0x2D, 0xD8, 0x00], &[0xFB, 0x0C, 0x93, 0x00]];
     let (chain, received) = listens_with(&reset, Config::default());
     assert_eq!(chain, [(Space::A, 0x0B, 0x08), (Space::A, 0x0D, 0xD8), (Space::B, 0x0C, 0x93)]);
@@ -238,7 +238,7 @@ fn each_register_of_the_receive_chain_is_looked_at() {
 }
 
 #[test]
-fn an_nfc_a_poller_is_told_of_an_nfc_f_chain_and_not_of_its_own() {
+fn an_nfc_a_poller_with_an_nfc_f_receive_chain_is_reported() {
     for (own, findings) in [(true, 0), (false, 2)] {
         let mut pair = common::nfc_a_poller(Config::default());
         if !own {

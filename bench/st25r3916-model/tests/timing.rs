@@ -19,7 +19,7 @@ fn with_irq(hz: u32) -> Chip {
 }
 
 #[test]
-fn the_pin_falls_at_the_first_rising_edge_of_the_byte_that_carries_the_interrupts_away() {
+fn the_irq_pin_falls_at_the_first_edge_of_the_byte_read() {
     // A byte has eight clock periods from its first rising edge to its end; the pin follows 31 ns after that edge.
     for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
@@ -198,7 +198,7 @@ fn a_copy_of_a_chip_scatters_as_the_chip_does() {
 }
 
 #[test]
-fn a_scatter_of_0_or_wider_than_the_latency_is_taken_as_it_can_be() {
+fn a_transmit_scatter_wider_than_the_latency_is_limited() {
     assert_eq!(starts(exact(), 3), [3_650; 3]);
     let wide = Config { transmit_latency_ns: 500, transmit_scatter_ns: 10_000, ..Config::default() };
     assert!(starts(wide, 50).iter().all(|s| *s <= 1_000));

@@ -180,7 +180,7 @@ fn each_field_of_port_status_is_judged() {
 }
 
 #[test]
-fn a_dpr_that_hangs_with_its_expiry_in_hardware_shows_no_expired_image() {
+fn a_dpr_that_hangs_with_its_hardware_expiry_shows_no_expired_image() {
     let Some(finished) = run(&Row::new(Violation::ShownExpired, hangs_with_an_image)) else { return };
     assert_eq!(finished.verdict.violations, []);
     assert!(finished.log.events.iter().any(|event| event.what == What::Hung { board: Board::Dpr }));
@@ -195,7 +195,7 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 }
 
 #[test]
-fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_read() {
+fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
     // Within the hold of 26 cycles the first frame is shown: it begins within a cycle, ends within half of another, and
     // the flight controller reads within 4 ms.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
@@ -213,7 +213,7 @@ fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_re
 }
 
 #[test]
-fn every_object_that_is_read_as_valid_and_must_not_be_is_counted() {
+fn every_invalid_object_that_is_read_as_valid_is_counted() {
     fn ends() -> u64 {
         breaks() + 5 * CYCLE
     }

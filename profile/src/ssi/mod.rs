@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_a_period_holds_two_passes_of_the_isolator_and_both_ends_at_the_clock_given_and_not_at_one_much_faster() {
+    fn the_maximum_clock_leaves_time_for_two_passes_of_the_isolator() {
         for isolator in (0..300).step_by(7) {
             for setup in [0, 5, 10, 40] {
                 let needed = u64::from(2 * isolator + timing::MISO_VALID_NS + setup);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_must_hold_a_byte_and_lie_in_the_image_to_its_end() {
+    fn a_window_must_hold_a_byte_and_lie_within_the_image() {
         let parsed = |offset, length| parse(&encode(Request { offset, length }), 276);
         for (offset, length) in [(0, 1), (0, 276), (275, 1), (96, 180)] {
             assert_eq!(parsed(offset, length), Ok(Parsed::Window(Request { offset, length })));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn an_idle_line_asks_for_nothing_and_any_bit_of_a_request_that_is_wrong_is_found() {
+    fn a_request_with_any_wrong_bit_is_rejected() {
         assert_eq!(parse(&[0x00; 8], 276), Ok(Parsed::Nothing));
         assert_eq!(parse(&[0xFF; 8], 276), Ok(Parsed::Nothing));
         let request = u64::from_le_bytes(encode(Request { offset: 32, length: 64 }));

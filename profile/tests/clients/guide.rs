@@ -22,7 +22,7 @@ fn blocks(language: &str) -> Vec<String> {
 }
 
 #[test]
-fn each_block_of_c_in_the_guide_compiles_with_all_warnings_as_errors() {
+fn each_block_of_c_in_the_guide_compiles_without_a_warning() {
     let blocks = blocks("c");
     assert_eq!(blocks.len(), 2);
     for (number, block) in blocks.iter().enumerate() {

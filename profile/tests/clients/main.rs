@@ -17,7 +17,7 @@ use c::{Build, WARNINGS, compile, folder};
 use support::tape::play;
 
 #[test]
-fn the_recordings_are_current_and_both_clients_say_to_them_what_is_recorded() {
+fn both_clients_reproduce_the_recordings() {
     let recorded = folder().join("tests/recorded");
     let mut names = vec![];
     for (name, tape) in recordings::all() {

@@ -44,7 +44,7 @@ fn the_register_table_agrees_with_what_real_silicon_answered() {
 }
 
 #[test]
-fn the_receive_chain_of_a_reset_chip_is_that_of_the_stand_in_and_not_that_of_nfc_f() {
+fn a_recorded_chip_resets_to_the_receive_chain_of_the_stand_in() {
     let Some(recording) = recording() else { return };
     let read = |register: u8| answered(&recording, &format!("{:02x}", 0x40 | register));
     let read_b = |register: u8| answered(&recording, &format!("fb {:02x}", 0x40 | register));

@@ -95,7 +95,7 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
 }
 
 #[test]
-fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
+fn an_st25r3916b_is_calibrated_and_has_its_own_antenna_tuning() {
     assert_eq!(
         bring_up_log(Chip { supply_mv: 3_300, ..Chip::new(Variant::B) }),
         [
@@ -145,7 +145,7 @@ fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
 }
 
 #[test]
-fn a_listener_has_the_receive_chain_of_nfc_f_and_not_that_of_a_reset() {
+fn a_listener_has_the_receive_chain_of_nfc_f() {
     for variant in [Variant::A, Variant::B] {
         let (rig, listener) = listening(Chip::new(variant), FILLING);
         assert_eq!(listener.variant(), Some(variant));
@@ -293,7 +293,7 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
 }
 
 #[test]
-fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
+fn only_few_bytes_are_left_to_read_at_a_frames_end() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     for len in [124, 184, 244, 254] {
         let end = rig.chip.frame(rig.chip.now + 2_000, &payload(len, len));
@@ -311,7 +311,7 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
 }
 
 #[test]
-fn the_last_read_on_the_way_leaves_a_byte_unless_another_comes_while_it_is_read() {
+fn the_last_early_read_leaves_a_byte_unless_another_arrives_meanwhile() {
     for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
         // LEN announces 40 + 2 bytes: the first read is followed by the last one.
         let mut listener = in_a_frame();
@@ -378,7 +378,7 @@ fn in_a_frame() -> Listener {
 }
 
 #[test]
-fn however_much_of_the_crc_16_was_read_on_the_way_the_frame_is_whole() {
+fn a_frame_is_whole_however_much_of_its_crc_was_read_early() {
     let frame = [&[61], &payload(60, 1)[..], &[0xC1, 0xC2]].concat();
     for on_the_way in 1..=63 {
         let mut listener = in_a_frame();
@@ -399,7 +399,7 @@ fn however_much_of_the_crc_16_was_read_on_the_way_the_frame_is_whole() {
 }
 
 #[test]
-fn on_the_way_as_much_is_read_as_the_buffer_takes_and_no_more() {
+fn an_early_read_takes_no_more_than_the_buffer_holds() {
     let longest = Transfer::Read { offset: 0, len: BUFFER };
     assert_eq!(in_a_frame().step(Input::Done(&status(0, BUFFER as u16 + 1))), Step::Transfer(longest));
     let dropped = ListenerEvent::Dropped(Dropped::TooLong);
@@ -443,7 +443,7 @@ fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
 }
 
 #[test]
-fn a_sync_between_the_last_status_and_the_clear_costs_at_most_its_own_frame() {
+fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
     for db_clears_irqs in [false, true] {
         for offset in 0..40 {
             let chip = Chip { db_clears_irqs, end_masks_receiver: false, ..Chip::new(Variant::B) };
@@ -505,7 +505,7 @@ fn a_crc_error_is_a_flag_and_the_bytes_are_delivered() {
 }
 
 #[test]
-fn a_false_crc_flag_from_a_late_read_costs_nothing_but_the_flag() {
+fn a_false_crc_flag_from_a_late_read_costs_no_frame() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
     let end = rig.chip.frame(rig.chip.now + 1_000, &payload(244, 1));
     rig.chip.at(end + 30, Happening::Irq(ERROR, CRC));
@@ -585,7 +585,7 @@ fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
 }
 
 #[test]
-fn a_frame_that_breaks_off_within_a_byte_has_the_bytes_before_it() {
+fn a_frame_broken_off_within_a_byte_keeps_the_bytes_before_it() {
     let sent: Vec<u8> = std::iter::once(185).chain(payload(184, 1)).chain([0xCC; 2]).collect();
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
@@ -686,7 +686,7 @@ fn a_field_lost_under_a_frame_drops_the_frame_and_recovers() {
 }
 
 #[test]
-fn a_short_drop_of_the_field_seen_in_one_read_is_told_in_order() {
+fn a_short_drop_of_the_field_is_reported_in_order() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     rig.chip.at(rig.chip.now + 100, Happening::Irq(TIMER, EON));
     assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
@@ -697,7 +697,7 @@ fn a_short_drop_of_the_field_seen_in_one_read_is_told_in_order() {
 }
 
 #[test]
-fn a_frame_tells_that_there_is_a_field_even_if_its_coming_was_not_seen() {
+fn a_received_frame_implies_that_there_is_a_field() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     hears(&mut rig, &mut listener, 244);
     rig.chip.at(rig.chip.now + 1_000, Happening::Irq(TIMER, EON | EOF));
@@ -706,7 +706,7 @@ fn a_frame_tells_that_there_is_a_field_even_if_its_coming_was_not_seen() {
 }
 
 #[test]
-fn a_field_that_comes_or_goes_without_its_interrupt_is_told_within_25_ms() {
+fn a_change_of_field_without_its_interrupt_is_reported_within_25_ms() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     for event in [ListenerEvent::FieldOn, ListenerEvent::FieldOff, ListenerEvent::FieldOn] {
         rig.chip.senses_field(event == ListenerEvent::FieldOn);
@@ -719,7 +719,7 @@ fn a_field_that_comes_or_goes_without_its_interrupt_is_told_within_25_ms() {
 }
 
 #[test]
-fn a_field_that_changes_during_the_bring_up_for_silence_is_told_after_it() {
+fn a_change_of_field_during_a_bring_up_is_reported_after_it() {
     for there in [true, false] {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         if !there {
@@ -777,7 +777,7 @@ fn a_frame_over_before_its_sync_was_read_is_received() {
 }
 
 #[test]
-fn a_second_sync_without_end_drops_the_first_frame_and_receives_the_second() {
+fn a_second_sync_without_an_end_drops_the_first_frame_only() {
     for config in BOTH {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         let sync = rig.chip.now + 1_000;
@@ -791,7 +791,7 @@ fn a_second_sync_without_end_drops_the_first_frame_and_receives_the_second() {
 }
 
 #[test]
-fn an_end_and_a_new_sync_in_one_read_within_a_frame_cannot_be_told_apart_and_are_dropped() {
+fn an_end_and_a_new_sync_in_one_read_drop_the_frame() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
     rig.chip.frame(rig.chip.now + 1_000, &payload(50, 1));
     assert_eq!(rig.listener_within(&mut listener, 3), None); // I_rxs read, waiting for I_rxe
@@ -887,7 +887,7 @@ fn supervision_costs_nothing_while_frames_come() {
 }
 
 #[test]
-fn a_dead_bus_is_a_fault_and_recovers_when_the_chip_is_back() {
+fn a_dead_bus_is_a_fault_until_the_chip_is_back() {
     for (miso, fault) in [(Miso::StuckHigh, Fault::Bus), (Miso::StuckLow, Fault::Reset)] {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         rig.chip.miso = miso;
@@ -976,7 +976,7 @@ fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
 }
 
 #[test]
-fn the_buffer_takes_the_longest_frame_len_can_tell_and_not_a_byte_more() {
+fn the_buffer_holds_the_longest_frame_and_no_byte_more() {
     for config in BOTH {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         let mut frame = vec![255];

@@ -137,7 +137,7 @@ fn bring_up_log_at(supply_mv: u32) -> (Rig, Vec<String>) {
 }
 
 #[test]
-fn a_3_3_volt_supply_is_measured_and_sets_sup3v_and_nothing_else() {
+fn a_supply_of_3_3_volts_sets_sup3v_and_nothing_else() {
     let (_, at_5) = bring_up_log_at(5_000);
     let (rig, at_3) = bring_up_log_at(3_300);
     assert_eq!(rig.chip.a[1], 0xBC);
@@ -147,7 +147,7 @@ fn a_3_3_volt_supply_is_measured_and_sets_sup3v_and_nothing_else() {
 }
 
 #[test]
-fn every_supply_that_the_data_sheet_allows_is_taken_with_sup3v_below_3_6_volts() {
+fn every_allowed_supply_is_accepted_with_sup3v_below_3_6_volts() {
     for supply_mv in (2_400..=5_500).step_by(20) {
         let (rig, _) = bring_up_log_at(supply_mv);
         // One step of the measurement is 23.4 mV, so either choice is right next to the threshold.
@@ -158,7 +158,7 @@ fn every_supply_that_the_data_sheet_allows_is_taken_with_sup3v_below_3_6_volts()
 }
 
 #[test]
-fn a_supply_out_of_range_is_a_fault_that_tells_the_millivolts_and_nothing_goes_on_air() {
+fn a_supply_out_of_range_keeps_the_field_off() {
     for (supply_mv, millivolts) in [(0, 0), (1_200, 1_193), (2_380, 2_387), (5_530, 5_522), (5_900, 5_897)] {
         let mut rig = Rig::new(Chip { supply_mv, ..Chip::new(Variant::A) });
         let mut poller = Poller::new(PollerConfig::new());
@@ -204,7 +204,7 @@ fn a_supply_measurement_that_never_ends_is_given_up_in_time() {
 }
 
 #[test]
-fn an_rc_calibration_that_does_not_tell_its_end_costs_6_ms_and_no_fault() {
+fn an_rc_calibration_without_an_end_costs_6_ms_and_no_fault() {
     let mut spent = Vec::new();
     for calibration_us in [None, Some(5_000), Some(100)] {
         let mut rig = Rig::new(Chip { calibration_us, ..Chip::new(Variant::B) });
@@ -322,7 +322,7 @@ fn the_receiver_can_be_left_on_and_masked() {
 }
 
 #[test]
-fn a_frame_is_started_by_one_byte_when_its_head_is_loaded_and_the_rest_follows() {
+fn a_frame_is_started_when_only_its_head_is_loaded() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     let payload: Vec<u8> = (0..244).collect();
     assert_eq!(rig.send(&mut poller, &payload), SENT);
@@ -362,7 +362,7 @@ fn every_length_from_1_to_254_is_sent_whole() {
 }
 
 #[test]
-fn a_frame_can_be_sent_only_when_ready_and_only_with_a_length_that_fits() {
+fn a_frame_that_does_not_fit_or_comes_too_early_is_refused() {
     let mut fresh = Poller::new(PollerConfig::new());
     assert_eq!(fresh.prepare(10), Err(SendError::NotReady));
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
@@ -419,7 +419,7 @@ fn an_irq_pin_high_before_the_start_does_not_stop_bring_up() {
 }
 
 #[test]
-fn a_chip_that_is_not_there_is_told_from_one_that_is_another() {
+fn an_absent_chip_is_a_different_fault_from_a_wrong_chip() {
     for (miso, identity, fault) in [
         (Miso::StuckLow, 0x31, Fault::Absent),
         (Miso::StuckHigh, 0x31, Fault::Absent),
@@ -467,7 +467,7 @@ fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
 }
 
 #[test]
-fn an_oscillator_or_a_regulator_that_never_settles_is_given_up_in_time() {
+fn an_oscillator_or_regulator_that_never_settles_is_a_fault_in_time() {
     let mut rig = Rig::new(Chip { oscillator_us: None, ..Chip::new(Variant::A) });
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Oscillator));
@@ -532,7 +532,7 @@ fn a_fifo_that_is_not_empty_before_a_frame_is_a_fault() {
 }
 
 #[test]
-fn a_fifo_that_runs_dry_is_counted_and_the_next_frame_is_sent() {
+fn after_a_fifo_that_ran_dry_the_next_frame_is_sent() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     rig.payload = vec![1; 244];
     assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
@@ -546,7 +546,7 @@ fn a_fifo_that_runs_dry_is_counted_and_the_next_frame_is_sent() {
 }
 
 #[test]
-fn bytes_left_over_after_a_frame_are_a_fault_unless_that_check_is_off() {
+fn bytes_left_in_the_fifo_are_a_fault_where_they_are_checked() {
     for check_left_over in [true, false] {
         let mut rig = Rig::new(Chip::new(Variant::B));
         let mut poller = Poller::new(PollerConfig { check_left_over, ..PollerConfig::new() });
@@ -565,7 +565,7 @@ fn bytes_left_over_after_a_frame_are_a_fault_unless_that_check_is_off() {
 }
 
 #[test]
-fn the_time_for_the_rest_is_when_the_air_needs_its_first_byte_less_two_bytes_on_the_spi() {
+fn the_rest_of_a_frame_is_due_two_spi_bytes_early() {
     // The time of 64 + 8 · 17 bits at 423.75 kbit/s is 471.98 µs; two bytes at 9 MHz take 1.78 µs, at 1 MHz 16 µs.
     assert_eq!(rest_within_us(9_000_000), Some(471 - 2));
     assert_eq!(rest_within_us(1_000_000), Some(471 - 16));

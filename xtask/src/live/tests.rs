@@ -73,7 +73,7 @@ fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, Sock
 }
 
 #[test]
-fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged() {
+fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let Some(images) = images() else { return };
     let setup = Setup::new(images, 3, 2_000_000_000);
     let mut page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
@@ -125,7 +125,7 @@ fn calm(page: SocketAddr, panel: SocketAddr) {
 }
 
 #[test]
-fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_nothing() {
+fn each_fault_from_the_panel_shows_on_the_page_and_passes() {
     let Some(images) = images() else { return };
     let setup = Setup { writes: true, ..Setup::new(images, 3, 3_600_000_000_000) };
     let outcome = watched(&setup, 0.0, |page, panel| {
@@ -192,7 +192,7 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
 }
 
 #[test]
-fn an_uplink_from_the_page_is_written_to_the_dpr_and_shown_so_with_loss() {
+fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
     let Some(images) = images() else { return };
     let setup = Setup { writes: true, relays: true, ..Setup::new(images, 3, 3_600_000_000_000) };
     let page = Page::start(0, 4.0, true, |_, _| {}).unwrap().with_loss(30, 3);
@@ -223,7 +223,7 @@ fn an_uplink_from_the_page_is_written_to_the_dpr_and_shown_so_with_loss() {
 }
 
 #[test]
-fn the_panel_takes_commands_from_its_own_page_alone_and_the_base_stations_page_takes_none() {
+fn the_panel_accepts_commands_from_its_own_page_alone() {
     let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
@@ -254,7 +254,7 @@ fn the_panel_takes_commands_from_its_own_page_alone_and_the_base_stations_page_t
 }
 
 #[test]
-fn what_the_panel_breaks_is_one_chain_of_episodes_without_a_gap_that_ends_when_it_is_said() {
+fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     const PIECE: u64 = super::PIECE;
     let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);

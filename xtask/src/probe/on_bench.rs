@@ -51,7 +51,7 @@ fn holds(on: &BenchBoard, elf: &Path, flash: u64) -> bool {
 }
 
 #[test]
-fn a_new_dpr_board_is_locked_and_erasing_all_of_it_lets_it_be_written() {
+fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     let Some((on, elf)) = board(Board::Dpr) else { return };
     let words = flash(&on, Board::Dpr, &elf, false).unwrap_err();
     assert!(
@@ -66,7 +66,7 @@ fn a_new_dpr_board_is_locked_and_erasing_all_of_it_lets_it_be_written() {
 }
 
 #[test]
-fn a_dpr_board_that_runs_its_firmware_is_written_again_without_erasing_all_of_it() {
+fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     let Some((on, elf)) = board(Board::Dpr) else { return };
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     on.switch_off_and_on();
@@ -111,7 +111,7 @@ fn a_horus_board_is_written_new_and_again_while_its_firmware_runs() {
 }
 
 #[test]
-fn the_other_boards_part_is_refused_by_name_and_keeps_what_it_has() {
+fn the_other_boards_part_is_refused_and_left_unchanged() {
     let (Some((dpr, dpr_elf)), Some((horus, horus_elf))) = (board(Board::Dpr), board(Board::Horus)) else { return };
     for erase_all in [false, true] {
         let words = flash(&horus, Board::Dpr, &dpr_elf, erase_all).unwrap_err();
@@ -141,7 +141,7 @@ fn a_bit_of_flash_that_sticks_is_found_by_verifying() {
 }
 
 #[test]
-fn a_probe_that_is_unplugged_is_said_wherever_it_happens_and_the_board_can_be_written_afterwards() {
+fn a_board_can_be_written_again_after_its_probe_was_unplugged() {
     let Some((on, elf)) = board(Board::Horus) else { return };
     let Some((other, _)) = board(Board::Horus) else { return };
     assert_eq!(flash(&other, Board::Horus, &elf, false), Ok(()));

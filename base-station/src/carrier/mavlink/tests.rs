@@ -275,7 +275,7 @@ fn what_is_signed_is_believed_once_and_nothing_else_is() {
 }
 
 #[test]
-fn a_signed_drone_whose_clock_is_a_day_ahead_shuts_no_other_out() {
+fn a_signed_drone_with_a_clock_a_day_ahead_blocks_no_other() {
     let day = 86_400 * SECOND;
     let signed = |system: u8, unix_us: u64| {
         let mut forwarder = Forwarder::new(system, 1, free()).signed(Signer::new(key(1), 3));
@@ -406,7 +406,7 @@ fn bytes_of(digits: &str) -> Vec<u8> {
 }
 
 #[test]
-fn pymavlink_sends_what_is_received_here_and_the_same_bytes_that_are_sent_here() {
+fn pymavlinks_bytes_are_received_and_reproduced_exactly() {
     let key = Key::new(std::array::from_fn(|index| index as u8));
     for (recorded, signed) in PYMAVLINK.map(bytes_of).iter().zip([false, true]) {
         let verifier = signed.then(|| Verifier::new(key.clone()));

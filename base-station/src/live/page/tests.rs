@@ -302,7 +302,7 @@ fn one_connection_brings_a_state_for_each_drone_that_is_asked_for() {
 }
 
 #[test]
-fn too_many_watchers_are_told_to_come_later_and_a_place_that_is_left_is_free() {
+fn a_watcher_beyond_the_limit_is_refused_until_another_leaves() {
     run(async {
         let (station, _changed) = station();
         let page = router(station, None, local());
@@ -356,7 +356,7 @@ fn nothing_can_be_written_but_the_pace_of_a_playback() {
 }
 
 #[test]
-fn a_drone_is_found_by_a_name_that_a_query_has_to_encode() {
+fn a_drone_is_found_by_its_percent_encoded_name() {
     run(async {
         let (station, _changed) = station();
         for (kind, from) in [(Kind::Datagrams, "127.0.0.1:4000"), (Kind::Datagrams, "[::1]:5")] {
@@ -390,7 +390,7 @@ fn a_drone_that_is_not_known_is_none() {
 }
 
 #[test]
-fn an_uplink_is_taken_only_where_the_station_sends_them_and_of_its_own_page() {
+fn an_uplink_is_accepted_only_from_the_stations_own_page() {
     run(async {
         let post = async |page: &Router, query: &str| {
             let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;

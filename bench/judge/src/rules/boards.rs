@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn each_of_a_boards_violations_is_told_of_the_board_that_it_is_of() {
+    fn each_violation_is_reported_for_the_board_that_caused_it() {
         let text = || "in words".to_owned();
         let all = |board| {
             [
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_of_a_core_is_told_by_the_restart_that_ends_it_or_by_itself() {
+    fn a_timely_restart_is_reported_in_place_of_a_core_fault() {
         let fault = || What::Finding { board: Board::Dpr, fault: true, text: "20 ms  HardFault: bus error".into() };
         let restart = |board| What::Reset { board, cause: Cause::Watchdog, asked: false };
         let told = |board, after: u64| {
@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn the_watchdogs_reset_of_a_board_that_hangs_is_asked_for_and_must_come_in_time() {
+    fn the_watchdog_must_reset_a_board_that_hangs_in_time() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
             let longest = LONGEST[nth];
             let bites = || reset(board, Cause::Watchdog);
@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_hangs_is_excused_one_restart_and_that_by_its_watchdog_alone() {
+    fn a_hang_excuses_one_restart_and_only_by_the_watchdog() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
             for cause in [Cause::Lockup, Cause::Software] {
                 assert_eq!(hung(board, 20 * MS, reset(board, cause)), [(RESTARTED[nth], 1, 70 * MS)], "{cause:?}");
@@ -450,7 +450,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_for_another_reason_and_a_supply_that_goes_off_end_a_hang() {
+    fn a_hang_ends_with_a_requested_reset_or_a_failed_supply() {
         for board in BOARDS {
             let pin = What::Reset { board, cause: Cause::Pin, asked: true };
             for what in [pin, What::Power { board, on: false }] {
@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_without_a_supply_does_not_hang_and_of_two_hangs_the_first_counts() {
+    fn only_the_first_hang_of_a_powered_board_counts() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
             let mut events = run();
             events.add(40 * MS, What::Power { board, on: false });
@@ -476,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_with_a_dead_task_is_restarted_by_its_watchdog_in_time() {
+    fn a_dead_task_must_lead_to_a_watchdog_reset_in_time() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
             let dead = |after: u64, what: What| {
                 let mut events = run();
@@ -494,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_front_end_of_a_board_that_hangs_reports_is_nobodys_until_its_restart() {
+    fn a_hang_excuses_front_end_misuse_until_shortly_after_the_restart() {
         for board in BOARDS {
             let misuse = |at: u64, of: Board| {
                 let mut events = run();
@@ -519,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_that_is_missing_and_an_act_that_is_late_are_violations() {
+    fn a_missing_counter_and_a_late_action_are_violations() {
         let mut events = run();
         events.add(60 * MS, counter(Board::Dpr, "scrubs", None));
         assert_eq!(broken(&events), [(Violation::NoTelemetry, 1, 60 * MS)]);
@@ -639,7 +639,7 @@ mod tests {
     }
 
     #[test]
-    fn the_carrier_going_on_or_the_last_frame_still_being_on_its_way_explains_nothing() {
+    fn a_rising_carrier_or_an_unfinished_frame_explains_no_complaint() {
         let both = [Violation::HorusComplains, Violation::DprComplains];
         assert_eq!(complaining(|events| _ = events.field(60 * MS, true)), both);
         assert_eq!(

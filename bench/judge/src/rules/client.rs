@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_position_to_fly_by_was_sent_as_valid_and_is_not_too_old() {
+    fn the_client_may_only_use_a_recent_position_sent_as_valid() {
         let limit = bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT;
         let flown = |after, valid, position| once(after, valid, Some(position), Some(after), &[]);
         assert_eq!(flown(limit, true, 1), []);
@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn no_age_is_asked_of_a_sample_from_before_the_one_that_was_read() {
+    fn a_sample_older_than_the_last_read_needs_no_age() {
         // Cycles 1 and 2 arrive. One is read with its right age, and then one with an age of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
+    fn an_age_counts_on_from_the_samples_first_link_status() {
         let told = |first: u64, age: u64| {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_is_no_older_for_the_client_than_link_status_called_it() {
+    fn the_client_may_count_the_younger_age_that_link_status_reported() {
         // The sample is read 10 ms after it was taken and 4 ms after FRESH, and flown by until 1 ms beyond the limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);

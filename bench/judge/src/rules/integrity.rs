@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_of_the_board_begins_anew_and_other_memory_is_not_asked_for() {
+    fn a_restart_ends_the_duty_to_report_a_changed_flash_bit() {
         for (board, within) in BOARDS {
             let off = |board| What::Power { board, on: false };
             let other = BOARDS.map(|(board, _)| board)[1 - board as usize];

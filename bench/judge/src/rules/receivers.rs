@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_is_set_later_after_a_start_of_horus_and_after_a_fault_of_its_own() {
+    fn a_restart_or_a_receivers_own_fault_postpones_its_settings() {
         let with = |at: u64, what: What, end: u64| unset(vec![(5, settings(false)), (at, what)], end).len();
         let reset = || What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
         assert_eq!((with(9, reset(), TOLD + 9), with(9, reset(), TOLD + 10)), (0, 1));

@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_that_arrives_when_later_ones_were_sent_has_its_own_age() {
+    fn a_sample_that_arrives_late_keeps_its_own_age() {
         let at = ARRIVED + 200 * MS;
         let told = |age| broken_after(38 * MS, same, CYCLES, &[(at, Some(age), &[])]);
         assert_eq!((told(at - TICK), told(0)), (vec![], AGE.into()));
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_that_reported_position_tells_holds_if_it_says_so_and_not_otherwise() {
+    fn an_alarm_holds_exactly_while_reported_position_reports_it() {
         let states = [
             (HorusState::EmergencyFired, "emergency-fired"),
             (HorusState::MotorsCut, "motors-cut"),
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_over_a_start_of_horus_may_be_counted_by_the_clock_of_before() {
+    fn after_a_restart_of_horus_ages_may_follow_the_earlier_clock() {
         // The profiles that arrive are stamped 10 ms to 100 ms. HORUS then starts anew, is away for [`AWAY`], and its
         // profiles arrive from the timestamp `first` on.
         const AWAY: u64 = 1_000 * MS;

@@ -153,7 +153,7 @@ fn another_address_and_other_pins_are_not_answered() {
 }
 
 #[test]
-fn i2c_that_is_too_fast_gives_no_right_bytes_and_is_told_once() {
+fn i2c_that_is_too_fast_gives_wrong_bytes_and_one_report() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 1, &message());
     script.i2c(I2cEvent::Start(0x85));
@@ -170,7 +170,7 @@ fn i2c_that_is_too_fast_gives_no_right_bytes_and_is_told_once() {
 }
 
 #[test]
-fn what_was_offered_at_different_instants_is_told_apart_with_since_when_it_waited() {
+fn bytes_offered_at_different_instants_are_reported_apart() {
     for receiver in [1, 2] {
         let mut script = Script::new();
         let offered = [script.now, script.now + 60 * MS];
@@ -190,7 +190,7 @@ fn what_was_offered_at_different_instants_is_told_apart_with_since_when_it_waite
 }
 
 #[test]
-fn over_spi_the_stream_is_clocked_out_and_filler_when_it_is_empty() {
+fn over_spi_a_receiver_sends_its_stream_and_then_filler() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     let begins = script.now;
@@ -249,7 +249,7 @@ fn another_mode_or_too_fast_a_clock_gives_no_right_bytes() {
 }
 
 #[test]
-fn bytes_faster_than_125_kb_a_second_are_not_loaded_and_the_stream_waits() {
+fn over_spi_no_more_than_125_kb_a_second_are_loaded() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     script.select(true);
@@ -270,7 +270,7 @@ fn bytes_faster_than_125_kb_a_second_are_not_loaded_and_the_stream_waits() {
 }
 
 #[test]
-fn after_fifty_bytes_of_filler_spi_input_is_ignored_until_a_byte_that_is_none() {
+fn spi_input_is_ignored_after_fifty_bytes_of_filler() {
     let mut script = Script::new();
     assert!(script.transaction(&[0xFF; 200]).iter().all(|byte| *byte == 0xFF));
     assert!(script.heard().is_empty());
@@ -289,7 +289,7 @@ fn a_message_that_does_not_fit_is_dropped_whole() {
 }
 
 #[test]
-fn a_bus_that_nobody_reads_for_two_seconds_gets_no_more_messages_and_keeps_the_old_ones() {
+fn a_receiver_not_read_for_two_seconds_queues_no_more_messages() {
     let mut script = Script::new();
     script.read(None, 1);
     script.receivers.offer(script.now + 1_999 * MS, 1, &message());
@@ -301,7 +301,7 @@ fn a_bus_that_nobody_reads_for_two_seconds_gets_no_more_messages_and_keeps_the_o
 }
 
 #[test]
-fn a_transfer_that_is_not_ended_as_it_should_be_is_told_as_unsure() {
+fn bytes_of_a_transfer_that_is_not_ended_properly_are_marked_unsure() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 1, &message());
     script.i2c(I2cEvent::Start(0x85));
@@ -373,7 +373,7 @@ fn clocks(script: &mut Script, number: u32) {
 }
 
 #[test]
-fn a_receiver_that_holds_sda_lets_go_after_nine_clocks_and_not_before() {
+fn a_receiver_that_holds_sda_releases_it_after_nine_clocks() {
     let mut script = failing(BusFault::SdaUntilClocked);
     assert_eq!(levels(&mut script), [(SDA, false)]);
     clocks(&mut script, 8);
@@ -419,7 +419,7 @@ fn a_receiver_that_acknowledges_nothing_keeps_its_stream() {
 }
 
 #[test]
-fn a_receiver_that_stretches_the_clock_does_so_for_as_long_as_its_data_sheet_says() {
+fn a_receiver_stretches_the_clock_as_long_as_its_data_sheet_states() {
     let mut script = failing(BusFault::Stretches);
     let answer = script.i2c(I2cEvent::Start(0x85));
     assert_eq!((answer.acknowledged, answer.stretched_ns), (true, 20 * MS));
@@ -448,7 +448,7 @@ fn glitches_are_short_and_come_as_often_as_they_should() {
 }
 
 #[test]
-fn bit_errors_on_i2c_are_told_as_they_are_read_and_as_unsure() {
+fn bit_errors_on_i2c_are_reported_as_read_and_marked_unsure() {
     let mut script = failing(BusFault::Noise);
     let read = script.read(Some(0xFF), 1_000);
     let given = script.given();

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_of_16_bits_is_found_in_a_movw_and_its_register_stays() {
+    fn a_constant_of_16_bits_is_replaced_in_a_movw() {
         // MOVW r1, #24480
         let image = image(&[0xBF00, 0xF645, 0x71A0]);
         assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_of_32_bits_is_found_in_a_movw_and_its_movt() {
+    fn a_constant_of_32_bits_is_replaced_in_movw_and_movt() {
         let of = 0x0004_C4A0;
         let (low, high) = (encoded(MOVW, 1, 0xC4A0), encoded(MOVT, 1, 4));
         let code = image(&[low.0, low.1, 0xBF00, high.0, high.1]);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_that_is_put_into_a_word_is_found_in_an_add_or_orr() {
+    fn a_modified_immediate_is_replaced_in_an_add_or_orr() {
         // ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];

@@ -125,7 +125,7 @@ fn messages_that_nobody_asked_for_are_whole() {
 }
 
 #[test]
-fn a_frozen_receiver_repeats_the_time_of_week_it_sent_last_and_new_data_with_it() {
+fn a_frozen_receiver_repeats_its_last_time_of_week() {
     let mut faults = LineFaults::new(1);
     faults.burst(0, 0, &burst(100));
     faults.begin(MS, 400 * MS, 0, ReceiverFault::Frozen);
@@ -239,7 +239,7 @@ fn a_frozen_position_repeats_the_last_one_and_the_time_goes_on() {
 }
 
 #[test]
-fn a_position_that_freezes_before_the_first_message_is_that_of_the_first() {
+fn a_position_that_freezes_before_any_message_is_that_of_the_first() {
     let mut faults = with(ReceiverFault::FrozenPosition);
     let moved = each_message(&burst(200), |class, id, payload| move_by(class, id, payload, [7_000, 8_000, 9_000]));
     assert_eq!(bytes(&faults.burst(MS, 0, &burst(100))), burst(100));
@@ -265,7 +265,7 @@ fn absurd_fields_have_values_that_they_cannot_have() {
 }
 
 #[test]
-fn a_time_of_week_that_jumps_is_ahead_or_behind_in_every_message() {
+fn a_time_of_week_that_jumps_is_shifted_in_every_message() {
     let jumped = |ms| itows(&bytes(&with(ReceiverFault::TimeJumps(ms)).burst(MS, 0, &burst(100))));
     assert_eq!(jumped(5_000), [5_100; 3]);
     assert_eq!(jumped(-40), [60; 3]);
@@ -284,7 +284,7 @@ fn messages_of_another_length_are_whole_and_longer_or_shorter() {
 }
 
 #[test]
-fn without_a_fix_the_position_is_marked_invalid_and_the_time_goes_on() {
+fn without_a_fix_the_position_is_invalid_and_time_goes_on() {
     let mut faults = with(ReceiverFault::NoFix);
     let bytes = bytes(&faults.burst(MS, 0, &burst(100)));
     let pvt = &payloads(&bytes)[0];
@@ -293,7 +293,7 @@ fn without_a_fix_the_position_is_marked_invalid_and_the_time_goes_on() {
 }
 
 #[test]
-fn a_receiver_that_restarts_is_silent_and_then_searches_from_time_0_on() {
+fn a_receiver_that_restarts_is_silent_and_then_searches_from_time_0() {
     let mut faults = LineFaults::new(1);
     faults.begin(1_000 * MS, 1_400 * MS, 0, ReceiverFault::Restarts);
     assert!(faults.burst(1_000 * MS, 0, &burst(100)).is_empty());
@@ -309,7 +309,7 @@ fn a_receiver_that_restarts_is_silent_and_then_searches_from_time_0_on() {
 }
 
 #[test]
-fn a_restart_without_an_end_is_silent_for_no_more_than_its_longest_silence() {
+fn a_restart_without_an_end_has_a_bounded_silence() {
     let mut faults = LineFaults::new(1);
     faults.begin(0, u64::MAX, 0, ReceiverFault::Restarts);
     assert!(faults.burst(LONGEST_SILENCE - 1, 0, &burst(100)).is_empty());
@@ -326,7 +326,7 @@ fn wrong_checksums_are_all_that_is_wrong() {
 }
 
 #[test]
-fn a_late_burst_comes_so_much_later_and_those_after_it_do_not_overtake_it() {
+fn a_late_burst_is_not_overtaken_by_those_after_it() {
     let fault = ReceiverFault::LateBursts(60 * MS);
     let mut faults = with(fault);
     assert!(faults.burst(10 * MS, 0, &burst(100)).is_empty());
@@ -373,7 +373,7 @@ fn noise_inverts_as_many_bits_as_it_says() {
 }
 
 #[test]
-fn a_framing_error_is_a_low_level_where_the_stop_bit_should_be() {
+fn a_framing_error_holds_the_stop_bit_low() {
     let mut faults = with(ReceiverFault::FramingErrors);
     let on_line = faults.burst(MS, 0, &[0x5A; 10_000]).remove(0);
     let low: Vec<&UartFrame> = on_line.frames.iter().filter(|frame| frame.bits != 8).collect();

@@ -140,7 +140,7 @@ fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
 }
 
 #[test]
-fn a_control_cycle_that_just_holds_a_transaction_is_not_skipped_whatever_the_crystal() {
+fn a_control_cycle_that_just_holds_a_transaction_is_never_skipped() {
     for crystal_ppb in [-123_457, 1, 77_777] {
         let longest = Config::new(3).transaction_ns(276) + 10 * US;
         let mut rig = Rig::new(Config { cycle_ns: longest, crystal_ppb, ..Config::new(3) });
@@ -153,7 +153,7 @@ fn a_control_cycle_that_just_holds_a_transaction_is_not_skipped_whatever_the_cry
 }
 
 #[test]
-fn transactions_that_are_placed_begin_at_their_instants_and_there_are_no_others() {
+fn placed_transactions_begin_at_their_instants() {
     let mut rig = Rig::new(Config { schedule: Schedule::Placed, ..Config::new(3) });
     assert_eq!(rig.controller.next_at(), u64::MAX);
     rig.controller.place(Placed { at_ns: 7 * MS, bytes: 96 });
@@ -173,7 +173,7 @@ fn a_transaction_cannot_be_placed_into_the_gap_after_another() {
 }
 
 #[test]
-fn a_profile_is_fresh_once_then_repeated_and_forwarded_once_as_it_is() {
+fn a_profile_is_forwarded_once_and_unchanged() {
     let mut rig = rig();
     let mut line = Vec::new();
     for (timestamp, is_new) in [(10, true), (10, false), (10, false), (20, true), (20, false), (50, true)] {
@@ -194,7 +194,7 @@ fn a_profile_is_fresh_once_then_repeated_and_forwarded_once_as_it_is() {
 }
 
 #[test]
-fn its_client_shows_a_position_from_the_fourth_cycle_on_until_it_is_too_old() {
+fn its_client_shows_a_position_from_the_fourth_cycle_on() {
     let mut rig = Rig::new(Config { cycle_ns: 10 * MS, ..Config::new(3) });
     let shown: Vec<_> = (1..=5)
         .map(|cycle| {
@@ -257,7 +257,7 @@ fn damage_is_reported_where_it_is() {
 }
 
 #[test]
-fn an_image_without_a_profile_is_nothing_new_and_a_vacant_place_is_no_damage() {
+fn an_image_without_a_profile_counts_as_repeated_and_not_as_damaged() {
     let mut rig = rig();
     rig.transact(&image_of(&Profile::<3>::EMPTY));
     assert_eq!(rig.outcome(), Outcome::Repeated);
@@ -282,7 +282,7 @@ fn a_valid_object_in_anothers_place_is_damage() {
 }
 
 #[test]
-fn a_request_goes_out_in_one_transaction_and_the_next_reads_its_window() {
+fn the_transaction_after_a_request_reads_its_window() {
     let mut rig = rig();
     let window = Request { offset: 32, length: 64 };
     rig.controller.request(window);
@@ -326,7 +326,7 @@ fn a_request_that_met_a_busy_dpr_is_made_again() {
 }
 
 #[test]
-fn a_window_that_met_a_busy_dpr_is_read_by_the_next_transaction() {
+fn a_window_that_met_a_busy_dpr_is_read_next() {
     let mut rig = rig();
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
@@ -343,7 +343,7 @@ fn a_window_that_met_a_busy_dpr_is_read_by_the_next_transaction() {
 }
 
 #[test]
-fn an_uplink_that_came_by_radio_is_written_in_place_of_made_up_ones() {
+fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let config = Config { writes: true, relays: true, first_ns: 0, cycle_ns: 5 * MS, ..Config::new(3) };
     let mut rig = Rig::new(config);
     let image = image_of(&profile(10));
@@ -437,7 +437,7 @@ fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction
 }
 
 #[test]
-fn whatever_it_did_it_lets_go_at_the_end_and_reads_on_in_its_cycle() {
+fn misconduct_ends_on_time_and_the_normal_cycle_resumes() {
     for conduct in Conduct::ALL {
         let (_, all, rig) = misused(conduct, &image_of(&profile(10)));
         let sane = |over: &&Transaction| !(10 * MS..50 * MS).contains(&over.selected_ns);
@@ -532,7 +532,7 @@ fn placed_transactions_that_fall_into_an_episode_do_not_take_place() {
 }
 
 #[test]
-fn a_lie_is_never_a_request_that_the_dpr_grants_and_each_kind_of_it_is_told() {
+fn a_flight_controller_that_lies_makes_only_invalid_requests() {
     let mut misconduct = Misconduct::new(Conduct::Lies, Config::new(3), 5);
     let mut kinds = [0; 3];
     for _ in 0..300 {
@@ -549,7 +549,7 @@ fn a_lie_is_never_a_request_that_the_dpr_grants_and_each_kind_of_it_is_told() {
 }
 
 #[test]
-fn what_is_random_follows_from_the_seed_and_differs_from_episode_to_episode() {
+fn random_bytes_follow_from_the_seed_and_the_episode() {
     let noise = |seed| {
         let mut rig = Rig::new(Config { seed, ..Config::new(3) });
         rig.controller.set_conduct(0, Some(Conduct::RandomBytes));

@@ -66,7 +66,7 @@ mod tests {
     use profile::uplink::Written;
 
     #[test]
-    fn in_two_seconds_both_writers_and_both_commands_have_their_turn_and_nothing_is_written_where_the_map_is_read() {
+    fn two_seconds_contain_uplinks_of_both_writers_and_every_command() {
         let (mut base, mut own, mut commands) = (0, 0, vec![]);
         for cycle in 0..2 * COMMAND_EVERY {
             let Some(object) = written(cycle, cycle * 4 * MS) else { continue };

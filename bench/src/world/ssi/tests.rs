@@ -22,7 +22,7 @@ fn run(master: &mut SsiMaster, pins: &mut Pins, end: u64) -> Vec<Progress> {
 }
 
 #[test]
-fn a_transaction_has_its_set_up_time_its_bytes_in_runs_of_16_and_its_hold_time() {
+fn a_transaction_is_clocked_in_runs_of_16_bytes() {
     let mut pins = Pins::showing(&[7, 8, 9]);
     let mut master = SsiMaster::new(STANDARD);
     let order = Order { mosi: vec![1, 2], ..Order::read(20) };
@@ -105,7 +105,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 }
 
 #[test]
-fn a_transaction_that_is_cut_clocks_the_byte_under_way_to_its_end() {
+fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
     // The first byte ends at 2 us; so at 50.5 us, 49 are done and one is under way, and at 50 us exactly 49 are done.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
@@ -141,7 +141,7 @@ fn clocks_without_chip_select_reach_the_pins_and_are_no_transaction() {
 }
 
 #[test]
-fn of_a_very_long_transaction_the_beginning_is_kept_and_the_bytes_are_counted() {
+fn a_very_long_transaction_is_counted_whole_and_kept_in_part() {
     let mut pins = Pins::showing(&[1; KEPT + 100]);
     let noise = Filler::Noise(Rng::new(3));
     let over = pins.carry(&mut SsiMaster::new(STANDARD), at(0), Order { filler: noise, ..Order::read(KEPT + 50) });

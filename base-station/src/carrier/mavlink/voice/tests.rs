@@ -248,7 +248,7 @@ fn a_flight_controller_writes_what_is_signed_for_it_and_intact_once() {
 }
 
 #[test]
-fn an_answer_waits_for_the_dpr_and_is_given_once_for_each_message() {
+fn each_uplink_is_answered_once_after_the_dpr_could_store_it() {
     let mut inbound = Inbound::new(7, Verifier::new(key()));
     let object = *Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes();
     let mut signer = Signer::new(key(), 254);
@@ -268,7 +268,7 @@ fn an_answer_waits_for_the_dpr_and_is_given_once_for_each_message() {
 }
 
 #[test]
-fn a_heartbeat_goes_each_second_to_who_is_heard_and_looks_like_no_pilot() {
+fn a_heartbeat_goes_each_second_to_every_received_peer() {
     let told: SocketAddr = "192.0.2.1:14550".parse().unwrap();
     let mut voice = Voice::new(SYSTEM, None).with_heartbeat(vec![told]);
     let fleet = Fleet::default();

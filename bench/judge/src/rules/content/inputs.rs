@@ -212,7 +212,7 @@ mod tests {
     const SOUND: [HorusState; 3] = [Starting, Monitoring, HorusState::PositionLost];
 
     #[test]
-    fn without_an_active_input_horus_is_starting_until_three_samples_and_then_may_monitor() {
+    fn horus_is_starting_until_it_has_three_samples_of_its_inputs() {
         assert_eq!(allowed(0, &[], 5), [vec![Starting], vec![Starting], vec![Starting], SOUND.into(), SOUND.into()]);
         let mut state = Inputs::new();
         let known = (0..5).map(|number| {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_settled_pair_that_chatters_is_a_contradiction_ten_samples_after_it_had_settled_last() {
+    fn a_settled_pair_that_chatters_is_a_contradiction_after_ten_samples() {
         // Ticks 0 to 4 (100 to 140 ms) sample the pair as inactive. From tick 5 on at most two samples in a row are
         // equal.
         let chatter: Vec<(f64, bool, bool)> =
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_pair_that_may_have_been_sampled_in_too_many_ways_nothing_is_asked() {
+    fn a_pair_with_too_many_possible_samples_is_not_judged() {
         // From tick 5 on each change may be sampled at its tick or not. Six changes make 64 outcomes, and seven are too
         // many.
         let changes = |count: u32| -> Vec<(f64, bool, bool)> {
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn after_an_irregular_tick_a_pair_that_chatters_is_a_contradiction_after_twelve_samples() {
+    fn a_chattering_pair_contradicts_twelve_samples_after_an_irregular_tick() {
         let mut state = Inputs::new();
         state.tick(0, true);
         for number in 1..=12_u64 {

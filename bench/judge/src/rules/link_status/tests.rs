@@ -41,7 +41,7 @@ fn an_age_that_is_off_by_more_than_its_bound_is_wrong() {
 }
 
 #[test]
-fn the_age_is_the_last_accepted_reported_positions_also_in_silence_and_when_it_alone_was_hit() {
+fn the_age_is_that_of_the_last_accepted_reported_position() {
     for n in RECEIVERS {
         let newer = |values: &mut LinkValues| values.age_100us -= 100;
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![0]));
@@ -52,7 +52,7 @@ fn the_age_is_the_last_accepted_reported_positions_also_in_silence_and_when_it_a
 }
 
 #[test]
-fn before_anything_was_accepted_the_age_is_saturated_and_after_it_it_is_not() {
+fn the_age_is_saturated_until_an_object_is_accepted() {
     let run = Run::new(3);
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
@@ -82,7 +82,7 @@ fn the_age_counts_from_the_tick_and_not_from_the_frame() {
 }
 
 #[test]
-fn a_counter_that_is_off_by_one_is_wrong_once_if_it_stays_so_and_twice_if_it_does_not() {
+fn each_counter_that_is_off_by_one_is_a_violation() {
     let counters: [fn(&mut LinkValues) -> &mut u32; 4] = [
         |values| &mut values.objects_accepted,
         |values| &mut values.objects_rejected,
@@ -222,7 +222,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
 }
 
 #[test]
-fn a_clock_that_is_3_percent_off_is_implausible_and_one_that_is_1_percent_off_is_not() {
+fn a_clock_3_percent_off_is_implausible_but_1_percent_is_not() {
     for (period, implausible) in [(9_700 * US, true), (9_900 * US, false), (10_100 * US, false), (10_300 * US, true)] {
         let run = Run { cycles: 450, control: 4 * MS, period, ..Run::new(3) };
         run.assert_flawless();
@@ -362,7 +362,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
 }
 
 #[test]
-fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
+fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
@@ -387,7 +387,7 @@ fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
 }
 
 #[test]
-fn images_of_which_a_window_without_link_status_is_offered_are_told_apart() {
+fn two_images_offered_without_link_status_are_judged_as_two() {
     let run = Run { control: MS, ..Run::new(3) }.hit_all(20..23, &Air::Hit(vec![0, 1, 2, 3]));
     let mut log = run.log(|_| {});
     let mut request = vec![92, 0, 4, 0];
@@ -440,7 +440,7 @@ fn published_late(after: u64, held: bool) -> bool {
 }
 
 #[test]
-fn the_sequence_is_held_for_26_cycles_2_and_a_half_ms_and_2_percent_and_nothing_is_asked_at_the_limit() {
+fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
     // The limit is 260 + 2.5 + 5.2 ms, with 0.3 ms to either side. Values are taken up to 0.2 ms before they can be
     // read.
     assert!(published_late(267_400_000, false));

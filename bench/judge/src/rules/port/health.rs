@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn its_time_is_that_of_link_status_or_a_little_earlier_and_never_back() {
+    fn port_status_is_stamped_at_or_just_before_link_status() {
         let earliest = 1_000 - bounds::PORT_BEFORE_LINK_MS;
         for (timestamp, right) in [(1_000, true), (1_001, false), (earliest, true), (earliest - 1, false)] {
             assert_eq!(once(PortValues { timestamp, ..RIGHT }), right, "{timestamp}");
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_safe_state_was_before_a_start_that_is_not_the_first_and_its_reason_stays() {
+    fn a_safe_states_cause_appears_only_after_a_restart_and_stays() {
         let stops = |mut health: Health, last_stop| is_right(&mut health, PortValues { last_stop, ..RIGHT }, AT);
         for (cause, right) in [(0, true), (1, true), (14, true), (15, false), (255, false)] {
             assert_eq!(stops(Health::again(0), cause << 24), right, "{cause}");

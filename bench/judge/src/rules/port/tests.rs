@@ -352,7 +352,7 @@ fn uplink_shown_from(from: u64) -> crate::Log {
 const READ: u64 = 205 * MS;
 
 #[test]
-fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
+fn each_start_of_the_dpr_clears_what_it_has_accepted() {
     // At the first start of the DPR, nothing has been received.
     let counted = |accepted| {
         broken(&log(&[], |_| {
@@ -384,7 +384,7 @@ fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
 }
 
 #[test]
-fn what_a_transaction_writes_into_which_the_dpr_restarts_and_what_one_reads_that_is_not_served_counts_for_nothing() {
+fn an_unserved_or_interrupted_transaction_counts_for_nothing() {
     let mut restarted = log(&[(READ, uplink(1_000, 7))], |_| Shown::default());
     assert_eq!(broken(&restarted), [(Violation::PortStatusWrong, 1)]);
     let reset = What::Reset { board: Board::Dpr, cause: crate::Cause::Pin, asked: true };
@@ -400,7 +400,7 @@ fn what_a_transaction_writes_into_which_the_dpr_restarts_and_what_one_reads_that
 }
 
 #[test]
-fn only_while_a_buffer_may_hold_a_bit_that_was_hit_may_port_status_and_uplinks_be_damaged() {
+fn a_hit_image_bit_excuses_damage_until_its_buffer_is_replaced() {
     let layout = Layout::for_receivers(3).unwrap();
     for (place, violation) in [
         (layout.port_status().start + 8, Violation::Damaged),
@@ -421,7 +421,7 @@ fn only_while_a_buffer_may_hold_a_bit_that_was_hit_may_port_status_and_uplinks_b
 }
 
 #[test]
-fn from_the_instant_at_which_misuse_is_over_port_status_is_looked_at_again() {
+fn port_status_is_judged_again_once_misuse_is_over() {
     let mut damaged = log(&[], |_| Shown::default());
     miso(&mut damaged, READ)[Layout::for_receivers(3).unwrap().port_status().start + 8] ^= 1;
     for (longer, expected) in [(0, vec![(Violation::Damaged, 1)]), (1, vec![])] {
@@ -466,7 +466,7 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 }
 
 #[test]
-fn a_map_that_fresh_has_not_announced_in_time_is_not_asked_of() {
+fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
             // The last rise is that at 200 ms, and the only transaction after it reads values that are not possible.
@@ -505,7 +505,7 @@ fn ends_as_fresh_rises(from: u64) -> crate::Log {
 }
 
 #[test]
-fn what_is_written_as_fresh_rises_shows_in_the_second_image_after_that_one() {
+fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
@@ -606,7 +606,7 @@ fn writing(object: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn an_uplink_is_newer_by_less_than_half_the_range_and_the_third_in_a_row_after_a_restart_of_its_writer() {
+fn an_uplink_must_be_newer_or_third_of_a_rising_row() {
     for (timestamps, accepted, refused) in [
         (&[10, 20][..], 2, false),
         (&[10, 20, 20], 2, true),
@@ -638,7 +638,7 @@ fn an_uplink_is_newer_by_less_than_half_the_range_and_the_third_in_a_row_after_a
 }
 
 #[test]
-fn each_part_of_a_transaction_is_judged_by_itself_and_an_idle_line_writes_nothing() {
+fn each_part_of_a_transaction_is_judged_by_itself() {
     let kinds = |mosi: Vec<u8>| {
         let sent = [mosi];
         let may = |kind: Option<profile::Violation>| {
@@ -701,7 +701,7 @@ fn an_object_that_is_cut_off_is_too_short() {
 }
 
 #[test]
-fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_one_is_under_way() {
+fn only_a_self_test_may_be_refused_while_another_runs() {
     let test = |timestamp| writing(&command(timestamp, Command::SelfTest));
     let clear = |timestamp| writing(&command(timestamp, Command::ClearCounters));
     let says = |sent: &[Vec<u8>], carried_out: u32, last: (u32, Command), busy: bool, running: bool| {

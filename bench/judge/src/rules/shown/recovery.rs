@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn five_cycles_are_enough_and_fifteen_where_a_front_end_has_to_be_brought_up() {
+    fn recovery_may_take_five_cycles_or_fifteen_with_a_bring_up() {
         let ends = 100 * MS;
         for (kind, cycles) in [
             (Disturbance::Air, 5),
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn of_causes_that_overlap_one_that_takes_a_bring_up_makes_it_the_recovery_of_a_bring_up() {
+    fn overlapping_causes_count_as_a_bring_up_if_one_needs_it() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = injected(60 * MS, Disturbance::Air, 110 * MS);
         let (_, longest) = judged(&[front_end, air], 130 * MS, 0);
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_began_as_the_cause_ended_does_not_tell_that_the_link_has_recovered() {
+    fn a_frame_begun_by_the_causes_end_shows_no_recovery() {
         let recovered = |started| {
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&injected(50 * MS, Disturbance::Air, 100 * MS), &mut findings);
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_recovers_is_late_once_and_a_board_without_a_supply_is_not() {
+    fn a_link_that_never_recovers_is_reported_late_once() {
         let found = |off: bool| {
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&injected(50 * MS, Disturbance::Air, 100 * MS), &mut findings);
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cause_of_a_hang_ends_with_the_boards_restart_and_takes_a_bring_up() {
+    fn recovery_from_a_hang_counts_from_the_boards_restart() {
         let hung = |at, board| Event { at, what: What::Hung { board } };
         let reset = |at, board| Event { at, what: What::Reset { board, cause: crate::Cause::Pin, asked: false } };
         let power = |at, board, on| Event { at, what: What::Power { board, on } };

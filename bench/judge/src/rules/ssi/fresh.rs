@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_without_objects_is_newer_than_one_of_the_same_millisecond_that_it_withdraws() {
+    fn an_image_without_objects_is_newer_than_the_one_it_withdraws() {
         let status = LinkStatusBits::new().with_link_up(true);
         let link = LinkValues { timestamp: 772, status, age_100us: 49, ..LinkValues::default() };
         let shown = Mark { link: Some(link), stamp: Some(770) };
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_timestamp_alone_does_not_tell_an_image_from_one_before_a_restart_of_horus() {
+    fn a_timestamp_alone_does_not_identify_an_image_across_a_restart() {
         let link = LinkValues { timestamp: 1342, ..LinkValues::default() };
         let whole = Mark { link: Some(link), stamp: Some(90) };
         let objects = Mark { link: None, ..whole };

@@ -22,7 +22,7 @@ fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
 }
 
 #[test]
-fn what_has_waited_for_long_may_be_dropped_and_for_longer_must_not_be_taken() {
+fn a_message_that_has_waited_too_long_must_be_dropped() {
     let once = |waited| read(&mut read_before(), 100 * MS, waited);
     assert_eq!((once(NEWS), once(NEWS + 1)), (MUST, MAY));
     // The instant at which the first byte begins to cross decides whether bytes are too old.
@@ -30,7 +30,7 @@ fn what_has_waited_for_long_may_be_dropped_and_for_longer_must_not_be_taken() {
 }
 
 #[test]
-fn what_follows_on_something_old_or_damaged_may_be_dropped_for_a_while() {
+fn a_message_after_an_old_or_damaged_one_may_be_dropped() {
     let spoils: [fn(&mut Line, u64); 3] = [
         |line, at| _ = read(line, at, NEWS + 1),
         |line, at| _ = line.read((at, at + MS), 100, at, false),

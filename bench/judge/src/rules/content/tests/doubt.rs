@@ -28,7 +28,7 @@ fn a_message_on_a_disturbed_line_may_have_been_taken_or_not() {
 }
 
 #[test]
-fn what_no_message_of_a_disturbed_line_says_is_wrong_all_the_same() {
+fn values_without_any_message_are_wrong_even_on_a_disturbed_line() {
     let mut scene = Scene::new(1);
     scene.receivers[0].iter_mut().for_each(|burst| burst.clean = false);
     assert_eq!(scene.said(unchanged), []);
@@ -106,7 +106,7 @@ fn after_a_doubt_the_period_is_known_again_after_four_steps() {
 }
 
 #[test]
-fn what_crossed_a_line_before_the_first_tick_may_have_been_taken_or_not() {
+fn horus_may_drop_a_message_from_before_its_first_tick() {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(1);
     (scene.receivers[0][0].att, scene.receivers[0][0].ins) = (None, None);
@@ -242,7 +242,7 @@ fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
 }
 
 #[test]
-fn of_ages_nothing_is_known_for_two_seconds_after_ticks_that_were_not_regular() {
+fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     let bound = bounds::TICK_TOLERANCE as i64;
     assert_eq!(still_valid(0, true, 70), []);
     assert_eq!(still_valid(0, false, 66), STATUS);
@@ -256,7 +256,7 @@ fn of_ages_nothing_is_known_for_two_seconds_after_ticks_that_were_not_regular() 
 }
 
 #[test]
-fn an_age_is_as_uncertain_as_the_clock_and_the_taking_of_a_message() {
+fn an_ages_bounds_allow_for_clock_error_and_message_delay() {
     let age = |tick: u64, born| {
         let Age { least, most } = Age::at(tick, born);
         (least, most)
@@ -300,7 +300,7 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
 }
 
 #[test]
-fn a_message_that_repeats_the_time_of_week_of_one_that_is_doubtful_is_as_old_or_new() {
+fn a_message_with_a_doubtful_time_of_week_may_be_old() {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(7);
     for burst in &mut scene.receivers[0] {
@@ -333,7 +333,7 @@ fn a_message_that_repeats_the_time_of_week_of_one_that_is_doubtful_is_as_old_or_
 }
 
 #[test]
-fn a_frame_that_is_still_on_the_air_at_the_next_tick_says_what_its_own_tick_had() {
+fn a_late_frame_is_judged_by_its_own_ticks_data() {
     let late = |wrong: bool| {
         let mut events = Scene::new(5).events(|cycle, _, gps| {
             if cycle == STEADY && wrong {

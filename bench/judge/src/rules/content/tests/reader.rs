@@ -49,7 +49,7 @@ fn zeros_behind_a_sync_are_no_message() {
 }
 
 #[test]
-fn after_a_wrong_checksum_so_many_bytes_are_doubtful_as_the_message_claims() {
+fn a_wrong_checksum_makes_the_messages_claimed_length_doubtful() {
     let mut wrong = message(20);
     wrong[19] ^= 1;
     let bytes = [wrong.clone(), message(20)].concat();
@@ -61,7 +61,7 @@ fn after_a_wrong_checksum_so_many_bytes_are_doubtful_as_the_message_claims() {
 }
 
 #[test]
-fn a_false_start_that_is_too_long_to_be_taken_makes_a_buffer_doubtful() {
+fn a_false_start_longer_than_any_message_makes_a_buffer_doubtful() {
     let mut bytes = [SYNC[0], SYNC[1], 1, 7, 0xFF, 0xFF].to_vec();
     bytes.extend(message(20));
     bytes.resize(236, 0);
@@ -82,7 +82,7 @@ fn a_doubt_lasts_over_pieces() {
 }
 
 #[test]
-fn inside_a_message_that_does_not_end_others_are_found_at_once_and_only_once() {
+fn messages_inside_an_unfinished_one_are_found_immediately_and_once() {
     let mut open = message(20);
     open[4] += 200;
     let bytes = [open, message(20)].concat();
@@ -90,7 +90,7 @@ fn inside_a_message_that_does_not_end_others_are_found_at_once_and_only_once() {
 }
 
 #[test]
-fn a_disturbed_line_makes_what_it_touches_and_a_buffer_after_it_doubtful() {
+fn a_disturbed_line_makes_its_messages_and_the_next_buffer_doubtful() {
     let whole = message(20);
     let (head, tail) = whole.split_at(10);
     assert_eq!(read(&[(0, &whole, false)]), [(0, 200, false)]);

@@ -95,7 +95,7 @@ fn validity_ends_one_period_and_150_ms_after_the_last_message() {
 }
 
 #[test]
-fn a_solution_is_stale_one_period_and_50_ms_after_the_last_message() {
+fn a_solution_is_stale_50_ms_after_the_next_was_due() {
     let stale = |gps: &mut GpsValues, _: &Burst| gps.status = gps.status.with_stale(true);
     let fresh = |gps: &mut GpsValues, _: &Burst| gps.status = gps.status.with_stale(false);
     assert_eq!(at_age(120, stale), STATUS);
@@ -207,7 +207,7 @@ fn a_period_is_between_the_shortest_and_the_longest_of_four_steps() {
 }
 
 #[test]
-fn the_week_may_roll_over_and_a_time_of_week_may_step_back() {
+fn the_time_of_week_may_roll_over_or_step_back() {
     let silent = |shift: u32, back: bool| {
         let mut scene = silent_after(9, 100);
         for (number, burst) in scene.receivers[0].iter_mut().enumerate() {

@@ -76,7 +76,7 @@ fn values_without_their_valid_bit_are_content_where_no_message_says_so() {
 }
 
 #[test]
-fn the_message_of_before_may_be_shown_until_the_newest_must_have_been_taken() {
+fn a_message_may_be_shown_until_its_successor_must_be_taken() {
     let scene = Scene::new(1);
     let newest = &scene.receivers[0][6];
     let old = &scene.receivers[0][5];
@@ -167,7 +167,7 @@ fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<
 }
 
 #[test]
-fn a_position_is_shown_if_its_receiver_vouches_for_it_and_a_2d_fix_has_no_altitude() {
+fn a_position_is_shown_only_with_a_valid_fix() {
     let fix = |code: u8| move |pvt: &mut NavPvt| pvt.fix_type = code;
     assert_eq!(position(fix(2), Some(false), 2), []);
     assert_eq!(position(fix(3), Some(true), 3), []);
@@ -231,7 +231,7 @@ fn a_position_is_valid_only_in_the_ranges_of_decision_15() {
 }
 
 #[test]
-fn an_angle_or_axis_that_is_not_given_is_absent_and_the_others_are_shown() {
+fn an_absent_angle_or_axis_leaves_the_others_shown() {
     for number in 0..3 {
         let mut scene = Scene::new(1);
         for burst in &mut scene.receivers[0] {

@@ -95,7 +95,7 @@ fn changed(gps: usize, change: impl Fn(&mut ReportedValues)) -> Vec<(Violation, 
 }
 
 #[test]
-fn a_receiver_that_strays_is_excluded_and_returns_after_a_second_of_agreement() {
+fn an_excluded_receiver_returns_after_a_second_of_agreement() {
     for gps in [3, 5] {
         let scene = strayed(gps, 5..9);
         let (from, agrees) = (shows(&scene, 5), shows(&scene, 9));
@@ -160,7 +160,7 @@ fn an_excluded_receiver_that_falls_silent_stays_excluded() {
 }
 
 #[test]
-fn without_a_result_nobody_is_excluded_anew_and_two_that_disagree_are_none() {
+fn two_receivers_that_disagree_give_no_result_and_no_new_exclusion() {
     let scene = standing(&[(0.0, 0.0), (100.0, 0.0)]);
     assert_eq!(none(&scene), []);
     assert_eq!(without(&scene, &[1]), [Violation::VoteWrong], "it is one against one");
@@ -174,7 +174,7 @@ fn without_a_result_nobody_is_excluded_anew_and_two_that_disagree_are_none() {
 }
 
 #[test]
-fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
+fn a_result_needs_a_quorum_and_more_receivers_than_oppose_it() {
     let far = |count: usize| (0..count).map(|number| (100.0 * number as f64, 0.0)).collect::<Vec<_>>();
     let with_far = |agree: usize, gps: usize| {
         let mut places = vec![(0.0, 0.0); agree];
@@ -207,7 +207,7 @@ fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
 }
 
 #[test]
-fn no_larger_set_of_receivers_that_agree_is_passed_over_and_who_agrees_with_a_member_is_not_excluded() {
+fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     // Accuracies of 4 m each let two receivers agree up to 17 m.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (9.0, 0.0), (22.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
@@ -239,7 +239,7 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 }
 
 #[test]
-fn two_receivers_agree_within_three_times_the_root_of_the_sum_of_the_squares() {
+fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
     // An age of up to 160 ms adds 5 cm at most, and the verdict is in doubt within another 1 % and 5 cm.
@@ -354,7 +354,7 @@ fn a_position_is_brought_to_the_tick() {
 }
 
 #[test]
-fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
+fn a_position_is_older_if_its_message_comes_late() {
     // GPS2 flies north between the two others, which stand still. Each row states how late each receiver's messages
     // are, ms, and how old GPS2's position is when its message arrives, s.
     for (late, before_arrival) in [
@@ -875,7 +875,7 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
 }
 
 #[test]
-fn who_speaks_just_before_a_restart_may_be_excluded_by_a_vote_that_no_frame_shows() {
+fn just_before_a_restart_an_unseen_vote_may_exclude_a_receiver() {
     // All receivers send a burst just before the 20th cycle after the exclusion of GPS2. Only the listed receivers keep
     // that burst.
     let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
@@ -962,7 +962,7 @@ fn reported_position_has_the_timestamp_of_the_gps_objects() {
 }
 
 #[test]
-fn beside_a_gps_object_that_is_wrong_or_missing_and_after_it_nothing_is_judged() {
+fn a_vote_beside_or_after_a_wrong_gps_object_is_not_judged() {
     let said = |wrong: u64| {
         Scene::new(3).said(|cycle, reported, gps| {
             if cycle == STEADY {

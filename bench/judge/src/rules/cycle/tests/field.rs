@@ -26,7 +26,7 @@ fn a_field_that_drops_is_told_alone_whatever_it_cuts_off() {
 }
 
 #[test]
-fn a_frame_that_the_field_cuts_off_is_not_blamed_and_one_that_is_missing_after_it_is_back_is() {
+fn a_dropped_field_excuses_missing_frames_until_shortly_after_its_return() {
     let at = tick(5) + 2 * MS;
     let cut = |without: u64| {
         changed(3, |events| {
@@ -54,7 +54,7 @@ fn a_command_while_the_field_is_off_has_no_frame_to_miss() {
 }
 
 #[test]
-fn a_field_that_is_taken_down_after_lost_frames_is_how_horus_recovers() {
+fn horus_may_drop_the_field_to_recover_from_lost_frames() {
     let lost = |after: u64, which: fn(&Event) -> bool| {
         changed(3, |events| {
             let at = tick(6) + after;

@@ -14,7 +14,7 @@ fn a_tick_without_frames_is_told_when_the_next_one_comes() {
 }
 
 #[test]
-fn the_first_tick_has_its_frames_and_the_last_one_of_a_run_need_not() {
+fn only_the_last_tick_of_a_run_may_lack_its_frames() {
     let silent = |number| changed(3, |events| _ = events.without(|event| of(number)(event) && !is_tick(event)));
     // The end of the run belongs to the last cycle.
     assert_eq!(silent(1), [(Violation::NoFrame, 1, tick(2))]);
@@ -135,7 +135,7 @@ fn every_object_that_is_not_valid_is_told() {
 }
 
 #[test]
-fn a_timestamp_that_is_not_its_ticks_is_told_once_for_each_frame() {
+fn a_frame_with_a_wrong_timestamp_is_reported_once() {
     let wrong = (Violation::TimestampWrong, 1, end(3, 5));
     let stamps = |stamps| changed(3, |events| payload(events, 5, |payload| *payload = stamped(stamps)));
     assert_eq!(stamps([50; 4]), []);

@@ -32,7 +32,7 @@ fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
 }
 
 #[test]
-fn what_a_horus_that_hangs_leaves_half_done_or_undone_is_not_blamed_and_otherwise_it_is() {
+fn a_hang_of_horus_excuses_its_unfinished_cycle() {
     for gps in [3, 5] {
         for after in
             [1, 50_000, COMMAND[0], COMMAND[0] + 1_000, COMMAND[0] + LATENCY, 2 * MS, COMMAND[1], 6 * MS, 9 * MS]
@@ -52,7 +52,7 @@ fn what_a_horus_that_hangs_leaves_half_done_or_undone_is_not_blamed_and_otherwis
 }
 
 #[test]
-fn a_timer_that_stops_with_a_horus_that_hangs_is_not_blamed_and_one_that_ticks_wrongly_is() {
+fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let at = tick(5) + 2 * MS;
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
@@ -70,7 +70,7 @@ fn a_timer_that_stops_with_a_horus_that_hangs_is_not_blamed_and_one_that_ticks_w
 }
 
 #[test]
-fn what_was_missing_before_a_hang_is_told_although_a_watchdogs_reset_follows() {
+fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let at = tick(7) + MS;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));

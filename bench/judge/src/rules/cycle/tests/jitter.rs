@@ -55,7 +55,7 @@ fn a_frame_that_scatters_after_its_command_is_told_alone() {
 }
 
 #[test]
-fn the_greatest_jitter_of_all_starts_is_told_and_starts_are_not_mixed() {
+fn the_greatest_jitter_within_any_one_start_is_reported() {
     let run = |first: i64, second: i64, apart: u64| {
         let mut events = Events::flawless(3, CYCLES);
         let start = tick(CYCLES) + 8 * MS;
@@ -98,7 +98,7 @@ fn a_cycle_without_a_frame_makes_no_period_of_two_cycles() {
 }
 
 #[test]
-fn a_frame_that_is_still_on_the_air_at_the_next_tick_is_its_cycles() {
+fn a_frame_that_outlasts_its_cycle_still_belongs_to_that_cycle() {
     let late = |events: &mut Events| {
         for number in 1..=CYCLES {
             shift(events, 6 * MS as i64, |event| of(number)(event) && is_command(event));
@@ -126,7 +126,7 @@ fn a_frame_that_is_still_on_the_air_at_the_next_tick_is_its_cycles() {
 }
 
 #[test]
-fn the_last_cycle_of_a_run_and_of_a_start_is_measured_too() {
+fn the_last_cycle_of_a_run_is_measured_for_jitter() {
     let last =
         changed(3, |events| shift(events, 200, |event| of(CYCLES)(event) && (is_command(event) || is_sent(event))));
     assert_eq!(last, [(Violation::CommandJitter, 1, tick(CYCLES) + COMMAND[0] + 200)]);

@@ -26,7 +26,7 @@ fn a_restart_starts_everything_anew_without_blame() {
 }
 
 #[test]
-fn the_frame_of_a_command_that_was_given_just_before_a_restart_is_nobodys() {
+fn a_frame_commanded_just_before_a_restart_is_not_judged() {
     let at = tick(5) + COMMAND[0] + 1_000;
     let mut frame = Events::flawless(3, 5);
     frame.without(|event| !(of(5)(event) && is_sent(event)));
@@ -80,7 +80,7 @@ fn the_dprs_restart_is_none_of_horus() {
 }
 
 #[test]
-fn what_is_missing_until_the_watchdog_bites_is_told_by_the_reset_alone() {
+fn a_watchdog_reset_covers_the_ticks_and_frames_missing_before_it() {
     let hung = |ticks: bool, after: u64, asked: bool| {
         let mut events = Events::flawless(3, 40);
         events.without(|event| event.at > tick(5) && !(ticks && is_tick(event)));

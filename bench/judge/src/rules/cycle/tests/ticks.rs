@@ -26,7 +26,7 @@ fn without_frames_there_are_no_figures() {
 }
 
 #[test]
-fn a_horus_that_never_ticks_is_told_once_its_start_up_time_is_over() {
+fn a_horus_without_ticks_is_reported_once_after_its_start_time() {
     let mut events = Events::new(3);
     assert_eq!(broken(events.end(bounds::START)), []);
     assert_eq!(broken(events.end(bounds::START + 1)), [(Violation::NoTick, 1, bounds::START)]);
@@ -40,7 +40,7 @@ fn a_horus_that_never_ticks_is_told_once_its_start_up_time_is_over() {
 }
 
 #[test]
-fn ticks_that_are_missing_are_told_once_and_the_timestamps_may_count_them_or_not() {
+fn missing_ticks_are_reported_once_whether_or_not_timestamps_count_them() {
     let due = tick(9) + bounds::TICK_MISSING;
     let lost = |events: &mut Events| {
         events.without(|event| (10..13).any(|number| of(number)(event)));
@@ -79,7 +79,7 @@ fn a_run_that_ends_without_the_tick_that_is_due_lacks_it() {
 }
 
 #[test]
-fn a_cycle_whose_successor_does_not_come_in_time_is_not_asked_for_its_frames() {
+fn a_cycle_without_a_timely_successor_needs_no_frames() {
     let due = tick(9) + bounds::TICK_MISSING;
     let hung = |events: &mut Events| {
         events.without(|event| (10..13).any(|number| of(number)(event)) || of(9)(event) && !is_tick(event));
@@ -104,7 +104,7 @@ fn ticks_that_are_not_ten_milliseconds_apart_are_told_each() {
 }
 
 #[test]
-fn an_oscillator_that_is_off_by_what_one_without_a_crystal_may_be_is_regular() {
+fn ticks_within_the_tolerance_of_a_crystalless_oscillator_are_regular() {
     let run = |cycle: u64| {
         let mut events = Events::new(3);
         events.field(8 * MS, true);

@@ -25,7 +25,7 @@ fn told(mut run: Run, at: u64) -> Run {
 }
 
 #[test]
-fn what_a_dpr_that_hangs_does_not_show_and_does_not_take_away_is_not_blamed_and_otherwise_it_is() {
+fn a_hang_of_the_dpr_excuses_what_it_no_longer_publishes() {
     for n in RECEIVERS {
         for after in [0, 50 * US, 99 * US, MS, 3 * MS, 7 * MS, 9 * MS] {
             let run = Run::new(n);
@@ -42,7 +42,7 @@ fn what_a_dpr_that_hangs_does_not_show_and_does_not_take_away_is_not_blamed_and_
 }
 
 #[test]
-fn a_cycle_that_had_to_be_readable_when_the_dpr_hung_must_be_shown() {
+fn a_cycle_due_when_the_dpr_hangs_must_be_shown() {
     for n in RECEIVERS {
         let run = Run::new(n);
         let from = run.end(20) + bounds::LAST_BIT_TO_READABLE;
@@ -57,7 +57,7 @@ fn a_cycle_that_had_to_be_readable_when_the_dpr_hung_must_be_shown() {
 }
 
 #[test]
-fn what_is_stale_when_the_dpr_hangs_should_have_been_taken_away_before() {
+fn an_image_already_stale_when_the_dpr_hangs_is_a_violation() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         let ended = Run::new(3).end(20);
         let deadline = ended + bounds::FRAME_DEADLINE + publication;
@@ -108,7 +108,7 @@ fn what_reaches_the_antenna_of_a_dpr_that_hangs_is_never_shown() {
 }
 
 #[test]
-fn what_a_frame_would_have_taken_out_again_may_stay_if_the_dpr_hung_before_that() {
+fn objects_may_outlast_a_repeated_frame_if_the_dpr_hangs_first() {
     // The run has one receiver, and a frame of one of its cycles arrives twice.
     let run = Run::new(1);
     let (cycle, after) = (20, 5_300 * US);

@@ -9,7 +9,7 @@ use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, inj
 use crate::{Board, Context, Disturbance, Event, Findings, Violation, What, bounds, judge};
 
 #[test]
-fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
+fn a_frame_lost_in_a_failing_front_end_is_excused() {
     let fault = |kind: Disturbance, at| Event { at, what: injected(kind, at + 3 * MS) };
     for (kind, after, must) in [
         (DPR_FRONT_END, 359_999, false),
@@ -27,7 +27,7 @@ fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
 }
 
 #[test]
-fn an_image_may_be_taken_away_when_a_bit_of_the_images_was_hit_but_for_what_had_to_be_shown_before() {
+fn a_hit_image_bit_allows_the_dpr_to_withdraw_the_image() {
     for n in RECEIVERS {
         let mut run = Run { cycles: 90, ..Run::new(n) };
         let log = run.log(|_| {});
@@ -63,7 +63,7 @@ fn forged_in(took: u64) -> Vec<Violation> {
 }
 
 #[test]
-fn a_transaction_of_a_second_is_judged_and_a_longer_one_is_not() {
+fn a_transaction_longer_than_a_second_is_not_judged() {
     assert_eq!(forged_in(1_000 * MS), [Violation::ShownNeverSent]);
     assert_eq!(forged_in(1_000 * MS + 1), []);
 }
@@ -105,7 +105,7 @@ fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
 }
 
 #[test]
-fn what_was_read_across_a_restart_of_the_dpr_or_without_its_supply_is_not_judged() {
+fn a_read_across_a_restart_or_loss_of_supply_is_not_judged() {
     let restart = 300 * MS;
     let mut run = Run { dpr_start: Some((restart, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
@@ -165,7 +165,7 @@ fn of_one_transaction_each_kind_of_violation_is_told_once() {
 }
 
 #[test]
-fn what_a_repeated_frame_takes_out_may_be_read_until_that_frame_is_published() {
+fn objects_withdrawn_by_a_repeated_frame_are_readable_until_its_publication() {
     for (after, expected) in [(400_000, None), (400_001, Some(Violation::ShownOutOfSequence))] {
         let mut run = Run::new(3).hit_all(21..24, &Air::Lost).hit(20, 0, Air::Repeated(12 * MS));
         let repeated = run.end(20) + 12 * MS;
@@ -201,7 +201,7 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
 }
 
 #[test]
-fn a_second_frame_is_of_the_same_cycle_within_2_and_a_half_ms_and_nothing_is_asked_at_the_limit() {
+fn a_second_frame_2500_us_late_still_belongs_to_its_cycle() {
     for (by, must, never) in [(2_199, true, false), (2_201, false, false), (2_799, false, false), (2_801, false, true)]
     {
         let run = Run::new(5).hit(20, 1, Air::Delayed(by * US));
@@ -219,7 +219,7 @@ fn a_second_frame_is_of_the_same_cycle_within_2_and_a_half_ms_and_nothing_is_ask
 }
 
 #[test]
-fn a_position_that_says_of_itself_that_it_is_not_valid_is_none() {
+fn a_position_marked_invalid_is_not_counted_as_valid() {
     let run = Run::new(3);
     let absent = |images: &mut Vec<Image>| {
         let image = images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap();
@@ -254,7 +254,7 @@ fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -
 }
 
 #[test]
-fn a_frame_that_is_not_whole_or_whose_len_was_damaged_need_not_be_received() {
+fn a_torn_frame_or_a_damaged_length_may_be_dropped() {
     let run = Run::new(3);
     let nothing = |_: &mut u64, _: &mut Vec<u8>, _: &mut bool| None;
     assert_eq!(heard_otherwise(&run, nothing), [Violation::NotShown]);
@@ -295,7 +295,7 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
 }
 
 #[test]
-fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
+fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
     let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
     // The front end is brought up again by an instant between the two frames of cycle 70.
     let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
@@ -305,7 +305,7 @@ fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
 }
 
 #[test]
-fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() {
+fn a_missed_frame_does_not_end_the_dprs_sequence() {
     // The model of the DPR receives nothing of cycle 20. The frame that reached the antenna broke off and came 5 ms
     // late.
     let missed = Run::new(3).hit_all([20], &Air::Lost);
@@ -323,7 +323,7 @@ fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() 
 }
 
 #[test]
-fn a_dpr_that_may_have_missed_a_frame_that_came_again_may_go_on_in_sequence() {
+fn a_possibly_missed_repeated_frame_may_leave_the_sequence_intact() {
     for hit in [true, false] {
         let run = Run::new(1);
         // The repeated frame begins while the front end is being brought up, which ends as the next cycle's frame

@@ -20,7 +20,7 @@ fn a_flawless_run_breaks_nothing() {
 }
 
 #[test]
-fn whatever_the_air_does_to_frames_a_dpr_that_does_right_breaks_nothing() {
+fn a_correct_dpr_breaks_no_rule_whatever_happens_on_the_air() {
     for n in RECEIVERS {
         for frame in 0..if n == 5 { 2 } else { 1 } {
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
@@ -54,7 +54,7 @@ fn whatever_the_air_does_to_frames_a_dpr_that_does_right_breaks_nothing() {
 }
 
 #[test]
-fn after_25_missed_cycles_the_next_must_be_shown_and_after_26_it_must_not() {
+fn a_cycle_must_be_shown_after_at_most_25_missed_ones() {
     for n in RECEIVERS {
         for (missed, shown) in [(25, true), (26, false)] {
             let mut run = Run::new(n).hit_all(20..20 + missed, &Air::Lost);
@@ -139,7 +139,7 @@ fn a_window_without_the_objects_is_not_asked_for_them() {
 }
 
 #[test]
-fn a_cycle_is_asked_for_from_its_readiness_to_the_next_frame_or_the_deadline() {
+fn a_cycle_must_be_shown_until_the_next_frame_or_deadline() {
     // The run has a single transaction, `after` ns after the last bit.
     for (after, expected) in [(99_999, false), (100_000, true), (9_999_999, true), (10_000_000, false)] {
         let mut run = Run { cycles: 25, ..Run::new(3) };
@@ -165,7 +165,7 @@ fn a_cycle_is_asked_for_from_its_readiness_to_the_next_frame_or_the_deadline() {
 }
 
 #[test]
-fn a_transaction_that_begins_before_the_next_frame_has_ended_and_ends_after_it_is_asked() {
+fn a_transaction_that_spans_the_next_frames_end_is_judged() {
     let mut run = Run { cycles: 25, ..Run::new(3) };
     run.only = Some(run.end(20) + 9_900 * US);
     assert_eq!(run.broken(hide(200)), [Violation::NotShown]);
@@ -227,7 +227,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
 }
 
 #[test]
-fn what_is_not_in_sequence_or_never_came_is_shown_out_of_sequence() {
+fn a_cycle_outside_the_sequence_may_not_be_shown() {
     for n in RECEIVERS {
         let lost = Run::new(n).hit_all([20], &Air::Lost);
         assert_eq!(lost.broken(show(&lost, lost.tick(21) - US, 20, 0..=n)), [Violation::ShownOutOfSequence]);
@@ -245,7 +245,7 @@ fn what_is_not_in_sequence_or_never_came_is_shown_out_of_sequence() {
 }
 
 #[test]
-fn a_step_is_in_sequence_within_2_and_a_half_ms_and_2_percent_and_nothing_is_asked_at_the_limit() {
+fn a_step_is_in_sequence_within_2_5_ms_and_2_percent() {
     for (by, must, never) in [(2_399, true, false), (2_401, false, false), (2_999, false, false), (3_001, false, true)]
     {
         let run = Run::new(3).hit(20, 0, Air::Delayed(by * US));
@@ -280,7 +280,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
 }
 
 #[test]
-fn data_that_stay_past_the_deadline_are_stale_and_past_25_ms_expired() {
+fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
     for n in RECEIVERS {
         let stay = |from: u64, to: u64| {
             move |images: &mut Vec<Image>| {
@@ -345,7 +345,7 @@ fn an_older_image_after_a_younger_one_is_a_regression() {
 }
 
 #[test]
-fn a_front_end_without_supply_leaves_open_what_the_dpr_shows_until_it_has_recovered_and_broken_memory_does_not() {
+fn a_dpr_front_end_without_supply_excuses_missing_objects() {
     let fault = |kind: Disturbance, at, until| Event { at, what: injected(kind, until) };
     for (kind, at, asked) in [
         (DPR_FRONT_END, 200 * MS, false),
@@ -382,7 +382,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
 }
 
 #[test]
-fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it() {
+fn recovery_counts_from_the_end_of_the_last_cause() {
     let fault = |at, until| Event { at, what: injected(Disturbance::Air, until) };
     let with = |extra: Vec<Event>, lost: std::ops::Range<u32>| {
         let run = Run { cycles: 120, extra, ..Run::new(3) }.hit_all(lost, &Air::Lost);
@@ -410,7 +410,7 @@ fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it
 }
 
 #[test]
-fn a_start_of_a_board_is_a_cause_and_the_first_of_all_is_none() {
+fn every_start_but_a_boards_first_counts_as_a_cause() {
     let power = |at, board, on| Event { at, what: What::Power { board, on } };
     let with = |extra: Vec<Event>| {
         let run = Run { cycles: 120, extra, ..Run::new(3) };
@@ -426,7 +426,7 @@ fn a_start_of_a_board_is_a_cause_and_the_first_of_all_is_none() {
 }
 
 #[test]
-fn the_last_valid_position_is_told_and_from_when_on_there_was_none() {
+fn the_end_of_the_last_valid_position_is_reported() {
     let mut run = Run::new(3);
     let end = run.end(40);
     // The position is gone at the deadline, whose image is published 12.55 ms after the last bit.
