@@ -13,11 +13,12 @@
 use std::fmt;
 
 use bench_judge::{Verdict, Violation};
+use rayon::prelude::*;
 
 use super::{Board, Kind, Rng, Targets, Upset, name_of};
 
 /// A bench that upsets are tried on.
-pub trait Subject: Clone {
+pub trait Subject: Clone + Send {
     /// Runs to `at` (virtual ns).
     fn run_to(&mut self, at: u64);
 
@@ -27,7 +28,7 @@ pub trait Subject: Clone {
     /// Applies `upset` to `board` now.
     fn upset(&mut self, board: Board, upset: Upset);
 
-    /// Runs this subject for `for_ns` from now and returns the outcome.
+    /// Runs this subject for `for_ns` from now, on this thread alone, and returns the outcome.
     fn outcome(self, for_ns: u64) -> RunOutcome;
 }
 
@@ -178,16 +179,27 @@ impl Campaign {
             let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
             let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
             subject.run_to(at);
-            let reference = subject.clone().outcome(options.for_ns);
-            for _ in 0..per_instant.min(options.count - trials.len()) {
-                let nth = trials.len();
+            let first = trials.len();
+            let drawn = (first..options.count.min(first + per_instant)).filter_map(|nth| {
                 let board = options.boards[nth % options.boards.len()];
                 let kind = kinds[nth / options.boards.len() % kinds.len()];
-                let Some(upset) = Upset::drawn(kind, &mut rng, &subject.targets(board)) else { continue };
+                Some((board, Upset::drawn(kind, &mut rng, &subject.targets(board))?))
+            });
+            let upsets: Vec<(Board, Upset)> = drawn.collect();
+            // Copies do not depend on each other, so that each runs on a thread of its own.
+            let copies = std::iter::once(None).chain(upsets.iter().copied().map(Some)).map(|upset| {
                 let mut copy = subject.clone();
-                copy.upset(board, upset);
-                let outcome = copy.outcome(options.for_ns);
-                let known = |violation| reference.verdict.kinds().any(|of_reference| of_reference == violation);
+                if let Some((board, upset)) = upset {
+                    copy.upset(board, upset);
+                }
+                copy
+            });
+            let copies: Vec<S> = copies.collect();
+            let mut outcomes: Vec<RunOutcome> =
+                copies.into_par_iter().with_max_len(1).map(|copy| copy.outcome(options.for_ns)).collect();
+            let reference = outcomes.remove(0);
+            let known = |violation| reference.verdict.kinds().any(|of_reference| of_reference == violation);
+            for (nth, ((board, upset), outcome)) in (first..).zip(upsets.into_iter().zip(outcomes)) {
                 trials.push(Trial {
                     number: nth + 1,
                     seed: options.seed,
@@ -242,7 +254,7 @@ impl fmt::Display for Trial {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     use bench_judge::Broken;
 
@@ -257,7 +269,7 @@ mod tests {
     struct Bench<'a> {
         now: u64,
         upset: Option<(u64, Board, Upset)>,
-        outcomes: Option<&'a Cell<usize>>,
+        outcomes: Option<&'a AtomicUsize>,
     }
 
     fn broken(violation: Violation, count: u64) -> Broken {
@@ -287,7 +299,7 @@ mod tests {
         fn outcome(self, for_ns: u64) -> RunOutcome {
             assert_eq!(for_ns, 400);
             if let Some(outcomes) = self.outcomes {
-                outcomes.set(outcomes.get() + 1);
+                outcomes.fetch_add(1, Ordering::Relaxed);
             }
             // The bench has this violation with and without an upset.
             let always = (Violation::ShownStale, 2);
@@ -371,7 +383,7 @@ mod tests {
 
     #[test]
     fn instants_are_spread_over_the_run_and_shared_by_so_many_trials() {
-        let outcomes = Cell::new(0);
+        let outcomes = AtomicUsize::new(0);
         let campaign = Campaign::run(Bench { outcomes: Some(&outcomes), ..Bench::default() }, &options());
         let mut instants: Vec<u64> = campaign.trials.iter().map(|trial| trial.at).collect();
         assert!(instants.is_sorted());
@@ -382,7 +394,7 @@ mod tests {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");
         }
-        assert_eq!(outcomes.get(), 225);
+        assert_eq!(outcomes.into_inner(), 225);
     }
 
     #[test]

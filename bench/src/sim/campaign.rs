@@ -29,7 +29,7 @@ impl<C: Cost> Subject for Bench<C> {
     fn outcome(mut self, for_ns: u64) -> RunOutcome {
         let end = self.now() + for_ns;
         self.keep_log();
-        Bench::run_to(&mut self, end, Threads::Two);
+        Bench::run_to(&mut self, end, Threads::One);
         let finished = self.finish(end);
         let mut digest = Digest::new();
         for event in &finished.log.events {
