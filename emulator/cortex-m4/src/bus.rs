@@ -52,7 +52,7 @@ pub struct Access {
     pub purpose: Purpose,
     /// Whether the core is privileged.
     pub privileged: bool,
-    /// The core's cycle at which it takes place.
+    /// The core's cycle of the access.
     pub cycle: u64,
     /// The address of the instruction that makes the access.
     pub pc: u32,

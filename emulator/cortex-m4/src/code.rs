@@ -16,7 +16,7 @@ use std::sync::Arc;
 use crate::op::{Do, Op};
 use crate::{Bus, Fault, decode};
 
-/// Address bits within a page.
+/// The number of address bits within a page.
 pub(crate) const BITS: u32 = 10;
 /// The number of instruction slots of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);

@@ -29,8 +29,8 @@ pub struct Config {
 /// Why [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// The core reached the cycle that the caller asked for. It is at most one instruction or one exception entry
-    /// beyond.
+    /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
+    /// one exception entry.
     Until,
     /// The part called [`crate::Signals::stop`].
     Stopped,
@@ -46,7 +46,7 @@ pub enum Exit {
     Lockup,
     /// The firmware wrote AIRCR.SYSRESETREQ: the part has to reset the core, see [`Core::reset`].
     ResetRequest,
-    /// The core has just entered HardFault, MemManage, BusFault or UsageFault, and the caller asked to be told, see
+    /// The core has just entered HardFault, MemManage, BusFault or UsageFault, and the caller requested this exit, see
     /// [`Core::tell_faults`]. The first instruction of the handler was not executed.
     Fault,
     /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it. Reported
@@ -68,7 +68,7 @@ pub struct Core<C: Cost> {
     pub(crate) flag_c: bool,
     pub(crate) flag_v: bool,
     pub(crate) flag_q: bool,
-    /// APSR.GE, in bits 0 to 3.
+    /// The flags APSR.GE, in bits 0 to 3.
     pub(crate) ge: u8,
     /// The IT state as EPSR holds it, 0 outside an IT block (ARM ARM A7.3.2).
     pub(crate) it: u8,
@@ -138,14 +138,14 @@ pub struct Core<C: Cost> {
     pub(crate) passed: Option<u32>,
     /// The address of a semihosting call that nobody answers, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
-    /// Whether [`Bus::sleeps`](crate::Bus::sleeps) was told of a sleep, and not yet of its end.
+    /// Whether [`Bus::sleeps`](crate::Bus::sleeps) was called for the beginning of a sleep, and not yet for its end.
     pub(crate) told_sleep: bool,
     /// Whether [`Exit::Lockup`] was reported.
     pub(crate) told_lockup: bool,
     /// Whether [`Exit::Halted`] was reported.
     pub(crate) told_halt: bool,
-    /// Whether the caller wants to be told of each entry into a fault's handler, and whether there was one of which it
-    /// was not told yet.
+    /// Whether the caller requested an exit at each entry into a fault's handler, and whether there was an entry that
+    /// was not reported yet.
     pub(crate) tells_faults: bool,
     pub(crate) in_fault: bool,
     /// The record of changes of the active exception.
@@ -166,13 +166,13 @@ pub enum Register {
     Msp,
     /// The process stack pointer.
     Psp,
-    /// CONTROL.
+    /// The register CONTROL.
     Control,
-    /// FAULTMASK.
+    /// The register FAULTMASK.
     Faultmask,
-    /// BASEPRI.
+    /// The register BASEPRI.
     Basepri,
-    /// PRIMASK.
+    /// The register PRIMASK.
     Primask,
     /// One of s0 to s31.
     S(u8),
@@ -311,7 +311,7 @@ impl<C: Cost> Core<C> {
         self.r[15]
     }
 
-    /// The core cycles since the core was made.
+    /// The number of core cycles since the core was made.
     #[must_use]
     pub const fn cycle(&self) -> u64 {
         self.cycle

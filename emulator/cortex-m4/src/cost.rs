@@ -52,25 +52,25 @@ pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     /// P of the TRM's table: the cycles that refilling the pipeline adds to a taken branch.
     const REFILL: u64;
 
-    /// Exception entry with a basic frame: 12 cycles from the request to the handler's first instruction, without wait
-    /// states (TRM 3.9.1).
+    /// The cycles of an exception entry with a basic frame: 12 from the request to the handler's first instruction,
+    /// without wait states (TRM 3.9.1).
     const EXCEPTION_ENTRY: u64;
-    /// Exception return with a basic frame: 10 cycles where the instruction returned to is fetched in parallel (TRM
-    /// 3.9.1); the worst case is taken as that of an entry.
+    /// The cycles of an exception return with a basic frame: 10 where the instruction returned to is fetched in
+    /// parallel (TRM 3.9.1). The worst case is taken to be that of an entry.
     const EXCEPTION_RETURN: u64;
-    /// From one handler to the next without unstacking and stacking: 6 cycles (TRM 3.9.1).
+    /// The cycles from one handler to the next without unstacking and stacking: 6 (TRM 3.9.1).
     const TAIL_CHAIN: u64;
     /// The extra cycles of an entry in whose middle a higher exception arrives, so that its vector is fetched in place
     /// of the first. The TRM has no figure: at best the stacking hides the fetch, at worst it takes the time of a
     /// tail-chain.
     const LATE_ARRIVAL: u64;
-    /// Stacking of s0 to s15 and FPSCR in an entry, without lazy preservation: it makes 29 cycles out of 12 (TRM
-    /// 3.9.1).
+    /// The extra cycles of stacking s0 to s15 and FPSCR in an entry, without lazy preservation. The entry then takes 29
+    /// cycles in place of 12 (TRM 3.9.1).
     const FP_STACKING: u64;
-    /// Unstacking of s0 to s15 and FPSCR: it makes 27 cycles out of 10 (TRM 3.9.1).
+    /// The extra cycles of unstacking s0 to s15 and FPSCR. The return then takes 27 cycles in place of 10 (TRM 3.9.1).
     const FP_UNSTACKING: u64;
-    /// Stacking of s0 to s15 and FPSCR when the handler's first FP instruction makes lazy preservation do it. It is
-    /// taken as the same 17 cycles.
+    /// The cycles of stacking s0 to s15 and FPSCR when the handler's first FP instruction makes lazy preservation do
+    /// it. They are taken to be the same 17.
     const LAZY_STACKING: u64;
 }
 

@@ -4,10 +4,10 @@
 //! |---|---|
 //! | A3.2.1 | alignment: CCR.UNALIGN_TRP; callers check instructions that always need alignment |
 //! | B3.1 | accesses to the core's own space, 0xE000_0000 to 0xE00F_FFFF, go to the system registers |
-//! | B3.5 | the MPU is asked before the bus |
+//! | B3.5 | the MPU is checked before the bus |
 //! | TRM 3.7 | bit-banding, where the part has it |
 //! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers reads 0, and CFSR and BFAR report the fault |
-//! | C1.8 | the comparators of the DWT are told of data accesses while they watch |
+//! | C1.8 | the comparators of the DWT check data accesses while they watch |
 //!
 //! An unaligned access becomes several aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2).
 //! A half at an odd address becomes two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half,

@@ -15,13 +15,13 @@ use crate::fp::FpOp;
 /// How an instruction behaves in an IT block (ARM ARM A7.3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Block {
-    /// It behaves as it does outside of one.
+    /// The instruction behaves in an IT block as it does outside.
     Same,
-    /// It keeps the flags: 16-bit data-processing instructions set them outside of an IT block only.
+    /// The instruction keeps the flags in an IT block: 16-bit data-processing instructions set them only outside.
     KeepsFlags,
-    /// It is allowed only as the last instruction, as branches are.
+    /// The instruction may only be the last one of an IT block, as branches may.
     Last,
-    /// It is not allowed and is undefined there.
+    /// The instruction is not allowed in an IT block and is undefined there.
     Never,
 }
 

@@ -22,18 +22,18 @@ const ONCE: u8 = 2;
 /// How far the run loop goes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pace {
-    /// It goes on until something wants the caller.
+    /// The run goes on until there is a reason to return to the caller.
     Free,
-    /// It executes one instruction, after any exception that is due.
+    /// The run executes one instruction, after any exception that is due.
     One,
-    /// It executes one instruction or one exception entry.
+    /// The run executes one instruction or one exception entry.
     OneOrEntry,
 }
 
 impl<C: Cost> Core<C> {
-    /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted, is
-    /// locked up or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] the run continues with the
-    /// instruction at the breakpoint.
+    /// Executes until the cycle `until`, or until another reason to return, see [`Exit`]. While the core sleeps, is
+    /// halted, is locked up or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] the run continues
+    /// with the instruction at the breakpoint.
     pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::Free);
@@ -214,8 +214,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The instruction at `pc` where the page's decoded one cannot be taken as it is. `known` tells that `op`, the
-    /// page's one, matches memory.
+    /// The instruction at `pc` where the page's decoded instruction cannot be used unchecked. `known` tells that `op`,
+    /// which is the page's decoded instruction, matches memory.
     #[inline(never)]
     fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
@@ -315,7 +315,8 @@ impl<C: Cost> Core<C> {
     #[inline(never)]
     fn begins_in_block<B: Bus>(&mut self, bus: &mut B, op: &Op) -> bool {
         let it = self.it;
-        // These are no instructions, or they execute whatever the condition is.
+        // Breakpoints and semihosting calls are no instructions; BKPT and fetch faults happen whatever the condition
+        // is.
         if matches!(op.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
             || matches!(op.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
         {

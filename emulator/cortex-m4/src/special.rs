@@ -62,7 +62,7 @@ impl<C: Cost> Core<C> {
         self.thumb = value >> 24 & 1 != 0;
         self.ipsr = (value & 0x1FF) as u16;
         let progress = (value >> 25 & 3 | (value >> 10 & 0x3F) << 2) as u8;
-        // Inside an IT block, bits 3:0 of the IT state are never all zero. If they are, the field holds ICI (ARM ARM
+        // The field holds ICI if its bits 3:0 are all zero, since they never are in the IT state of a block (ARM ARM
         // B1.4.2).
         (self.it, self.ici) = if progress & 0xF == 0 { (0, progress >> 4) } else { (progress, 0) };
     }

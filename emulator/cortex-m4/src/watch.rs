@@ -34,8 +34,8 @@ impl Watch {
     }
 
     /// Completes the record after the run loop has executed instructions up to `cycle`; `before` changes were recorded
-    /// when it began. A change ends a burst, so there is at most one. Its cycle is known only now, since the cycles of
-    /// the instruction that made it (`BX LR`, `SVC`) are counted after its execution.
+    /// when it began. A change ends a burst, so there is at most one. Its cycle can be recorded only now, since the
+    /// cycles of the instruction that made it (`BX LR`, `SVC`) are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, before: usize, cycle: u64) {
         if self.record.len() > before

@@ -1,9 +1,9 @@
 //! A debugger's watchpoints: data accesses at which the caller wants to stop, as many as it likes.
 //!
-//! They are independent of the comparators of the DWT, which belong to the firmware and to whoever writes its
-//! registers. Like those (ARM ARM C1.8), they detect the loads and stores of instructions. They do not detect the
-//! stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA). The instruction
-//! completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
+//! Watchpoints are independent of the comparators of the DWT, which belong to the firmware and to whoever writes its
+//! registers. Like the comparators (ARM ARM C1.8), watchpoints detect the loads and stores of instructions. They do not
+//! detect the stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA). The
+//! instruction completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
 
 use crate::{Bus, Core, Cost, Exit, Width};
 

@@ -20,13 +20,14 @@ fn anywhere(draw: u32) -> Vec<u16> {
         0 => vec![0x2000 | d << 8 | operands & 3],
         1 => vec![0x3000 | d << 8 | operands & 0xFF],
         2 => vec![0x1A00 | n << 3 | d],
-        // This is lsls or lsrs with an amount.
+        // The instruction is lsls or lsrs with an amount.
         3 => vec![operands & 0x0800 | (operands & 0x7C0 | 0x40) | n << 3 | d],
-        // These are the data-processing instructions that use no other registers: ands, eors, adcs, tst, muls, mvns.
+        // The instruction is one of the data-processing instructions that use no other registers: ands, eors, adcs,
+        // tst, muls, mvns.
         4 => vec![0x4000 | [0, 1, 5, 8, 13, 15][usize::from(operands / 64 % 6)] << 6 | n << 3 | d],
         5 => vec![0x2800 | d << 8 | operands & 1],
         6 => vec![0x4280 | n << 3 | d],
-        // This is adds.w, whose second halfword is an instruction too.
+        // The instruction is adds.w, whose second halfword is an instruction too.
         7 => vec![0xF110 | n, d << 8 | operands & 0x7F],
         8 => vec![0x6030 | operands & 0xC0 | d],
         _ => vec![0x6830 | operands & 0xC0 | d],

@@ -16,7 +16,7 @@ const PEND_1: u16 = 0x6002;
 const SET_UP: [u16; 2] = [0x601C, 0x602E];
 /// The instruction bx lr.
 const RETURN: u16 = 0x4770;
-/// The instruction b .
+/// The instruction b to itself.
 const STAY: u16 = 0xE7FE;
 /// The instruction svc #0.
 const SVC: u16 = 0xDF00;

@@ -26,14 +26,14 @@ pub(super) fn dual_exclusive(first: u16, second: u16) -> Do {
     let (n, t, t2, d) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4), field(second, 0, 4));
     let imm = (second & 0xFF) << 2;
     match (field(first, 7, 2), field(first, 4, 2)) {
-        // STREX
+        // The instruction is STREX.
         (0, 0) => {
             if bad(t2) || bad(t) || n == 15 || t2 == n || t2 == t {
                 return UNDEFINED;
             }
             Do::Strex { format: Format::Word, d: t2, t, n, imm }
         }
-        // LDREX
+        // The instruction is LDREX.
         (0, 1) => {
             if bad(t) || n == 15 || t2 != 15 {
                 return UNDEFINED;

@@ -244,7 +244,7 @@ fn branch_and_control(address: u32, first: u16, second: u16) -> Do {
     let (j1, j2) = (u32::from(field(second, 13, 1)), u32::from(field(second, 11, 1)));
     let low = u32::from(second & 0x7FF) << 1;
     if second & 0x1000 != 0 {
-        // These are B in encoding T4, and BL.
+        // The instructions are B in encoding T4, and BL.
         let (i1, i2) = (1 ^ j1 ^ s, 1 ^ j2 ^ s);
         let offset = s << 24 | i1 << 23 | i2 << 22 | u32::from(first & 0x3FF) << 12 | low;
         let target = pc.wrapping_add(((offset << 7) as i32 >> 7) as u32);

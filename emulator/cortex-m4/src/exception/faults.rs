@@ -152,7 +152,7 @@ impl<C: Cost> Core<C> {
     fn skip_instruction<B: Bus>(&mut self, bus: &mut B) {
         let wide = bus.fetch(self.r[15]).is_ok_and(|first| first >> 11 >= 0x1D);
         self.r[15] = self.r[15].wrapping_add(if wide { 4 } else { 2 });
-        // This is ITAdvance, ARM ARM A7.3.2.
+        // The IT state advances as by ITAdvance, ARM ARM A7.3.2.
         self.it = if self.it & 7 == 0 { 0 } else { self.it & 0xE0 | self.it << 1 & 0x1F };
     }
 

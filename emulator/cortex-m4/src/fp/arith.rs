@@ -23,14 +23,15 @@ pub(super) mod exact;
 
 pub(super) const SIGN: u32 = 0x8000_0000;
 
-// These are the bits of FPSCR, A2.5.3.
+// The following constants are bits of FPSCR, A2.5.3.
 pub(super) const IOC: u32 = 1;
 pub(super) const DZC: u32 = 1 << 1;
 pub(super) const OFC: u32 = 1 << 2;
 pub(super) const UFC: u32 = 1 << 3;
 pub(super) const IXC: u32 = 1 << 4;
 pub(super) const IDC: u32 = 1 << 7;
-/// The place of RMode: 0 rounds to nearest, 1 towards plus infinity, 2 towards minus infinity, 3 towards zero.
+/// The lowest bit of the field RMode: 0 rounds to nearest, 1 towards plus infinity, 2 towards minus infinity, 3 towards
+/// zero.
 pub(super) const RMODE_SHIFT: u32 = 22;
 pub(super) const RMODE: u32 = 3 << RMODE_SHIFT;
 pub(super) const FZ: u32 = 1 << 24;
@@ -209,7 +210,7 @@ pub(super) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpscr: &mut
     let x = f32::from_bits(a);
     if toward_zero && *fpscr & FZ == 0 && target.size == 32 && target.fraction_bits == 0 {
         let truncated = if target.unsigned {
-            // Every value above -1 and below 0 rounds to zero.
+            // Every value between -1 and 0 rounds to zero.
             (x > -1.0 && x < 4_294_967_296.0).then(|| (x as u32, f64::from(x as u32)))
         } else {
             (-2_147_483_648.0..2_147_483_648.0).contains(&x).then(|| (x as i32 as u32, f64::from(x as i32)))

@@ -59,7 +59,7 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     let d = field(second, 12) << 1 | u8::from(bit(first, 6));
     let n = field(first, 0) << 1 | u8::from(bit(second, 7));
     let m = field(second, 0) << 1 | u8::from(bit(second, 5));
-    // This is Opc1 without the bit that belongs to D: bit 23 and bits 21:20 of the instruction.
+    // The first number is Opc1 without the bit that belongs to D: bit 23 and bits 21:20 of the instruction.
     Some(match (bit(first, 7), first >> 4 & 3, bit(second, 6)) {
         (false, 0, false) => FpOp::Vmla { d, n, m },
         (false, 0, true) => FpOp::Vmls { d, n, m },

@@ -354,14 +354,14 @@ impl<C: Cost> Core<C> {
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether the MPU need not be asked for accesses to this memory: it is off, or it opens all of it to the code.
+    /// Whether accesses to this memory need no check by the MPU: it is off, or it opens all of the memory to the code.
     #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         self.system.mpu.opens(address, bytes, write, privileged)
     }
 
-    /// Whether neither the MPU nor the default memory map need be asked for instructions in the page of `1 << bits`
-    /// bytes that has `address`.
+    /// Whether instructions in the page of `1 << bits` bytes that has `address` need no check by the MPU or the default
+    /// memory map.
     #[inline(always)]
     pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
         let privileged = self.is_privileged();
@@ -412,7 +412,7 @@ impl<C: Cost> Core<C> {
         self.watch_for_caller(address, write, width);
     }
 
-    /// Whether [`Self::watch`] has to be told of data accesses.
+    /// Whether [`Self::watch`] has to be called for data accesses.
     #[inline]
     pub(crate) fn watching(&self) -> bool {
         self.system.dwt.watching

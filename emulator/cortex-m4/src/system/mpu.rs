@@ -20,7 +20,8 @@ struct Region {
 }
 
 impl Region {
-    /// The size of an enabled region, as a power of two of bytes, ARM ARM B3.5.9. `None` if the region is off.
+    /// The exponent of the size of an enabled region: the region has two to the power of it bytes, ARM ARM B3.5.9.
+    /// `None` if the region is off.
     fn size(self) -> Option<u32> {
         let size = (self.attributes >> 1 & 0x1F) + 1;
         (self.attributes & 1 != 0 && size >= 5).then_some(size)
@@ -58,7 +59,7 @@ struct Span {
     first: u32,
     /// The last address minus the first.
     extent: u32,
-    /// The rights of privileged code, and [`UNPRIVILEGED`] places higher those of unprivileged code.
+    /// The rights of privileged code. Those of unprivileged code are [`UNPRIVILEGED`] bits higher.
     rights: u32,
 }
 

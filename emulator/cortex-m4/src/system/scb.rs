@@ -109,7 +109,7 @@ fn identification(offset: u32) -> Option<u32> {
         0xD68 => 0x2123_2231,
         0xD6C => 0x0111_1131,
         0xD70 => 0x0131_0132,
-        // These are AFR0, MMFR1, MMFR3 and the cache registers of cores that have caches.
+        // The registers here are AFR0, MMFR1, MMFR3 and the cache registers of cores that have caches.
         0xD4C | 0xD54 | 0xD5C | 0xD74..=0xD84 => 0,
         0xF40 => 0x1011_0021,
         0xF44 => 0x1100_0011,

@@ -376,7 +376,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
             *fpscr |= IOC;
             return limit as u32;
         }
-        // Such a number is out of range in any case, and its exponent would shift by more than 128 bits.
+        // A number with such a large exponent is out of range in any case, and a shift by it would exceed 128 bits.
         Class::Finite if exponent > 64 => {
             *fpscr |= IOC;
             return limit as u32;
@@ -422,7 +422,8 @@ pub(in crate::fp) fn from_half(half: u16, fpscr: &mut u32) -> u32 {
     let biased = i32::from(half >> 10 & 0x1F);
     match (biased, fraction) {
         (0, 0) => sign,
-        // This neither rounds nor underflows, since each half-precision number is a normal single-precision one.
+        // The conversion neither rounds nor underflows, since each half-precision number is a normal single-precision
+        // one.
         (0, _) => round(sign, -24, fraction.into(), SINGLE, fpscr),
         (31, 0) if *fpscr & AHP == 0 => sign | INFINITY,
         (31, _) if *fpscr & AHP == 0 => {

@@ -75,7 +75,7 @@ impl Random {
     }
 }
 
-/// What the host knows about an exact result.
+/// What the host computes about an exact result.
 struct Truth {
     nearest: f32,
     /// How the exact result compares with `nearest`.
@@ -410,8 +410,8 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
         let flushed = flush(a, &mut fpscr);
         let x = f64::from(f32::from_bits(flushed & !SIGN));
         let alternative = before & AHP != 0;
-        // This is one more than the greatest finite number: infinity in the IEEE format, or out of range in the
-        // alternative one.
+        // The value `top` is one more than the greatest finite number: infinity in the IEEE format, or out of range in
+        // the alternative one.
         let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
         let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
         let (mut below, mut above) = (0, top);

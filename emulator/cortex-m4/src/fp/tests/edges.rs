@@ -43,7 +43,7 @@ fn nans_pass_through_as_the_manual_says() {
         (|f| arith::multiply_add(ONE, OTHER_QUIET, QUIET, f), 0, OTHER_QUIET, 0),
         (|f| arith::multiply_add(QUIET, INFINITY, 0, f), 0, DEFAULT_NAN, IOC),
         (|f| arith::multiply_add(SIGNALLING, INFINITY, 0, f), 0, SIGNALLING | 0x0040_0000, IOC),
-        // These are conversions.
+        // The following cases are conversions.
         (|f| u32::from(arith::to_half(QUIET, f)), 0, 0xFE09, 0),
         (|f| u32::from(arith::to_half(SIGNALLING, f)), 0, 0x7E09, IOC),
         (|f| u32::from(arith::to_half(QUIET, f)), DN, 0x7E00, 0),
