@@ -260,7 +260,7 @@ impl Stm32f429 {
             return match self.locate(address) {
                 Some((Memory::Sram, offset)) => self.sram.read(offset as u32, width).ok_or(BusError),
                 Some((Memory::Factory, offset)) => self.factory.read(offset as u32, width).ok_or(BusError),
-                // These are the option bytes of bank 2 (0x1FFE_C000), here unprotected.
+                // The option bytes of bank 2 (0x1FFE_C000) read as unprotected.
                 _ if matches!(address, 0x1FFE_C000..0x1FFE_C010) => Ok(u32::MAX),
                 _ => {
                     let pc = (!by_port).then_some(access.pc);

@@ -1,6 +1,6 @@
 //! The CRC calculation unit (RM0090 chapter 4): `DR`, `IDR`, `CR`.
 //!
-//! It is covered completely, except for the four cycles that a word takes, during which the unit stalls the bus.
+//! The unit is covered completely, except for the four cycles that a word takes, during which the unit stalls the bus.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, NEVER};
@@ -85,7 +85,7 @@ mod tests {
         rig.write(4, 0x1AB);
         rig.write(8, 1);
         assert_eq!((rig.read(0), rig.read(4)), (u32::MAX, 0xAB));
-        // One word of zeros after a reset gives this unit's well-known remainder.
+        // One word of zeros after a reset gives the remainder that is typical of this unit.
         rig.write(0, 0);
         assert_eq!(rig.read(0), 0xC704_DD7B);
     }

@@ -396,7 +396,7 @@ impl FlashControl {
     }
 
     fn erase(&mut self, now: Cycle, pc: Option<u32>, hz: u64, out: &mut Effects) -> Outcome {
-        // These are the columns of DS9405's table: parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
+        // The times are the columns of DS9405's table: parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
         // has).
         let psize = (self.cr >> 8 & 3) as usize;
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "FLASH", text, value: None });

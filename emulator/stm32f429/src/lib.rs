@@ -181,7 +181,7 @@ pub struct Stm32f429 {
     backup: Ram,
 
     rcc: Rcc,
-    /// The clocks that the instances were last told of.
+    /// The clocks that the instances use at present.
     clocks: Clocks,
     pwr: Pwr,
     supply: Supervisors,
@@ -310,7 +310,7 @@ macro_rules! cx {
     };
 }
 
-// These modules use the macros, so they come after them.
+// The modules here use the macros above, so their declarations come after them.
 mod bus;
 mod part;
 mod reactions;
@@ -329,7 +329,7 @@ impl Stm32f429 {
         // The default device ID is easy to recognise in a dump: coordinates, wafer, lot in ASCII (39.1).
         put(bytes, UNIQUE_ID, &[0x2A, 0x00, 0x31, 0x00, 0x0D, b'H', b'O', b'R', b'U', b'S', b'0', b'1']);
         put(bytes, FLASH_SIZE, &2048_u16.to_le_bytes());
-        // These are the calibration values at 3.3 V (data sheet): VREFINT, the sensor at 30 °C and at 110 °C.
+        // The calibration values are for 3.3 V (data sheet): VREFINT, the sensor at 30 °C and at 110 °C.
         for (nth, value) in adc::CALIBRATION.into_iter().enumerate() {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }

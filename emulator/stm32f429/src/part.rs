@@ -140,13 +140,13 @@ impl Part for Stm32f429 {
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // This is an assumption, since no manual has figures: an active DMA controller takes the RAM or the bridge for
-        // one cycle.
+        // It is assumed, since no manual has figures, that an active DMA controller takes the RAM or the bridge for one
+        // cycle.
         let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
         match address {
             0x4000_0000..0x4002_0000 => {
-                // This is an assumption: an access has the setup and access phases of the APB, and at worst waits for
-                // the bridge's clock edge.
+                // It is assumed that an access has the setup and access phases of the APB, and at worst waits for the
+                // bridge's clock edge.
                 let divider = if address < 0x4001_0000 { self.clocks.pclk1 } else { self.clocks.pclk2 };
                 let phases = 2 * divider;
                 match bound {

@@ -6,7 +6,7 @@ impl Stm32f429 {
     /// Takes in the outputs of the instance `number` after it was called.
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // A receiver that is told late of a frame has due instants in the past, which are handled now.
+        // A receiver that gets a frame late has due instants in the past, which are handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;
@@ -51,9 +51,9 @@ impl Stm32f429 {
         const SPI: [u8; 6] = [35, 36, 51, 84, 85, 86];
         const USART: [u8; 8] = [37, 38, 39, 52, 53, 71, 82, 83];
         const I2C: [u8; 3] = [31, 33, 72];
-        // These are the lines of TIM2 to TIM7.
+        // The table has the lines of TIM2 to TIM7.
         const TIM: [u8; 6] = [28, 29, 30, 50, 54, 55];
-        // These are the lines of TIM9 to TIM14.
+        // The table has the lines of TIM9 to TIM14.
         const SHARED: [u8; 6] = [24, 25, 26, 43, 44, 45];
         match number {
             id::SPI..id::USART => self.set_line(SPI[usize::from(number - id::SPI)], irq & 1 != 0),

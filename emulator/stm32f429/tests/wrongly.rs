@@ -12,7 +12,7 @@ const TIM5: u32 = 0x4000_0C00;
 
 #[test]
 fn a_pll_out_of_its_limits_never_locks() {
-    // These are PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
+    // The configurations have PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
     for config in [1 | 50 << 6, 8 | 433 << 6, 16 | 400 << 6] {
         let mut rig = Rig::new(Oscillators::default());
         rig.write(RCC + 4, config | 4 << 24 | 1 << 22);

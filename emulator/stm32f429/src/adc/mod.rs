@@ -115,7 +115,7 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     Some(match (channel, index) {
         (0..=3, _) => Pin::new(A, channel),
         (10..=13, _) => Pin::new(C, channel - 10),
-        // These channels are on PF6 to PF10, PF3, PF4 and PF5.
+        // Channels 4 to 9, 14 and 15 of ADC3 are on PF6 to PF10, PF3, PF4 and PF5.
         (4..=8, 2) => Pin::new(F, channel + 2),
         (9, 2) => Pin::new(F, 3),
         (14..=15, 2) => Pin::new(F, channel - 10),

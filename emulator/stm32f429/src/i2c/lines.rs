@@ -74,7 +74,7 @@ impl I2c {
             self.low_since = None;
             let is_master = self.sr2 & MSL != 0;
             if scl && !is_master && self.sr2 & BUSY != 0 {
-                // This edge is a stop condition.
+                // The rising edge is a stop condition.
                 self.sr2 &= !BUSY;
                 self.start_lost |= self.cr1 & START != 0;
             }

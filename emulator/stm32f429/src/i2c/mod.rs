@@ -21,10 +21,10 @@
 //!
 //! # Lines
 //!
-//! The pads do not have what this I2C itself drives, since the board is told of a transfer in steps ([`I2cEvent`]).
-//! They have what the board drives and, while they are general purpose pins, what software drives; a pull-up belongs to
-//! the board. A line that is low while this I2C drives nothing is therefore held by another device, and `BUSY` follows.
-//! A low level of either line sets it; a stop (SDA rises while SCL is high) and `SWRST` clear it. The release of a held
+//! The pads do not have what this I2C itself drives, since the board gets a transfer in steps ([`I2cEvent`]). They have
+//! what the board drives and, while they are general purpose pins, what software drives; a pull-up belongs to the
+//! board. A line that is low while this I2C drives nothing is therefore held by another device, and `BUSY` follows. A
+//! low level of either line sets it; a stop (SDA rises while SCL is high) and `SWRST` clear it. The release of a held
 //! clock is no stop, and neither is the end of a transfer that `PE` or `ARLO` cut short: `BUSY` then stays until
 //! software resets the I2C.
 //!

@@ -32,7 +32,7 @@ impl I2c {
             return;
         }
         let is_master = self.sr2 & MSL != 0;
-        // The I2C holds the clock low until software has cleared these flags.
+        // The I2C holds the clock low until software has cleared SB and ADDR.
         if self.sr1 & (SB | ADDR) != 0 {
             if self.sr1 & SB != 0 && self.cr1 & STOP != 0 {
                 self.begin(Step::Stop, from, cx);

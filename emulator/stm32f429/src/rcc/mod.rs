@@ -270,7 +270,7 @@ impl Rcc {
             0 => self.cr & HSIRDY != 0,
             1 => self.cr & HSERDY != 0,
             2 => self.cr & PLLRDY != 0,
-            // This value is "not allowed", 7.3.3, so the switch ignores it.
+            // The value 3 of SW is "not allowed", 7.3.3, so the switch ignores it.
             _ => false,
         };
         if ready {

@@ -1,7 +1,7 @@
 //! The counter: its value, its direction, the ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! [`Tim::sync`] brings it up to date and leaps from one count at which something happens to the next. [`Tim::plan`]
-//! decides when such a count has to be an event of its own.
+//! [`Tim::sync`] brings the counter up to date and leaps from one count at which something happens to the next.
+//! [`Tim::plan`] decides when such a count has to be an event of its own.
 
 use super::*;
 
@@ -164,8 +164,8 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // This counts the ends of the range since the start. Once everything that repeats has happened, whole periods
-        // are skipped.
+        // The variable counts the ends of the range since the start. Once everything that repeats has happened, whole
+        // periods are skipped.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;

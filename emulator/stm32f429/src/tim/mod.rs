@@ -86,13 +86,13 @@ pub(crate) struct Kind {
     /// The timer's number, 1 to 14.
     number: u8,
     channels: u8,
-    /// The largest count: 16 or 32 one bits.
+    /// The largest count, which has 16 or 32 one bits.
     largest: u32,
-    /// Whether it has repetition, break and complementary outputs, as TIM1 and TIM8 do.
+    /// Whether the timer has repetition, break and complementary outputs, as TIM1 and TIM8 do.
     advanced: bool,
-    /// Whether it counts down and centre-aligned.
+    /// Whether the timer counts down and centre-aligned.
     downward: bool,
-    /// Whether it has a slave mode controller.
+    /// Whether the timer has a slave mode controller.
     slave: bool,
 }
 

@@ -15,11 +15,11 @@
 //! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the falling edge of
 //! the start bit: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). Another baud rate, parity or length on
 //! the line therefore gives the bytes and flags that it gives on silicon. A byte is available at the last sample of its
-//! stop bit. After that the receiver looks for the next falling edge. It samples an idle line after the last frame that
-//! it was told of.
+//! stop bit. After that the receiver looks for the next falling edge. After the last frame that it got, it samples an
+//! idle line.
 //!
 //! `IDLE` rises a whole frame and one bit after the end of the last stop bit. The extra bit is this model's, so that a
-//! frame of which the receiver is told at the frame's end comes in time.
+//! frame that the receiver gets only at the frame's end comes in time.
 
 mod receiver;
 #[cfg(test)]

@@ -48,7 +48,7 @@ impl Usart {
         let ends = begins + ((halves * bit) >> (FRACTION + 1));
         self.waves.push_back(Wave { begins, ends, bit, levels: u32::MAX << (1 + bits) | data << 1 });
         self.find_start();
-        // A frame of which the receiver is told at its end may already have been sampled by now.
+        // A frame that the receiver gets only at its end may already have been sampled by now.
         while self.receiving.is_some_and(|edge| edge + self.sampled_after() <= cx.now) {
             self.finish_receiving();
         }

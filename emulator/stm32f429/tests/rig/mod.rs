@@ -121,7 +121,7 @@ impl Rig {
         self.write(FLASH, 4 | 0x700);
         self.write(RCC + 8, 5 << 10 | 4 << 13 | 2);
         self.wait(RCC + 8, 2 << 2);
-        // These writes enable the clock security system, all ports, DMA1, DMA2, SPI1, SYSCFG, USART6, USART2 and WWDG.
+        // The writes enable the clock security system, all ports, DMA1, DMA2, SPI1, SYSCFG, USART6, USART2 and WWDG.
         self.set(RCC, 1 << 19);
         self.set(RCC + 0x30, 0x7FF | 3 << 21);
         self.set(RCC + 0x44, 1 << 12 | 1 << 14 | 1 << 5);
