@@ -18,7 +18,7 @@ pub(crate) const COMP: Id = 0x13;
 /// An effect of a peripheral beyond its own registers.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// The event register at this address was set, which the PPI has to be told.
+    /// The event register at this address was set, which is passed to the PPI.
     Event(u32),
     /// The task register at this address is triggered.
     Task(u32),
@@ -43,7 +43,7 @@ pub(crate) enum Act {
     Convert,
     /// The comparator needs the voltages of its inputs.
     Compare,
-    /// The semaphore of an SPIS changed in a way that the outside is told.
+    /// The semaphore of an SPIS changed, or a transaction ended, which is recorded for the outside.
     Spis { id: Id, event: SpisEvent },
     /// The clock controller changed the source of a clock.
     Clock(Source),

@@ -300,8 +300,8 @@ impl Nrf52840 {
         self.soc.ctrl_ap_write(register, value, at)
     }
 
-    /// Advances CTRL-AP to `to`: an erase that it was told to make ends when its time has come. To be called as time
-    /// passes, while a debugger is attached.
+    /// Advances CTRL-AP to `to`: an erase that was begun ends when its time has come. To be called as time passes,
+    /// while a debugger is attached.
     pub fn ctrl_ap_advance(&mut self, to: Cycle) {
         self.soc.ctrl_ap_advance(to);
     }

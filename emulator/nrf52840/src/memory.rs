@@ -14,8 +14,8 @@
 //! nibbles are assumed to be CoreSight's encoding of Nordic's JEP106 number 0x244.
 //!
 //! UICR holds what the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here: the reset pin,
-//! the NFC antenna and the supply are outside the model. [`crate::Nrf52840::debug_port_open`] explains the effect of
-//! APPROTECT on a debugger.
+//! the NFC antenna and the voltage regulators are outside the model. [`crate::Nrf52840::debug_port_open`] explains the
+//! effect of APPROTECT on a debugger.
 use crate::Settings;
 use cortex_m4::Width;
 use emulator_part::{Flash, Ram};
@@ -40,7 +40,7 @@ pub(crate) struct Memory {
     pub(crate) uicr: Flash,
     pub(crate) ficr: Flash,
     pub(crate) ram: Ram,
-    /// Whether flash was programmed or erased since the core was last told.
+    /// Whether flash was programmed or erased and the core has not been informed yet.
     pub(crate) code_changed: bool,
     /// The AHB slaves of the RAM that EasyDMA has accessed, one bit each (see [`slave`]).
     dma_slaves: u16,

@@ -178,7 +178,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK stopped and with it its ticks, or it started anew at no ticks.
+            // LFCLK stopped and with it its ticks, or LFCLK started and its ticks count from zero again.
             self.load(self.held, cx);
         }
         self.arm(cx);

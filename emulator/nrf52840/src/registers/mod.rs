@@ -1,8 +1,8 @@
 //! The register tables: name, offset, direction and reset value of every register of the part.
 //!
-//! They were generated from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it). Instances
-//! that share a block share a table. A register that only the second of two such instances has carries that instance's
-//! name as prefix.
+//! The tables were generated from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it).
+//! Instances that share a block share a table. A register that only the second of two such instances has carries that
+//! instance's name as prefix.
 //!
 //! | module | registers of |
 //! |---|---|

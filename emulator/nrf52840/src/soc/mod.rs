@@ -12,7 +12,7 @@
 //! | left out | why |
 //! |---|---|
 //! | the one PCLK16M cycle that a PPI channel takes | it is below the resolution that anything needs; order is kept |
-//! | loss of a section's contents by RAM\[n\].POWER while the part is on | they only store what is written |
+//! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | the registers only store values |
 //!
 //! Everything that happens is an [`Act`] in one queue, which is carried out in order. If an event triggers, through
 //! PPI, the task that raises the event again, that never ends on the part, with one turn per clock cycle. Here the loop

@@ -108,7 +108,7 @@ impl Soc {
             Reset::Wakeup(BY_LPCOMP) => Some(1 << 17),
             Reset::Wakeup(_) => Some(1 << 16),
         };
-        // These causes keep the retained registers. All of them but the wake-up also keep the watchdog.
+        // Software, lock-up and wake-up resets keep the retained registers. The first two also keep the watchdog.
         let keeps_watchdog = matches!(cause, Reset::Software | Reset::Lockup);
         let wakes = matches!(cause, Reset::Wakeup(_));
         if let Some(reason) = reason {

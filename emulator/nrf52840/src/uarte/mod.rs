@@ -59,8 +59,8 @@ const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
 /// The number of bytes that the receiver can hold without a buffer.
 const FIFO: usize = 6;
-/// The room at which RTS goes high: with flow control, it does so when the receiver has room for this many bytes more
-/// (PS 6.34).
+/// The least room for a low RTS, in bytes: with flow control, RTS is low only while the receiver has room for at least
+/// this many bytes more (PS 6.34).
 const ROOM: usize = 4;
 /// The byte times from STOPRX to RXTO, in which the far end may finish what it has begun.
 const RX_TIMEOUT_BYTES: u64 = 4;
@@ -100,7 +100,7 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that is being sent, the tick at which transmission began, and whether the transmitter was told to stop.
+    /// The byte that is being sent, the tick at which transmission began, and whether the transmitter has to stop.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
@@ -319,7 +319,7 @@ impl Instance for Uarte {
         if self.rx_timeout.take_if(|at| *at <= now).is_some() {
             self.rx_on = false;
             if self.rx.is_some() {
-                // A shortcut must not restart a receiver that was told to stop.
+                // A shortcut must not restart a receiver that was stopped.
                 self.finish_rx(cx);
             }
             self.block.raise(RXTO, cx);

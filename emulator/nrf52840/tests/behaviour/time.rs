@@ -344,7 +344,7 @@ fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
     rig.write(WDT + 0x304, 1);
     assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
     assert!(rig.line(16));
-    // These reloads are too late.
+    // The reloads here come too late.
     rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
     rig.run_to(10 * MS);
     assert_eq!(rig.part.watchdog_resets()[0].at, lf_tick(102));

@@ -36,7 +36,7 @@ fn a_target_answers_its_addresses_from_the_buffers_it_was_given_and_holds_scl_un
     assert_eq!(rig.read(SPIM0 + 0x124), 0);
     assert_eq!(bus(&mut rig, Write(0x33)), NOBODY, "RXD is full");
     assert_eq!((rig.read(SPIM0 + 0x124), rig.read(SPIM0 + 0x4D0)), (1, 0b101), "ERROR: OVERFLOW, DNACK");
-    // This is a repeated start. READ_SUSPEND is set in SHORTS.
+    // The controller sends a repeated start. READ_SUSPEND is set in SHORTS.
     rig.write(SPIM0 + 0x4D0, 0b101);
     rig.write_all(&[(SPIM0 + 0x200, 1 << 14), (SPIM0 + 0x34, 1)]);
     assert_eq!(bus(&mut rig, Start(0x1A << 1 | 1)), YES);
