@@ -1,8 +1,9 @@
 //! What is wired around a microcontroller.
 //!
-//! A [`Board`] is told what its part does to pins and buses ([`emulator_part::Outside`], with instants in nanoseconds),
-//! and says what its chips do to the part's pins. The node calls [`Board::settle`] after everything that reaches the
-//! board, and when the board's own [`Board::next_event`] has come. The part gets the result at that same instant.
+//! A [`Board`] is called for what its part does to pins and buses ([`emulator_part::Outside`], with instants in
+//! nanoseconds), and returns what its chips do to the part's pins. The node calls [`Board::settle`] after everything
+//! that reaches the board, and when the board's own [`Board::next_event`] has come. The part gets the result at that
+//! same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;

@@ -53,9 +53,9 @@ pub enum Error {
     NoPlace {
         /// The name of the function.
         function: String,
-        /// The bytes that were searched.
+        /// The bytes that were looked for.
         bytes: Vec<u8>,
-        /// How often they were found, in words.
+        /// How often the bytes were found, in words.
         found: &'static str,
     },
     /// A requested address or symbol is not in memory.

@@ -37,7 +37,8 @@ pub enum FindingKind {
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
     /// Something reached a board after the instant at which it was due, so the run is not exact. Either a message took
-    /// less time than the scheduler was told, or an actor beside the board was not asked for its next instant.
+    /// less time than the lookahead that the scheduler was given, or the instant of an actor beside the board was not
+    /// taken into account.
     Late,
 }
 
@@ -76,11 +77,11 @@ pub struct Finding {
     pub kind: FindingKind,
     /// The instant of the finding, in virtual nanoseconds.
     pub at: u64,
-    /// The address of the instruction that caused it, if one did.
+    /// The address of the instruction that caused the finding, if one did.
     pub pc: Option<u64>,
-    /// That instruction as `function+offset (file:line)`, as far as the image has this information.
+    /// The instruction at `pc` as `function+offset (file:line)`, as far as the image has this information.
     pub symbol: Option<String>,
-    /// What happened, in words.
+    /// A description of what happened, in words.
     pub text: String,
 }
 

@@ -249,8 +249,8 @@ impl Firmware {
 
     /// The function and source line of the instruction at `address`, for a reader, like `horus_tx_fw::app::cycle+0x1c
     /// (src/main.rs:120)`. For code that was inlined from the language's own libraries or from a dependency, both are
-    /// those of the innermost caller in the firmware itself. If that caller was inlined too, the function that the
-    /// linker knows follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    /// those of the innermost caller in the firmware itself. If that caller was inlined too, the function of the
+    /// linker's symbol follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
     #[must_use]
     pub fn place_of(&self, address: u64) -> Option<String> {
         let name = self.name_of(address)?;

@@ -1,9 +1,9 @@
 //! A debugger that halts a node's core, with breakpoints, watchpoints and steps.
 //!
 //! No time passes for a halted node: [`Node::advance`] returns at once, and whoever advances the node must stop
-//! everything else of its world too. So a firmware never notices that it was halted, and neither do its watchdogs, its
-//! timers or the other board; on silicon they all would. Whatever a debugger does between [`Halt`] and [`Resume`]
-//! without changing a register or memory does not change the run.
+//! everything else of its world too. So a firmware cannot detect that it was halted, and its watchdogs, its timers and
+//! the other board are not affected; on silicon they all would be. Whatever a debugger does between [`Halt`] and
+//! [`Resume`] without changing a register or memory does not change the run.
 //!
 //! | what | rule |
 //! |---|---|
@@ -35,21 +35,21 @@ pub enum Halt {
     Watchpoint(Watched),
     /// A step is complete.
     Stepped,
-    /// The part was reset, and the debugger asked to halt then.
+    /// The part was reset, and the debugger requested a halt then.
     Reset,
-    /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up, and the debugger asked to
-    /// halt then.
+    /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up, and the debugger requested
+    /// a halt then.
     Ended,
 }
 
 /// How far a resumed core runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Resume {
-    /// It runs to the next breakpoint or watchpoint.
+    /// The core runs to the next breakpoint or watchpoint.
     Continue,
-    /// It executes one instruction.
+    /// The core executes one instruction.
     Step,
-    /// It executes instructions until the next one is outside these addresses.
+    /// The core executes instructions until the next one is outside these addresses.
     StepWithin(Range<u32>),
 }
 

@@ -62,9 +62,9 @@ pub struct Connected {
 /// A byte that the part sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// The instant at which its stop bit ended, in virtual nanoseconds.
+    /// The instant at which the byte's stop bit ended, in virtual nanoseconds.
     pub at: u64,
-    /// The pin on which it was sent.
+    /// The pin on which the byte was sent.
     pub pin: Pin,
     /// The value of the byte.
     pub byte: u8,
@@ -93,7 +93,7 @@ impl<P> Leads<P> {
             let mut at = sending.at;
             for &byte in &sending.bytes {
                 let frame = UartFrame::eight_n_one(byte, sending.baud.max(1));
-                // The part is told of a frame at the frame's end, and the frame begins before that.
+                // The part receives a frame at the frame's end, and the frame begins before that.
                 plan.push((at + frame.ns(), Input::Frame(sending.pin, at, frame)));
                 at += frame.ns();
             }

@@ -109,7 +109,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     lowest: u32,
     /// Whether a debugger has powered the debug domain.
     debugged: bool,
-    /// Whether the part was told that the core is halted for debug.
+    /// Whether the part was told (by `Part::halts`) that the core is halted for debug.
     told_halt: bool,
     /// The active exception from each instant (ns) on, `None` unless it is watched.
     tasks: Option<Vec<(u64, u16)>>,

@@ -1,10 +1,10 @@
 //! Two boards in lock-step.
 //!
-//! This is conservative parallel simulation on one thread: a board never runs past the first instant at which something
-//! could reach it. The bound on that instant is what the other board may do first (its next event if it sleeps, its
-//! present if it is awake) plus the [`Lookahead`], the least time that anything takes to cross. Each message carries
-//! its instant and is delivered at it. Actors beside a board (a flight controller, a receiver) act at their own
-//! instants. A sleeping board does not hold the other one back.
+//! The method is conservative parallel simulation on one thread: a board never runs past the first instant at which
+//! something could reach it. The bound on that instant is what the other board may do first (its next event if it
+//! sleeps, its present if it is awake) plus the [`Lookahead`], the least time that anything takes to cross. Each
+//! message carries its instant and is delivered at it. Actors beside a board (a flight controller, a receiver) act at
+//! their own instants. A sleeping board does not hold the other one back.
 //!
 //! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and which actors are beside
 //! each board. The order is fixed: messages come before actors, and messages are ordered by instant and then by when

@@ -53,8 +53,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // A firmware that was only ever in flash has no file here; whoever attaches a probe has its file and reads its
-        // log.
+        // Only an image that was read from an ELF file is searched for. If the firmware is what was already in flash,
+        // an attached probe that has its file reads the log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
             // The searches become rarer, since a firmware that logs does so soon.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);

@@ -320,8 +320,8 @@ impl<M> Follower<M> {
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
-            // These are reports of the first board that the second did not have to wait for, and messages for instants
-            // after the end.
+            // Some reports of the first board were not needed by the second until now, and some messages are for
+            // instants after the end. All of them are delivered here.
             while !self.ended {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);

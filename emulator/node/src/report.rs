@@ -183,7 +183,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         (0..128).find_map(|index| {
             let to = memory::value(part, stack + 4 * index, 4).filter(|to| to & 1 != 0)? & !1;
             let half = |back: u64| memory::value(part, to.checked_sub(back)?, 2);
-            // This recognises BL, or BLX of a register: ARMv7-M ARM A7.7.18 and A7.7.19.
+            // A call is a BL, or a BLX of a register: ARMv7-M ARM A7.7.18 and A7.7.19.
             let call = half(4)? & 0xF800 == 0xF000 && half(2)? & 0xD000 == 0xD000 || half(2)? & 0xFF87 == 0x4780;
             let function = self.firmware.name_of(to - 2)?;
             (call && !LIBRARIES.iter().any(|library| function.starts_with(library))).then_some(to - 2)

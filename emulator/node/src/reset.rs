@@ -65,7 +65,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             return;
         }
         let at = self.present();
-        // This saves what the firmware logged last, which nobody can read afterwards.
+        // The log is read once more, since nobody can read what the firmware logged last afterwards.
         self.probe_log(self.now());
         self.powered = false;
         // A part without its supply does what it does at power-on before its core begins: nothing, with all pins open.
@@ -141,7 +141,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn reset_by(&mut self, cause: Reset) {
         let at = self.present();
-        // This saves what the firmware logged last, before its start-up code clears the buffer.
+        // The log is read once more, before the firmware's start-up code clears its buffer.
         self.probe_log(self.now());
         self.resets.push(ResetAt { at: self.now(), cause });
         self.side.with(at, |part, view| part.reset(at, cause, view));

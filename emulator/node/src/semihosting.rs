@@ -32,15 +32,15 @@ impl<B: Board, C: Cost> Node<B, C> {
                 // Modes 0 to 3 are for reading, 4 to 7 for writing, and 8 to 11 for appending (standard error).
                 if read && name == b":tt" { u32::try_from(argument(self, 1) / 4).unwrap_or(0) } else { FAILED }
             }
-            // This is SYS_CLOSE.
+            // The operation is SYS_CLOSE.
             0x02 => 0,
-            // This is SYS_WRITEC.
+            // The operation is SYS_WRITEC.
             0x03 => {
                 let character = memory::value(&self.side.part, parameter, 1).unwrap_or(0);
                 self.print(&[u8::try_from(character).unwrap_or(0)]);
                 0
             }
-            // This is SYS_WRITE0.
+            // The operation is SYS_WRITE0.
             0x04 => {
                 let mut at = parameter;
                 while let Some(byte @ 1..) = memory::value(&self.side.part, at, 1) {
@@ -57,12 +57,12 @@ impl<B: Board, C: Cost> Node<B, C> {
                 self.print(&text);
                 if there { 0 } else { u32::try_from(length).unwrap_or(FAILED) }
             }
-            // This is SYS_ISTTY.
+            // The operation is SYS_ISTTY.
             0x09 => u32::from(argument(self, 0) <= 2),
             // SYS_CLOCK returns hundredths of a second, and SYS_TIME seconds since power-on.
             0x10 => u32::try_from(self.now() / 10_000_000).unwrap_or(FAILED),
             0x11 => u32::try_from(self.now() / 1_000_000_000).unwrap_or(FAILED),
-            // This is SYS_ERRNO.
+            // The operation is SYS_ERRNO.
             0x13 => 0,
             // SYS_EXIT has a reason, of which ADP_Stopped_ApplicationExit is success. SYS_EXIT_EXTENDED has a reason
             // and a status.

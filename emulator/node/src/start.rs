@@ -80,7 +80,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         node.arm();
         node.core.tell_faults(true);
-        // A new part has its pins as at power-on, and the board is told so here.
+        // A new part has its pins as at power-on, and the board gets this state here.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
         node.side.settle(0);

@@ -11,7 +11,7 @@ pub struct LineEdge {
     pub at: u64,
     /// The number of the line, as the vector table numbers interrupts.
     pub line: u16,
-    /// Whether it rose.
+    /// Whether the line rose.
     pub high: bool,
 }
 

@@ -1,6 +1,6 @@
 //! Tests of two different microcontrollers in lock-step. An STM32F429 sends a block over SPI1 by DMA, and the
-//! nRF52840's SPIS receives it by EasyDMA. Each core learns of the end by an interrupt: the sender from its DMA stream,
-//! the receiver from END, and the sender of the receiver's answer on a pin, by EXTI.
+//! nRF52840's SPIS receives it by EasyDMA. Each core is interrupted at the end: the sender by its DMA stream, and the
+//! receiver by END. The receiver then answers on a pin, which interrupts the sender by EXTI.
 
 mod thumb;
 
