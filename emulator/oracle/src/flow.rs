@@ -208,10 +208,10 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
             case.r[n as usize] = wild;
             Instruction::Wide(random.pick(&[0xE890_000F, 0xE9D0_0100, 0xED90_0A00, 0xECB0_0A04]) | n << 16)
         }
-        // These coprocessors are absent.
+        // The instructions here are of coprocessors that are absent.
         9 => Instruction::Wide(0xEE00_0010 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | d << 12),
         10 => Instruction::Wide(0xEC90_0000 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | n << 16),
-        // These are double-precision instructions, which are undefined on FPv4-SP.
+        // The instructions here are of double precision, which is undefined on FPv4-SP.
         _ => Instruction::Wide(random.pick(&[0xEE30_0B00, 0xEE20_0B00, 0xEEB1_0BC0, 0xEEB7_0AC0, 0xEEBD_0BC0])),
     };
     faulting.append(&mut halves);
@@ -226,7 +226,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
-    // These are the words of the exceptions 14 to 23, whose numbers in the window are 14, 15 and 0 to 7.
+    // The window has words for the exceptions 14 to 23, whose numbers there are 14, 15 and 0 to 7.
     for number in [0, 1, 2, 3, 4, 5, 6, 7, 14, 15] {
         if random.once_in(2) {
             let pend = random.bits() & random.bits() & random.bits() & 0x1400_00FF;

@@ -77,14 +77,14 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let mut code = Vec::new();
     let (l, s) = (u32::from(load), u32::from(signed));
     match random.below(if bit_band { 6 } else { 9 }) {
-        // This is a 16-bit instruction with an immediate.
+        // The access is by a 16-bit instruction with an immediate.
         0 if base_is_low && !signed => {
             let imm5 = random.below(32);
             set(case, base, address.wrapping_sub(imm5 << size));
             let op = [0b01110, 0b10000, 0b01100][size as usize] | l;
             Instruction::Narrow((op << 11 | imm5 << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // This is a 16-bit instruction with a register offset.
+        // The access is by a 16-bit instruction with a register offset.
         1 | 2 if base_is_low && registers.kept.last().is_some_and(|&r| r < 8) => {
             let index = registers.kept.pop().unwrap_or_default();
             let offset = random.word();
@@ -102,14 +102,15 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             };
             Instruction::Narrow((0x5000 | op << 9 | index << 6 | base << 3 | low_t) as u16).append(&mut code);
         }
-        // This is a 32-bit instruction with a 12-bit immediate.
+        // The access is by a 32-bit instruction with a 12-bit immediate.
         3 => {
             let imm12 = random.below(4096);
             set(case, base, address.wrapping_sub(imm12));
             let op = 0xF880_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | imm12;
             Instruction::Wide(op).append(&mut code);
         }
-        // This is a 32-bit instruction with an 8-bit immediate: offset, pre-indexed, post-indexed or unprivileged.
+        // The access is by a 32-bit instruction with an 8-bit immediate: offset, pre-indexed, post-indexed or
+        // unprivileged.
         4 | 6 => {
             let imm8 = random.below(256);
             let puw = random.pick(&[0b100, 0b101, 0b111, 0b001, 0b011, 0b110]);
@@ -118,7 +119,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0800 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | puw << 8 | imm8;
             Instruction::Wide(op).append(&mut code);
         }
-        // This is a 32-bit instruction with a register offset.
+        // The access is by a 32-bit instruction with a register offset.
         5 if registers.kept.len() > 1 => {
             let index = registers.kept.remove(0);
             let (offset, shift) = (random.word(), random.below(4));
@@ -127,7 +128,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             let op = 0xF800_0000 | s << 24 | size << 21 | l << 20 | base << 16 | t << 12 | shift << 4 | index;
             Instruction::Wide(op).append(&mut code);
         }
-        // These are SP-relative accesses, and PUSH and POP of one register.
+        // The access is SP-relative, or PUSH or POP of one register.
         7 => {
             case.sp = WINDOW + 4 * random.below(WINDOW_WORDS as u32);
             let imm8 = random.below(32);

@@ -1,7 +1,7 @@
 //! A recording of QEMU's results, which is enough to repeat the comparison without QEMU.
 //!
-//! It is a text: a line with the version of QEMU, a line `seed N`, then for each class a line `class NAME CASES` and
-//! one 64-bit digest for each [`BATCH`] cases, in hexadecimal, eight to a line.
+//! A recording is a text: a line with the version of QEMU, a line `seed N`, then for each class a line `class NAME
+//! CASES` and one 64-bit digest for each [`BATCH`] cases, in hexadecimal, eight to a line.
 
 use anyhow::Context;
 
