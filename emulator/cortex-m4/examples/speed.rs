@@ -1,10 +1,11 @@
-//! How many million instructions per second the core executes, on each clock, with a part of memory and one device.
+//! Measures how many million instructions per second the core executes on each clock, where the part is memory and one
+//! device.
 //!
-//! `cargo run --release --example speed -p cortex-m4`. The programs are loops without an end:
+//! Run it with `cargo run --release --example speed -p cortex-m4`. The programs are loops without an end:
 //!
-//! - compute: a shift-register generator into 256 bytes of RAM, a bitwise CRC over them (with an IT block), and a
-//!   subroutine that multiplies and accumulates over 64 words
-//! - polling: a status register is read until a bit is set, then data are exchanged and stored
+//! - compute: a shift-register generator fills 256 bytes of RAM, a bitwise CRC (with an IT block) is taken over them,
+//!   and a subroutine multiplies and accumulates 64 words.
+//! - polling: the program reads a status register until a bit is set, and then exchanges and stores data.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

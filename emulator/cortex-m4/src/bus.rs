@@ -1,4 +1,4 @@
-//! What the core asks of the part around it.
+//! The interface between the core and the part around it.
 
 use crate::Signals;
 
@@ -21,39 +21,40 @@ impl Width {
     }
 }
 
-/// What an access is for, as the bus matrix tells them apart.
+/// What an access is for. The bus matrix of a part distinguishes these purposes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// An instruction is fetched (I-Code below 0x2000_0000, else the system bus).
+    /// The core fetches an instruction (over the I-Code bus below 0x2000_0000, else over the system bus).
     Fetch,
-    /// A load or store of an instruction.
+    /// An instruction loads or stores data.
     Data,
-    /// A load relative to the program counter (D-Code).
+    /// An instruction loads data relative to the program counter (over the D-Code bus).
     Literal,
-    /// A vector is fetched.
+    /// The core fetches an exception vector.
     Vector,
-    /// Exception entry or return moves a register.
+    /// Exception entry or return writes or reads a register on the stack.
     Stack,
-    /// A debugger reads or writes; nothing may change that only a real access changes.
+    /// A debugger reads or writes. Such an access has no side effect: nothing changes that only a real access changes.
     Debugger,
-    /// The AHB-AP of the debug port reads or writes: a real access with all that it sets off, made by no instruction.
+    /// The AHB-AP of the debug port reads or writes. This is a real access with all its side effects, but no
+    /// instruction makes it.
     AccessPort,
 }
 
 /// One access of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Access {
-    /// The address. Aligned to the width: the core splits accesses that are not.
+    /// The address, which is aligned to the width: the core splits unaligned accesses.
     pub address: u32,
-    /// How many bytes.
+    /// The number of bytes.
     pub width: Width,
-    /// What for.
+    /// What the access is for.
     pub purpose: Purpose,
     /// Whether the core is privileged.
     pub privileged: bool,
-    /// The core's cycle at which it takes place.
+    /// The core's cycle of the access.
     pub cycle: u64,
-    /// The address of the instruction that makes it.
+    /// The address of the instruction that makes the access.
     pub pc: u32,
 }
 
@@ -61,75 +62,78 @@ pub struct Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
-/// At which end of what is possible a bus reckons its wait states, see [`crate::Cost`].
+/// The bound for which a bus counts its wait states, see [`crate::Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// Every cache hits and no other controller is in the way.
+    /// The least: every cache hits, and no other bus controller delays the access.
     Best,
-    /// Every cache misses and every other controller that is active is in the way.
+    /// The most: every cache misses, and every other active bus controller delays the access.
     Worst,
 }
 
-/// The part around a core: memory, peripherals, interrupt lines. Static dispatch: [`crate::Core::run`] is compiled for
-/// it.
+/// The part around a core: memory, peripherals and interrupt lines. Dispatch is static: [`crate::Core::run`] is
+/// compiled for each implementation.
 pub trait Bus {
-    /// Reads. The core's own space, 0xE000_0000 to 0xE00F_FFFF, never gets here, but for the part's share of the
-    /// external private peripheral bus, 0xE004_2000 to 0xE00F_EFFF, where the STM32 has its DBGMCU.
+    /// Reads from memory or a peripheral. The core answers accesses to its own space, 0xE000_0000 to 0xE00F_FFFF, by
+    /// itself. The exception is the part's share of the external private peripheral bus, 0xE004_2000 to 0xE00F_EFFF,
+    /// where the STM32 has its DBGMCU.
     ///
     /// # Errors
     ///
-    /// [`BusError`] where nothing answers.
+    /// Returns [`BusError`] where nothing answers.
     fn read(&mut self, access: &Access) -> Result<u32, BusError>;
 
     /// Writes the low `access.width` bytes of `value`.
     ///
     /// # Errors
     ///
-    /// [`BusError`] where nothing answers or what is there refuses.
+    /// Returns [`BusError`] where nothing answers, or where the part refuses the write.
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError>;
 
-    /// What [`Bus::read`] would answer, where that is memory which answers at once and reading it has no effect on
-    /// anything: a shorter way to the same value. `None` where it is not, and for any access that is not aligned.
+    /// Returns the value that [`Bus::read`] would return, where the address is in memory that answers at once and
+    /// reading has no side effect. It is a faster way to the same value. Returns `None` for all other addresses and for
+    /// unaligned accesses.
     #[inline(always)]
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let _ = (address, width);
         None
     }
 
-    /// Does what [`Bus::write`] would do, where that is memory which takes it at once and writing it has no other
-    /// effect, and answers `true`: a shorter way to the same end. Else, and for any access that is not aligned,
-    /// `false`.
+    /// Does what [`Bus::write`] would do and returns `true`, where the address is in memory that takes the value at
+    /// once and writing has no other effect. It is a faster way to the same end. Returns `false` for all other
+    /// addresses and for unaligned accesses.
     #[inline(always)]
     fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
         let _ = (address, width, value);
         false
     }
 
-    /// The halfword at `address` for the decoder. Has no effect and takes no time.
+    /// Reads the halfword at `address` for the decoder. The read has no side effect and takes no time.
     ///
     /// # Errors
     ///
-    /// [`BusError`] where nothing can be executed.
+    /// Returns [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::forget_code`]: flash.
+    /// Whether the memory at `address` stays the same until [`Signals::forget_code`] is called. Flash does.
     fn is_constant(&self, address: u32) -> bool;
 
-    /// From now on the page of 1 KiB that has `address`, of memory that can be written, is watched for writes. Answers
-    /// whether the part does that. Of memory for which it does not, the core compares each decoded instruction with
-    /// what [`Bus::fetch`] reads, before it executes it.
+    /// Begins to watch the page of 1 KiB that has `address`, in writable memory, for writes. Returns whether the part
+    /// can do so. For memory that the part cannot watch, the core compares each decoded instruction with what
+    /// [`Bus::fetch`] reads before executing it.
     fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
         false
     }
 
-    /// Whether the page that has `address` is watched and nothing in it was written since.
+    /// Whether the page that has `address` is watched and has not been written since the watch began.
     fn is_watched(&self, address: u32) -> bool {
         let _ = address;
         false
     }
 
-    /// How many pages that were watched have been written so far, whoever wrote them: their watch has ended.
+    /// The number of watched pages that have been written so far, by any bus controller. A write ends the watch of its
+    /// page.
     #[inline(always)]
     fn rewritten(&self) -> u64 {
         0
@@ -138,22 +142,23 @@ pub trait Bus {
     /// The next cycle at which something happens outside the core, `u64::MAX` for never.
     fn due(&self) -> u64;
 
-    /// Carries out, in order, everything outside the core that is due up to and at `cycle`. Afterwards [`Bus::due`] is
+    /// Carries out, in order, every event outside the core that is due at or before `cycle`. Afterwards [`Bus::due`] is
     /// later than `cycle`.
     fn advance(&mut self, cycle: u64);
 
-    /// The core went to sleep (`true`; `deep` is SCR.SLEEPDEEP) or woke, at `cycle`.
+    /// Tells the part that the core fell asleep (`asleep`) or woke at `cycle`; `deep` is SCR.SLEEPDEEP.
     fn sleeps(&mut self, cycle: u64, asleep: bool, deep: bool) {
         let _ = (cycle, asleep, deep);
     }
 
-    /// What the part drives into the core now.
+    /// The signals that the part drives into the core now.
     fn signals(&mut self) -> &mut Signals;
 
-    /// Wait states of an access beyond the core's own cycles, asked only where the cost has a [`Bound`].
+    /// The wait states that an access adds to the core's own cycles. The core asks for them only where its cost has a
+    /// [`Bound`].
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32;
 
-    /// A peripheral bit-band alias (PM0214, TRM: bit-banding) is present: 0x2200_0000 and 0x4200_0000 reach single
-    /// bits of 0x2000_0000 and 0x4000_0000.
+    /// Whether the part has bit-band aliases (PM0214 and TRM, bit-banding): 0x2200_0000 and 0x4200_0000 reach single
+    /// bits from 0x2000_0000 and 0x4000_0000 on.
     fn bit_banding(&self) -> bool;
 }

@@ -1,14 +1,14 @@
-//! Decoded instructions.
+//! The cache of decoded instructions.
 //!
-//! | memory | decoded | forgotten |
+//! | memory | when it is decoded | when that is forgotten |
 //! |---|---|---|
-//! | constant ([`Bus::is_constant`]) | a page at its first instruction | all, on [`crate::Signals::forget_code`] |
-//! | watched ([`Bus::watch_code`]) | a page at its first instruction | a page, when something in it was written |
-//! | other | each instruction at its first execution | where memory holds other halfwords by then |
+//! | constant ([`Bus::is_constant`]) | a page, at its first execution | all pages, on [`crate::Signals::forget_code`] |
+//! | watched ([`Bus::watch_code`]) | a page, at its first execution | a page, when something in it was written |
+//! | other | each instruction, when it is first executed | an instruction, when memory holds other halfwords |
 //!
-//! A page has 1 KiB. Pages are shared by clones of the core, so that a clone costs little and what one has decoded is
-//! not decoded again. A page must be of one kind as a whole. One that is written again and again between its
-//! instructions, since data are in it too, is no longer watched after [`MOST_REWRITES`] times.
+//! A page has 1 KiB, and all of it must be memory of one kind. Clones of a core share pages, so that a clone costs
+//! little and decodes nothing that another clone has decoded. A page that also has data, and is therefore written again
+//! and again, is no longer watched after it was decoded anew [`MOST_REWRITES`] times.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,34 +16,35 @@ use std::sync::Arc;
 use crate::op::{Do, Op};
 use crate::{Bus, Fault, decode};
 
-/// Address bits within a page.
+/// The number of address bits within a page.
 pub(crate) const BITS: u32 = 10;
-/// Instructions of a page, one for each halfword.
+/// The number of instruction slots of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);
-/// How often a page is decoded anew as a whole because something in it was written.
+/// How often a page may be decoded anew as a whole because something in it was written.
 const MOST_REWRITES: u32 = 64;
-/// Entries of the index, a power of two.
+/// The number of entries of the index, which must be a power of two.
 const INDEX: usize = 256;
 
-/// How it is known that a page's instructions are what memory holds.
+/// How the core makes sure that the decoded instructions of a page match memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Constant,
     Watched,
-    /// Each is compared with memory before it is executed.
+    /// The core compares each instruction with memory before it executes it.
     Compared,
 }
 
-/// Instructions of one page.
+/// The decoded instructions of one page.
 #[derive(Clone, Debug)]
 pub(crate) struct Page {
-    /// The page's address without [`BITS`].
+    /// The page's address without its lowest [`BITS`] bits.
     number: u32,
     kind: Kind,
-    /// The last instruction is in the next page too.
+    /// Whether the page's last instruction extends into the next page.
     straddles: bool,
     ops: [Op; SLOTS],
-    /// What the instructions were decoded from, first halfword below; only where they are compared with memory.
+    /// The halfwords from which the instructions were decoded, the first one in the low half. Filled only where
+    /// instructions are compared with memory.
     halfwords: Vec<u32>,
 }
 
@@ -64,7 +65,7 @@ impl Page {
         self.kind
     }
 
-    /// Whether nothing was written where its instructions are.
+    /// Whether nothing was written into the memory from which the page was decoded.
     fn is_current<B: Bus>(&self, bus: &B) -> bool {
         self.kind != Kind::Watched
             || bus.is_watched(self.number << BITS) && (!self.straddles || bus.is_watched((self.number + 1) << BITS))
@@ -75,20 +76,20 @@ impl Page {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pages: Vec<Arc<Page>>,
-    /// Where in `pages` a page may be, by the low bits of its number mixed with its region.
+    /// The place in `pages` where a page may be, found by the low bits of its number mixed with its region.
     index: Vec<u16>,
-    /// Where the caller wants to stop, sorted.
+    /// The caller's breakpoints, sorted.
     breakpoints: Vec<u32>,
-    /// Where the breakpoint units of the core want to look, sorted.
+    /// The addresses that the core's breakpoint units watch, sorted.
     hardware: Vec<u32>,
-    /// [`Bus::rewritten`] when the pages were last looked at.
+    /// The value of [`Bus::rewritten`] when the pages were last checked.
     rewritten: u64,
-    /// How often each page had to be decoded anew because something in it was written.
+    /// How often each page was decoded anew because something in it was written.
     rewrites: BTreeMap<u32, u32>,
 }
 
 impl Code {
-    /// The page of `pc`, decoded.
+    /// Returns the place of the page that has `pc`, and decodes the page if necessary.
     #[inline(always)]
     pub(crate) fn page<B: Bus>(&mut self, bus: &mut B, pc: u32) -> usize {
         let number = pc >> BITS;
@@ -106,7 +107,7 @@ impl Code {
         &self.pages[place]
     }
 
-    /// [`Bus::rewritten`] when the pages were last looked at.
+    /// The value of [`Bus::rewritten`] when the pages were last checked.
     #[inline(always)]
     pub(crate) fn rewritten(&self) -> u64 {
         self.rewritten
@@ -173,7 +174,8 @@ impl Code {
         page
     }
 
-    /// The instruction at `pc` in memory that may have changed; or, with `over`, the instruction under a breakpoint.
+    /// Decodes the instruction at `pc`, in memory that may have changed. With `over`, it is the instruction under a
+    /// breakpoint.
     #[inline(never)]
     pub(crate) fn changing<B: Bus>(&mut self, bus: &mut B, pc: u32, over: bool) -> Op {
         if over {
@@ -206,7 +208,7 @@ impl Code {
         op
     }
 
-    /// What was decoded is no longer what memory holds.
+    /// Forgets all decoded instructions, since they no longer match memory.
     pub(crate) fn forget(&mut self) {
         self.pages.clear();
         self.index.clear();
@@ -226,7 +228,7 @@ impl Code {
         }
     }
 
-    /// Whether the caller wants to stop at `address`.
+    /// Whether the caller has a breakpoint at `address`.
     pub(crate) fn is_callers(&self, address: u32) -> bool {
         self.breakpoints.binary_search(&address).is_ok()
     }
@@ -240,14 +242,15 @@ impl Code {
         }
     }
 
-    /// Has the page of `address` decoded anew when it is next executed.
+    /// Drops the page of `address`, so that it is decoded anew when it is next executed.
     fn drop_page(&mut self, address: u32) {
         self.pages.retain(|page| page.number != address >> BITS);
         self.index.clear();
     }
 }
 
-/// Spreads pages over the index: flash, RAM and their aliases begin at multiples of large powers of two.
+/// Spreads page numbers over the index. Flash, RAM and their aliases begin at multiples of large powers of two, so the
+/// low bits of a page's number alone would collide.
 #[inline(always)]
 const fn hash(number: u32) -> usize {
     (number ^ (number >> 12)) as usize % INDEX

@@ -1,4 +1,4 @@
-//! The state of a core.
+//! The state of a core and its public interface.
 
 use std::marker::PhantomData;
 
@@ -8,56 +8,59 @@ use crate::system::System;
 use crate::watch::Watch;
 use crate::watchpoint::Watchpoints;
 
-/// How the part configures its core.
+/// How a part configures its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// Interrupt lines, up to 240.
+    /// The number of interrupt lines, up to 240.
     pub lines: u16,
-    /// Implemented priority bits, 3 to 8.
+    /// The number of implemented priority bits, 3 to 8.
     pub priority_bits: u8,
-    /// Where the vector table is after a reset.
+    /// The address of the vector table after a reset.
     pub vector_table: u32,
-    /// SYST_CALIB, with its NOREF and SKEW bits.
+    /// The value of SYST_CALIB, with its NOREF and SKEW bits.
     pub systick_calibration: u32,
-    /// Core cycles of one tick of SysTick's external reference, 0 where there is none (NOREF). The STM32F4 has HCLK/8.
+    /// The core cycles of one tick of SysTick's external reference clock, 0 where there is none (NOREF). The STM32F4
+    /// has HCLK/8.
     pub systick_reference: u32,
-    /// Regions of the MPU: 8, or 0 where there is none.
+    /// The number of MPU regions: 8, or 0 where there is no MPU.
     pub mpu_regions: u8,
 }
 
-/// Why [`Core::run`] came back.
+/// Why [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// The cycle asked for is reached (exceeded by less than an instruction, or an exception entry).
+    /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
+    /// one exception entry.
     Until,
-    /// [`crate::Signals::stop`].
+    /// The part called [`crate::Signals::stop`].
     Stopped,
-    /// The next instruction is at a breakpoint of the caller's, see [`Core::set_breakpoint`]. It was not executed.
+    /// The next instruction is at one of the caller's breakpoints, see [`Core::set_breakpoint`]. It was not executed.
     Breakpoint,
-    /// The instruction before this boundary accessed what the caller watches, see [`Core::set_watchpoint`] and
+    /// The last instruction made an access that the caller watches, see [`Core::set_watchpoint`] and
     /// [`Core::take_watched`].
     Watchpoint,
     /// The next instruction is `BKPT 0xAB`, a semihosting call; see [`Core::finish_host_call`]. It was not executed.
     HostCall,
-    /// The core locked up just now (`locked_up`): it executes nothing until it is reset. Told once, as time goes on.
+    /// The core has just locked up (`locked_up`) and executes nothing until it is reset. Reported once per lockup,
+    /// since time goes on.
     Lockup,
-    /// AIRCR.SYSRESETREQ was written: the part resets, see [`Core::reset`].
+    /// The firmware wrote AIRCR.SYSRESETREQ: the part has to reset the core, see [`Core::reset`].
     ResetRequest,
-    /// HardFault, MemManage, BusFault or UsageFault was entered just now, and the caller wants to know, see
-    /// [`Core::tell_faults`]. The first instruction of its handler was not executed.
+    /// The core has just entered HardFault, MemManage, BusFault or UsageFault, and the caller requested this exit, see
+    /// [`Core::tell_faults`]. The first instruction of the handler was not executed.
     Fault,
-    /// The core halted for debug just now (DHCSR.S_HALT): it executes nothing until the debugger lets it go on. Told
-    /// once, as time goes on.
+    /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it. Reported
+    /// once per halt, since time goes on.
     Halted,
 }
 
-/// One Cortex-M4 with FPU.
+/// One Cortex-M4 core with FPU.
 #[derive(Clone, Debug)]
 pub struct Core<C: Cost> {
-    /// r0 to r12; r13 is the stack pointer in use; r14; r15 is the address of the instruction being executed, or,
-    /// between instructions, of the next one.
+    /// The registers r0 to r15. r13 is the stack pointer in use. r15 is the address of the instruction that is being
+    /// executed or, between instructions, of the next one.
     pub(crate) r: [u32; 16],
-    /// The stack pointer that is not in use: PSP while r13 is MSP, and the other way round.
+    /// The stack pointer that is not in use: PSP while r13 is MSP, and MSP while r13 is PSP.
     pub(crate) other_sp: u32,
 
     pub(crate) flag_n: bool,
@@ -65,93 +68,97 @@ pub struct Core<C: Cost> {
     pub(crate) flag_c: bool,
     pub(crate) flag_v: bool,
     pub(crate) flag_q: bool,
-    /// APSR.GE, bits 0 to 3.
+    /// The flags APSR.GE, in bits 0 to 3.
     pub(crate) ge: u8,
-    /// IT state as the EPSR holds it: 0 outside an IT block (ARM ARM A7.3.2).
+    /// The IT state as EPSR holds it, 0 outside an IT block (ARM ARM A7.3.2).
     pub(crate) it: u8,
-    /// EPSR.ICI of an interrupted load/store multiple: the register to go on with, 0 for none. Bits 15:12 of the xPSR.
+    /// EPSR.ICI of an interrupted load/store multiple: the register with which it continues, 0 for none. It is in bits
+    /// 15:12 of the xPSR.
     pub(crate) ici: u8,
-    /// EPSR.T.
+    /// EPSR.T, the Thumb state.
     pub(crate) thumb: bool,
-    /// IPSR: 0 in thread mode.
+    /// IPSR, the number of the active exception, 0 in thread mode.
     pub(crate) ipsr: u16,
     pub(crate) primask: bool,
     pub(crate) faultmask: bool,
     pub(crate) basepri: u8,
-    /// CONTROL: bit 0 nPRIV, bit 1 SPSEL, bit 2 FPCA.
+    /// CONTROL: bit 0 is nPRIV, bit 1 SPSEL, bit 2 FPCA.
     pub(crate) control: u8,
-    /// s0 to s31.
+    /// The floating-point registers s0 to s31.
     pub(crate) s: [u32; 32],
     pub(crate) fpscr: u32,
-    /// The local exclusive monitor holds an address.
+    /// The address that the local exclusive monitor holds, if it is set.
     pub(crate) exclusive: Option<u32>,
-    /// The event register of `WFE`.
+    /// The event register that `WFE` tests.
     pub(crate) event: bool,
-    /// In `WFI` or `WFE` (`true` for `WFE`).
+    /// Whether the core sleeps: `Some(true)` in `WFE`, `Some(false)` in `WFI`.
     pub(crate) waiting: Option<bool>,
     pub(crate) locked_up: bool,
     pub(crate) halted: bool,
-    /// See [`Core::hang`].
+    /// Whether the core hangs, see [`Core::hang`].
     pub(crate) hung: bool,
-    /// Cycles since the core was made; goes on through resets and sleep.
+    /// The cycles since the core was made. Resets and sleep do not stop the count.
     pub(crate) cycle: u64,
-    /// Of those, cycles in which it slept, was halted or locked up, or hung.
+    /// The cycles, among all counted ones, in which the core slept, was halted or locked up, or hung.
     pub(crate) idle: u64,
-    /// Instructions executed.
+    /// The number of executed instructions.
     pub(crate) retired: u64,
-    /// Something may have become pending, or a priority changed: the run loop looks at exceptions before the next
-    /// instruction.
+    /// Set when something may have become pending or a priority may have changed: the run loop then checks exceptions
+    /// before the next instruction.
     pub(crate) attention: bool,
-    /// Interrupts, faults, timers, MPU, debug: 0xE000_0000 to 0xE00F_FFFF.
+    /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
     pub(crate) system: System,
-    /// What an aligned access of the code to memory needs of the MPU to go the short way ([`Core::load`]): to read,
-    /// and to write. 0 while no access goes it.
+    /// The MPU rights that an aligned read or write of memory needs to take the short way ([`Core::load`]). Both are 0
+    /// while no access may take it.
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
-    /// Instructions that were decoded.
+    /// The cache of decoded instructions.
     pub(crate) code: Code,
-    /// Instructions are executed one after the other while `cycle` is below; 0 asks the run loop to look around.
+    /// The core executes instructions without a break while `cycle` is below this limit. Setting it to 0 makes the run
+    /// loop check what else happened.
     pub(crate) limit: u64,
-    /// Something is due at this cycle.
+    /// The cycle at which the next event is due.
     pub(crate) due: u64,
-    /// Cycles that the instruction before this boundary has left, which was cut short by what is due.
+    /// The cycles that the last instruction still has to take, since an event that fell due in its middle cut it short.
     pub(crate) cut: u64,
-    /// The same of instructions that an exception has interrupted: they pass with the next return.
+    /// The remaining cycles of instructions that exceptions interrupted. They pass with the next exception return.
     pub(crate) owed: u64,
-    /// When lazy preservation last saved the floating-point state.
+    /// The cycle at which lazy preservation last saved the floating-point state.
     pub(crate) preserved_fp: u64,
-    /// N, Z, C and V before the instruction in an IT block that may have to leave them.
+    /// N, Z, C and V before an instruction in an IT block that must not change them.
     pub(crate) kept_flags: (bool, bool, bool, bool),
-    /// The last word of code that was fetched, for the wait states; odd for none.
+    /// The address of the last word of code that was fetched, for the wait states. An odd value means none.
     pub(crate) fetched: u32,
     /// The core executes nothing before this cycle.
     pub(crate) stalled_until: u64,
-    /// Something that was met instead of an instruction: [`Core::run`] returns it.
+    /// What the core met instead of an instruction: [`Core::run`] returns it.
     pub(crate) paused: Option<Exit>,
-    /// [`Core::run`] came back from a breakpoint at this address: it is stepped over next.
+    /// The address of the breakpoint from which [`Core::run`] last returned. The core executes the instruction there
+    /// next.
     pub(crate) passed: Option<u32>,
-    /// The semihosting call at this address is not answered: it is a plain `BKPT`.
+    /// The address of a semihosting call that nobody answers, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
-    /// [`Bus::sleeps`](crate::Bus::sleeps) was told of a sleep, and not yet of its end.
+    /// Whether [`Bus::sleeps`](crate::Bus::sleeps) was called for the beginning of a sleep, and not yet for its end.
     pub(crate) told_sleep: bool,
-    /// [`Exit::Lockup`] was told.
+    /// Whether [`Exit::Lockup`] was reported.
     pub(crate) told_lockup: bool,
-    /// [`Exit::Halted`] was told.
+    /// Whether [`Exit::Halted`] was reported.
     pub(crate) told_halt: bool,
-    /// The caller wants to know of each entry into a fault's handler; there was one of which it was not told.
+    /// Whether the caller requested an exit at each entry into a fault's handler, and whether there was an entry that
+    /// was not reported yet.
     pub(crate) tells_faults: bool,
     pub(crate) in_fault: bool,
-    /// Changes of the active exception.
+    /// The record of changes of the active exception.
     pub(crate) watch: Watch,
-    /// What the caller watches of the data accesses.
+    /// The caller's watchpoints on data accesses.
     pub(crate) watchpoints: Watchpoints,
     pub(crate) cost: PhantomData<C>,
 }
 
-/// A register as a debugger names it.
+/// A register, as a debugger names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Register {
-    /// r0 to r15; 13 is the stack pointer in use.
+    /// One of r0 to r15; r13 is the stack pointer in use.
     R(u8),
     /// The program status register with its flags, IT state and exception number.
     Xpsr,
@@ -159,22 +166,22 @@ pub enum Register {
     Msp,
     /// The process stack pointer.
     Psp,
-    /// CONTROL.
+    /// The register CONTROL.
     Control,
-    /// FAULTMASK.
+    /// The register FAULTMASK.
     Faultmask,
-    /// BASEPRI.
+    /// The register BASEPRI.
     Basepri,
-    /// PRIMASK.
+    /// The register PRIMASK.
     Primask,
-    /// s0 to s31.
+    /// One of s0 to s31.
     S(u8),
     /// The floating-point status and control register.
     Fpscr,
 }
 
 impl<C: Cost> Core<C> {
-    /// A core as the supply has come on, before its first [`Core::reset`], at cycle 0.
+    /// Makes a core as it is when the supply has come on, at cycle 0. [`Core::reset`] must follow before it runs.
     #[must_use]
     pub fn new(config: Config) -> Self {
         Self {
@@ -236,7 +243,7 @@ impl<C: Cost> Core<C> {
         self.control & 2 != 0 && self.ipsr == 0
     }
 
-    /// The value of a register. Between instructions r15 is the address of the next.
+    /// The value of a register. Between instructions r15 is the address of the next one.
     #[must_use]
     pub fn register(&self, register: Register) -> u32 {
         match register {
@@ -265,7 +272,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Changes a register, as a debugger does. CONTROL keeps the stack pointers where they are.
+    /// Changes a register, as a debugger does. A write of CONTROL leaves MSP and PSP their values.
     pub fn set_register(&mut self, register: Register, value: u32) {
         match register {
             Register::R(13) => self.r[13] = value & !3,
@@ -304,92 +311,93 @@ impl<C: Cost> Core<C> {
         self.r[15]
     }
 
-    /// Cycles since the core was made.
+    /// The number of core cycles since the core was made.
     #[must_use]
     pub const fn cycle(&self) -> u64 {
         self.cycle
     }
 
-    /// Cycles in which the core slept, was halted or locked up, or hung.
+    /// The core cycles in which the core slept, was halted or locked up, or hung.
     #[must_use]
     pub const fn idle(&self) -> u64 {
         self.idle
     }
 
-    /// Instructions executed, those included that an IT block skipped.
+    /// The number of executed instructions, including those that an IT block skipped.
     #[must_use]
     pub const fn retired(&self) -> u64 {
         self.retired
     }
 
-    /// In WFI or WFE.
+    /// Whether the core sleeps in WFI or WFE.
     #[must_use]
     pub const fn is_asleep(&self) -> bool {
         self.waiting.is_some()
     }
 
-    /// Halted for debug (DHCSR.S_HALT).
+    /// Whether the core is halted for debug (DHCSR.S_HALT).
     #[must_use]
     pub const fn is_halted(&self) -> bool {
         self.halted
     }
 
-    /// Locked up: only a reset, an NMI or a halting debugger gets it on.
+    /// Whether the core is locked up. Only a reset, an NMI or a halting debugger ends a lockup.
     #[must_use]
     pub const fn locked_up(&self) -> bool {
         self.locked_up
     }
 
-    /// The core executes nothing from the next instruction boundary on until it is reset, and takes no exception: as
-    /// one that is stuck in its highest exception with all others masked, NMI among them. One that sleeps does not
-    /// wake. All beside the execution goes on: its timers count, interrupts become pending, a debugger may halt it and
-    /// reset it, and a step that a debugger asks for ends where it began.
+    /// Makes the core hang: from the next instruction boundary on it executes nothing and takes no exception until it
+    /// is reset, like a core that is stuck in its highest exception with all others masked, NMI included. A sleeping
+    /// core does not wake. Everything but execution goes on: the core's timers count, interrupts become pending, a
+    /// debugger may halt and reset the core, and a step that a debugger asks for ends where it began.
     pub fn hang(&mut self) {
         self.hung = true;
     }
 
-    /// Whether it hangs, see [`Core::hang`].
+    /// Whether the core hangs, see [`Core::hang`].
     #[must_use]
     pub const fn is_hung(&self) -> bool {
         self.hung
     }
 
-    /// The next cycle at which something happens in the core itself, `u64::MAX` for never: SysTick, a DWT counter.
+    /// The next cycle at which SysTick or a DWT counter of the core does something, `u64::MAX` for never.
     #[must_use]
     pub fn due(&self) -> u64 {
         self.system_due()
     }
 
-    /// From now on [`Core::run`] comes back with [`Exit::Fault`] at each entry into HardFault, MemManage, BusFault and
-    /// UsageFault, wherever the vector table and the handler are; or no longer.
+    /// Sets whether [`Core::run`] returns [`Exit::Fault`] at each entry into HardFault, MemManage, BusFault and
+    /// UsageFault, wherever the vector table and the handler are.
     pub fn tell_faults(&mut self, on: bool) {
         self.tells_faults = on;
     }
 
-    /// Where the vector table is now: VTOR.
+    /// The address of the vector table now: VTOR.
     #[must_use]
     pub fn vector_table(&self) -> u32 {
         self.system.scb.vtor
     }
 
-    /// Stops [`Core::run`] before the instruction at `address`.
+    /// Makes [`Core::run`] return before it executes the instruction at `address`.
     pub fn set_breakpoint(&mut self, address: u32) {
         self.code.set_breakpoint(address & !1);
     }
 
-    /// Takes a breakpoint back.
+    /// Removes a breakpoint.
     pub fn clear_breakpoint(&mut self, address: u32) {
         self.code.clear_breakpoint(address & !1);
     }
 
-    /// After [`Exit::HostCall`]: the operation and its parameter, r0 and r1.
+    /// The operation and the parameter of a semihosting call, r0 and r1, after [`Exit::HostCall`].
     #[must_use]
     pub const fn host_call(&self) -> (u32, u32) {
         (self.r[0], self.r[1])
     }
 
-    /// After [`Exit::HostCall`]: puts the answer into r0 and goes on behind the call. With `None` nobody answers: the
-    /// instruction is a plain `BKPT`, as on a part without a debugger.
+    /// Finishes a semihosting call after [`Exit::HostCall`]: puts the answer into r0 and sets the program counter
+    /// behind the call. `None` means that nobody answers: the instruction is then a plain `BKPT`, as on a part without
+    /// a debugger.
     pub fn finish_host_call(&mut self, answer: Option<u32>) {
         let pc = self.r[15];
         match answer {
@@ -403,7 +411,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Idle time passes until `cycle`, without the bus: for a core that executes nothing.
+    /// Lets time pass until `cycle`, for a core that executes nothing, without telling the bus.
     pub fn skip_to(&mut self, cycle: u64) {
         if cycle > self.cycle {
             self.idle += cycle - self.cycle;

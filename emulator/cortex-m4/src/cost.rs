@@ -1,9 +1,9 @@
 //! What instructions and exceptions cost, in core cycles.
 //!
 //! The two bounds follow the table of the Cortex-M4 TRM, "Instruction set summary" (100166 3.3.1, table 3-1), its table
-//! of DSP instructions (table 3-2) and its notes on load/store timings (3.3.3). P is the refill of the pipeline: "1 to
-//! 3 depending on the alignment and width of the target instruction, and whether the processor manages to speculate the
-//! address early". N is the number of registers.
+//! of DSP instructions (table 3-2) and its notes on load/store timings (3.3.3). P is the cost of refilling the
+//! pipeline: "1 to 3 depending on the alignment and width of the target instruction, and whether the processor manages
+//! to speculate the address early". N is the number of registers.
 //!
 //! | instruction | table | least | most |
 //! |---|---|---|---|
@@ -31,8 +31,8 @@
 //! | SVC, BKPT | not stated: that of the exception, and | 1 | 1 |
 //! | floating point | TRM table 7-1 | [`crate::fp`] | [`crate::fp`] |
 //!
-//! Left out: a division that an interrupt abandons is not modelled (it completes first, up to 12 cycles later). The
-//! bounds are per instruction; no silicon takes the most of all of them.
+//! Left out: no interrupt abandons a division, as silicon may do. The division completes first, which takes up to 12
+//! cycles. The bounds hold for each instruction by itself; no silicon takes the most for all of them.
 
 use std::fmt::Debug;
 
@@ -40,47 +40,52 @@ use crate::Bound;
 use crate::fp;
 use crate::op::Do;
 
-/// A clock of the core: what each thing costs. A type parameter, so that the fast clock pays nothing for the others.
+/// A clock of the core: what each instruction and exception costs. It is a type parameter, so that the fast clock does
+/// not compute what only the others need.
 pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
-    /// The clock's name, as a command line has it.
+    /// The clock's name, as it is given on a command line.
     const NAME: &'static str;
 
-    /// Which wait states of the bus count, `None` for none.
+    /// Which wait states of the bus count, `None` for none of them.
     const BOUND: Option<Bound>;
 
-    /// P of the TRM's table: what refilling the pipeline adds to a branch that is taken.
+    /// P of the TRM's table: the cycles that refilling the pipeline adds to a taken branch.
     const REFILL: u64;
 
-    /// Exception entry with a basic frame: 12 cycles from the request to the handler's first instruction, without wait
-    /// states (TRM 3.9.1).
+    /// The cycles of an exception entry with a basic frame: 12 from the request to the handler's first instruction,
+    /// without wait states (TRM 3.9.1).
     const EXCEPTION_ENTRY: u64;
-    /// Exception return with a basic frame: 10 cycles where the instruction returned to is fetched in parallel (TRM
-    /// 3.9.1); the worst case is taken as that of an entry.
+    /// The cycles of an exception return with a basic frame: 10 where the instruction returned to is fetched in
+    /// parallel (TRM 3.9.1). The worst case is taken to be that of an entry.
     const EXCEPTION_RETURN: u64;
-    /// From one handler to the next without unstacking and stacking: 6 cycles (TRM 3.9.1).
+    /// The cycles from one handler to the next without unstacking and stacking: 6 (TRM 3.9.1).
     const TAIL_CHAIN: u64;
-    /// What an entry takes longer if a higher exception arrives in its middle, and its vector is fetched in place of
-    /// the first. The TRM has no figure: at best the fetch is hidden behind the stacking, at worst it takes a
-    /// tail-chain's time.
+    /// The extra cycles of an entry in whose middle a higher exception arrives, so that its vector is fetched in place
+    /// of the first. The TRM has no figure: at best the stacking hides the fetch, at worst it takes the time of a
+    /// tail-chain.
     const LATE_ARRIVAL: u64;
-    /// Stacking s0 to s15 and FPSCR in an entry, without lazy preservation: 29 cycles in place of 12 (TRM 3.9.1).
+    /// The extra cycles of stacking s0 to s15 and FPSCR in an entry, without lazy preservation. The entry then takes 29
+    /// cycles in place of 12 (TRM 3.9.1).
     const FP_STACKING: u64;
-    /// Unstacking the same: 27 cycles in place of 10 (TRM 3.9.1).
+    /// The extra cycles of unstacking s0 to s15 and FPSCR. The return then takes 27 cycles in place of 10 (TRM 3.9.1).
     const FP_UNSTACKING: u64;
-    /// Stacking the same when the handler's first FP instruction makes lazy preservation do it: taken as the same 17.
+    /// The cycles of stacking s0 to s15 and FPSCR when the handler's first FP instruction makes lazy preservation do
+    /// it. They are taken to be the same 17.
     const LAZY_STACKING: u64;
 }
 
-/// One cycle for each halfword of code, taken or not, and nothing for exceptions and wait states: what a run is
-/// fastest with. Compiled code of this kind then takes about 1.4 cycles an instruction, between the two bounds.
+/// The clock with which a run is fastest on the host. It counts one cycle for each halfword of code, whether a branch
+/// is taken or not, and nothing for exceptions and wait states. Compiled code then takes about 1.4 cycles an
+/// instruction, which is between the two bounds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Fast;
 
-/// The cycles of the TRM's tables at their least: every branch predicted, every load pipelined, no wait states.
+/// The least cycles of the TRM's tables: every branch is predicted, every load is pipelined, and there are no wait
+/// states.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Optimistic;
 
-/// The cycles of the TRM's tables at their most, with every wait state and contention of the bus.
+/// The most cycles of the TRM's tables, with every wait state and every contention of the bus.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pessimistic;
 

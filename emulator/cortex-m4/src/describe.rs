@@ -1,10 +1,10 @@
-//! What an encoding means, in words, for those who check the decoder.
+//! A description in words of what an encoding means, for tests of the decoder.
 
 use crate::decode;
 
-/// The size in bytes of the instruction at `address`, and the operation with its operands as the core holds them. The
-/// text is for comparison: it is not an assembler's, and has no form that is kept. `second` counts where `first` begins
-/// an instruction of 32 bits. What the core does not execute reads `Fault(...)`.
+/// Describes the instruction at `address`: its size in bytes, and its operation with the operands as the core holds
+/// them. The text is for comparison only: it is no assembler syntax, and its form may change. `second` counts only
+/// where `first` begins a 32-bit instruction. An encoding that the core does not execute reads `Fault(...)`.
 #[must_use]
 pub fn describe(address: u32, first: u16, second: u16) -> (u8, String) {
     if decode::is_wide(first) {

@@ -1,42 +1,42 @@
-//! The faults an instruction can take, ARM ARM B1.5.14.
+//! The faults that an instruction can take, ARM ARM B1.5.14.
 
 /// Why an instruction did not complete.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// UFSR.UNDEFINSTR.
+    /// An undefined instruction: UFSR.UNDEFINSTR.
     Undefined,
-    /// UFSR.INVSTATE: EPSR.T clear, or an IT state that the instruction does not allow.
+    /// An invalid state: EPSR.T is clear, or the instruction does not allow the IT state. UFSR.INVSTATE.
     InvalidState,
-    /// UFSR.INVPC: an illegal EXC_RETURN or exception frame.
+    /// An illegal EXC_RETURN or exception frame: UFSR.INVPC.
     InvalidPc,
-    /// UFSR.NOCP: a coprocessor that is absent or not enabled.
+    /// An access to a coprocessor that is absent or not enabled: UFSR.NOCP.
     NoCoprocessor,
-    /// UFSR.UNALIGNED.
+    /// An unaligned access that is not allowed: UFSR.UNALIGNED.
     Unaligned,
-    /// UFSR.DIVBYZERO.
+    /// A division by zero: UFSR.DIVBYZERO.
     DivideByZero,
-    /// BFSR.PRECISERR, with the address.
+    /// A bus fault of a data access, with its address: BFSR.PRECISERR.
     BusData(u32),
-    /// BFSR.IBUSERR.
+    /// A bus fault of an instruction fetch: BFSR.IBUSERR.
     BusInstruction,
-    /// BFSR.STKERR: stacking at exception entry.
+    /// A bus fault of stacking at exception entry: BFSR.STKERR.
     BusStacking,
-    /// BFSR.UNSTKERR: unstacking at exception return.
+    /// A bus fault of unstacking at exception return: BFSR.UNSTKERR.
     BusUnstacking,
-    /// BFSR.LSPERR: lazy preservation of the FP state.
+    /// A bus fault of lazy preservation of the FP state: BFSR.LSPERR.
     BusLazy,
-    /// MMFSR.DACCVIOL, with the address.
+    /// An MPU violation by a data access, with its address: MMFSR.DACCVIOL.
     MemData(u32),
-    /// MMFSR.IACCVIOL.
+    /// An MPU violation by an instruction fetch: MMFSR.IACCVIOL.
     MemInstruction,
-    /// MMFSR.MSTKERR.
+    /// An MPU violation by stacking at exception entry: MMFSR.MSTKERR.
     MemStacking,
-    /// MMFSR.MUNSTKERR.
+    /// An MPU violation by unstacking at exception return: MMFSR.MUNSTKERR.
     MemUnstacking,
-    /// MMFSR.MLSPERR.
+    /// An MPU violation by lazy preservation of the FP state: MMFSR.MLSPERR.
     MemLazy,
-    /// HFSR.VECTTBL.
+    /// A failed read of the vector table: HFSR.VECTTBL.
     VectorRead,
-    /// `BKPT` with no debugger: HFSR.DEBUGEVT, or DebugMonitor where it is enabled.
+    /// A `BKPT` without a debugger: HFSR.DEBUGEVT, or DebugMonitor where it is enabled.
     Breakpoint,
 }

@@ -1,10 +1,10 @@
 //! An interpreter of the Arm Cortex-M4 with FPU.
 //!
-//! ARMv7E-M with the DSP extension and FPv4-SP, as the ARMv7-M Architecture Reference Manual (DDI 0403E, "ARM ARM" in
-//! what follows) and the Cortex-M4 Technical Reference Manual (100166, "TRM") describe them. The core does no I/O: the
-//! part around it is a [`Bus`]. Its state is plain data, and a [`Core`] is copied by `Clone`.
+//! The interpreter implements ARMv7E-M with the DSP extension and FPv4-SP, as the ARMv7-M Architecture Reference Manual
+//! (DDI 0403E, here called "ARM ARM") and the Cortex-M4 Technical Reference Manual (100166, "TRM") describe them. The
+//! core does no I/O: the part around it is a [`Bus`]. Its state is plain data, so a [`Core`] is copied by `Clone`.
 //!
-//! Time is a count of core clock cycles. What an instruction costs is a type parameter, a [`Cost`]: [`Fast`],
+//! Time is counted in core clock cycles. A type parameter, a [`Cost`], says what an instruction costs: [`Fast`],
 //! [`Optimistic`] or [`Pessimistic`].
 //!
 //! ```

@@ -1,28 +1,28 @@
-//! Loads and stores on their way to the bus.
+//! How loads and stores of the core reach the bus.
 //!
-//! | ARM ARM, TRM | what |
+//! | ARM ARM, TRM | what is covered |
 //! |---|---|
-//! | A3.2.1 | alignment: CCR.UNALIGN_TRP, and those instructions that always want it (their callers check) |
-//! | B3.1 | the core's own space, 0xE000_0000 to 0xE00F_FFFF, goes to the system registers |
-//! | B3.5 | the MPU is asked before the bus |
+//! | A3.2.1 | alignment: CCR.UNALIGN_TRP; callers check instructions that always need alignment |
+//! | B3.1 | accesses to the core's own space, 0xE000_0000 to 0xE00F_FFFF, go to the system registers |
+//! | B3.5 | the MPU is checked before the bus |
 //! | TRM 3.7 | bit-banding, where the part has it |
-//! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers then reads 0, and CFSR and BFAR say so |
-//! | C1.8 | the comparators of the DWT are told of data accesses while they watch |
+//! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers reads 0, and CFSR and BFAR report the fault |
+//! | C1.8 | the comparators of the DWT check data accesses while they watch |
 //!
-//! An unaligned access becomes aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2): a half
-//! at an odd address two bytes; a word at 2 mod 4 two halves, at an odd address byte, half, byte. To the core's own
-//! space only aligned accesses are allowed, others take UFSR.UNALIGNED. The write buffer is not modelled: each bus
-//! fault is precise.
+//! An unaligned access becomes several aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2).
+//! A half at an odd address becomes two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half,
+//! byte. The core's own space allows aligned accesses only; others take UFSR.UNALIGNED. The write buffer is not
+//! modelled: each bus fault is precise.
 
 use crate::system::mpu::data_right;
 use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
 
 /// The first address of the core's own space.
 const PRIVATE: u32 = 0xE000_0000;
-/// The first address after it.
+/// The first address after the core's own space.
 const PRIVATE_END: u32 = 0xE010_0000;
 
-/// The widths, as parameters of functions.
+/// The access widths, as const parameters of functions.
 const BYTE: u8 = Width::Byte as u8;
 const HALF: u8 = Width::Half as u8;
 const WORD: u8 = Width::Word as u8;
@@ -35,13 +35,14 @@ const fn sized(bytes: u8) -> Width {
     }
 }
 
-/// Whether `address` is one that needs more than the bus: bit-band aliases and the core's own space, and some others.
+/// Whether an access to `address` may need more than the bus, as bit-band aliases and the core's own space do. It is
+/// true for some other addresses as well.
 #[inline(always)]
 const fn is_special(address: u32) -> bool {
     address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000
 }
 
-/// Of a bit-band alias, the address of its byte and the bit in it (TRM 3.7.1).
+/// The address of the byte and the number of the bit in it that a bit-band alias stands for (TRM 3.7.1).
 const fn bit_band(address: u32) -> Option<(u32, u32)> {
     let region = address & 0xFE00_0000;
     if region != 0x2200_0000 && region != 0x4200_0000 {
@@ -52,8 +53,8 @@ const fn bit_band(address: u32) -> Option<(u32, u32)> {
 }
 
 impl<C: Cost> Core<C> {
-    /// Finds out which accesses may go the short way: to memory that answers at once, where the MPU opens it. Privilege
-    /// and watching do not change while instructions are executed one after the other.
+    /// Finds out which accesses may take the short way: those to memory that answers at once and that the MPU opens.
+    /// Neither privilege nor watching changes while instructions execute without a break.
     #[inline(always)]
     pub(crate) fn note_short_way(&mut self) {
         let short = C::BOUND.is_none() && !self.watching();
@@ -62,7 +63,7 @@ impl<C: Cost> Core<C> {
         self.short_write = if short { data_right(true, privileged) } else { 0 };
     }
 
-    /// Reads `width` at `address`, sign not extended.
+    /// Reads `width` at `address`, without sign extension.
     #[inline(always)]
     pub(crate) fn load<B: Bus>(
         &mut self,
@@ -101,7 +102,7 @@ impl<C: Cost> Core<C> {
         self.store_as(bus, address, width, value, purpose, privileged)
     }
 
-    /// [`Core::load`] with a privilege of its own, for LDRT and its kin.
+    /// Does [`Core::load`] with a given privilege, for the LDRT family.
     #[inline(always)]
     pub(crate) fn load_as<B: Bus>(
         &mut self,
@@ -117,7 +118,7 @@ impl<C: Cost> Core<C> {
         self.load_plain(bus, address, width, purpose, privileged)
     }
 
-    /// [`Core::store`] with a privilege of its own, for STRT and its kin.
+    /// Does [`Core::store`] with a given privilege, for the STRT family.
     #[inline(always)]
     pub(crate) fn store_as<B: Bus>(
         &mut self,
@@ -134,7 +135,7 @@ impl<C: Cost> Core<C> {
         self.store_plain(bus, address, width, value, purpose, privileged)
     }
 
-    /// The word at `address`, where all words around it are known to be reached ([`Core::reaches`]).
+    /// Reads the next word of a multiple, at `address`. `reached` tells that [`Core::reaches`] holds for all its words.
     #[inline(always)]
     pub(crate) fn load_next<B: Bus>(&mut self, bus: &mut B, address: u32, reached: bool) -> Result<u32, Fault> {
         match reached.then(|| bus.read_memory(address, Width::Word)).flatten() {
@@ -143,7 +144,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// As [`Core::load_next`], for a store.
+    /// Does for a store what [`Core::load_next`] does for a load.
     #[inline(always)]
     pub(crate) fn store_next<B: Bus>(
         &mut self,
@@ -158,8 +159,8 @@ impl<C: Cost> Core<C> {
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Whether all of `bytes` from `address` on, if it is memory, is the core's to read or write without more ado: no
-    /// wait states are counted, the DWT does not want to know, and the MPU is open there.
+    /// Whether the core may read or write all of `bytes` from `address` on directly, if that is memory: no wait states
+    /// are counted, the DWT does not watch, and the MPU opens it.
     #[inline(always)]
     pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         C::BOUND.is_none() && !self.watching() && self.mpu_opens(address, bytes, write, privileged)
@@ -170,7 +171,7 @@ impl<C: Cost> Core<C> {
         Access { address, width, purpose, privileged, cycle: self.cycle, pc: self.r[15] }
     }
 
-    /// An aligned load that the bus answers.
+    /// Makes an aligned load, which the bus answers.
     #[inline(always)]
     fn load_plain<B: Bus>(
         &mut self,
@@ -187,8 +188,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// [`Core::load_plain`] of one width. A function of its own, so that the bus is not inlined into each instruction
-    /// that loads.
+    /// Makes a [`Core::load_plain`] of one width. It is a separate function so that the bus is not inlined into each
+    /// load instruction.
     #[inline(never)]
     fn load_sized<B: Bus, const WIDTH: u8>(
         &mut self,
@@ -217,7 +218,7 @@ impl<C: Cost> Core<C> {
         Ok(value)
     }
 
-    /// An aligned store that the bus takes.
+    /// Makes an aligned store, which the bus takes.
     #[inline(always)]
     fn store_plain<B: Bus>(
         &mut self,
@@ -235,7 +236,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// [`Core::store_plain`] of one width, as [`Core::load_sized`].
+    /// Makes a [`Core::store_plain`] of one width. It is a separate function for the same reason as
+    /// [`Core::load_sized`].
     #[inline(never)]
     fn store_sized<B: Bus, const WIDTH: u8>(
         &mut self,
@@ -263,7 +265,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// After an access the run loop leaves its burst where the part changed something.
+    /// Ends the run loop's burst after an access with which the part announced a change.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
         if bus.signals().is_announced() {
@@ -305,7 +307,8 @@ impl<C: Cost> Core<C> {
             if !self.mpu_data(address, false, privileged) {
                 return Err(refused(address, purpose, false));
             }
-            // The access has the width of the instruction's, at the alias's bytes of the word (TRM 3.7.1).
+            // The access has the width of the instruction's access, and goes to the alias's bytes of the word (TRM
+            // 3.7.1).
             let whole = byte & !(width.bytes() - 1);
             let value = self.load_plain(bus, whole, width, purpose, privileged)?;
             return Ok(value >> (8 * (byte - whole) + bit) & 1);
@@ -356,7 +359,7 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// The aligned accesses that an unaligned one becomes: offset and width.
+/// The aligned accesses that an unaligned one becomes, as offsets and widths.
 fn parts(address: u32, width: Width) -> impl Iterator<Item = (u32, Width)> {
     let list: [Option<(u32, Width)>; 3] = match (width, address & 1) {
         (Width::Word, 0) => [Some((0, Width::Half)), Some((2, Width::Half)), None],
@@ -366,7 +369,7 @@ fn parts(address: u32, width: Width) -> impl Iterator<Item = (u32, Width)> {
     list.into_iter().flatten()
 }
 
-/// The fault where nothing answers.
+/// The fault that the core takes where nothing answers.
 #[cold]
 const fn unanswered(address: u32, purpose: Purpose, write: bool) -> Fault {
     match (purpose, write) {
@@ -378,7 +381,7 @@ const fn unanswered(address: u32, purpose: Purpose, write: bool) -> Fault {
     }
 }
 
-/// The fault where the MPU refuses.
+/// The fault that the core takes where the MPU refuses.
 #[cold]
 const fn refused(address: u32, purpose: Purpose, write: bool) -> Fault {
     match (purpose, write) {

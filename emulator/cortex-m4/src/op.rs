@@ -1,13 +1,13 @@
-//! An instruction after decoding.
+//! The decoded form of an instruction.
 //!
-//! | field | holds |
+//! | field | what it holds |
 //! |---|---|
 //! | [`Op::what`] | the operation with its operands; addresses relative to the program counter are already absolute |
 //! | [`Op::size`] | 2 or 4 bytes |
 //! | [`Op::least`], [`Op::most`] | core cycles at the two bounds, see [`crate::cost`] |
 //! | [`Op::block`] | how it behaves in an IT block |
 //!
-//! Sixteen bytes, so that four of them share a line of the host's cache.
+//! An `Op` has sixteen bytes, so that four of them share a cache line of the host.
 
 use crate::Fault;
 use crate::fp::FpOp;
@@ -15,17 +15,17 @@ use crate::fp::FpOp;
 /// How an instruction behaves in an IT block (ARM ARM A7.3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Block {
-    /// As outside of one.
+    /// The instruction behaves in an IT block as it does outside.
     Same,
-    /// A 16-bit data-processing instruction: it sets the flags outside of an IT block only.
+    /// The instruction keeps the flags in an IT block: 16-bit data-processing instructions set them only outside.
     KeepsFlags,
-    /// Branches: the last instruction only.
+    /// The instruction may only be the last one of an IT block, as branches may.
     Last,
-    /// Not allowed; the instruction is undefined there.
+    /// The instruction is not allowed in an IT block and is undefined there.
     Never,
 }
 
-/// A predecoded instruction.
+/// A decoded instruction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Op {
     pub(crate) what: Do,
@@ -38,8 +38,8 @@ pub(crate) struct Op {
 const _: () = assert!(size_of::<Op>() <= 16);
 
 impl Op {
-    /// It moves several registers to or from memory, and an interrupt need not wait for its end (TRM 3.9.1). One that
-    /// loads PC may be a return from an exception, and is left out.
+    /// Whether the instruction moves several registers to or from memory and an interrupt need not wait for its end
+    /// (TRM 3.9.1). A load of PC does not count, since it may be a return from an exception.
     pub(crate) const fn is_multiple(&self) -> bool {
         match self.what {
             Do::Ldm { list, .. } => list >> 15 == 0,
@@ -70,8 +70,8 @@ pub(crate) enum Alu {
     Cmp,
 }
 
-/// Shifts by a constant or by a register (ARM ARM A7.4). The amount 0 of LSR and ASR is already 32 here, and that of
-/// ROR is `Rrx`.
+/// Shifts by a constant or by a register (ARM ARM A7.4). The amount 0 of LSR and ASR is already decoded as 32, and that
+/// of ROR as `Rrx`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shift {
     Lsl,
@@ -81,7 +81,7 @@ pub(crate) enum Shift {
     Rrx,
 }
 
-/// What a logical operation with a modified immediate leaves in the carry (ARM ARM A5.3.2).
+/// What a logical operation with a modified immediate does to the carry flag (ARM ARM A5.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carry {
     Same,
@@ -99,20 +99,20 @@ pub(crate) enum Format {
     SignedHalf,
 }
 
-/// When the base register is written, and with what the access is made.
+/// When the base register is written, and with which address and privilege the access is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Index {
-    /// Base plus offset, no write-back.
+    /// The access is at base plus offset. Nothing is written back.
     Offset,
-    /// Base plus offset, which is written back.
+    /// The access is at base plus offset, which is written back.
     Pre,
-    /// The base, then base plus offset is written back.
+    /// The access is at the base. Base plus offset is written back afterwards.
     Post,
-    /// Base plus offset, as unprivileged code.
+    /// The access is at base plus offset and unprivileged.
     Unprivileged,
 }
 
-/// Extensions, ARM ARM A7.7 SXTB and its kin.
+/// The extensions: ARM ARM A7.7, SXTB and its family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extend {
     SignedByte,
@@ -123,7 +123,7 @@ pub(crate) enum Extend {
     UnsignedBytes,
 }
 
-/// The lanes of a parallel addition or subtraction.
+/// How a parallel addition or subtraction pairs the lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lanes {
     Add16,
@@ -134,7 +134,7 @@ pub(crate) enum Lanes {
     Sub8,
 }
 
-/// What a lane's result is made into.
+/// How a lane's result is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lane {
     Signed,
@@ -145,7 +145,7 @@ pub(crate) enum Lane {
     UnsignedHalving,
 }
 
-/// QADD and its kin.
+/// The saturating additions and subtractions: QADD and its family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Saturating {
     Add,
@@ -174,12 +174,13 @@ pub(crate) enum Long {
     Umaal,
 }
 
-/// The operation. `d` is the destination, `n` and `m` are operands, `a` an addend, `t` a register that is transferred.
-// A variant a line: rustfmt would give each field one.
+/// The operation. `d` is the destination, `n` and `m` are operands, `a` is an addend, and `t` is a register that is
+/// transferred.
+// Each variant is on one line; rustfmt would give each field a line.
 #[rustfmt::skip]
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Do {
-    // Data processing with operands that compilers use most.
+    // Data processing with the operands that compilers use most.
     MovImm { d: u8, imm: u32 },
     MovsImm { d: u8, imm: u32 },
     MovReg { d: u8, m: u8 },
@@ -205,7 +206,7 @@ pub(crate) enum Do {
     LslsImm { d: u8, m: u8, amount: u8 },
     LsrImm { d: u8, m: u8, amount: u8 },
     LsrsImm { d: u8, m: u8, amount: u8 },
-    // The rest of it.
+    // All other data processing.
     AluImm { alu: Alu, s: bool, d: u8, n: u8, carry: Carry, imm: u32 },
     AluShift { alu: Alu, s: bool, d: u8, n: u8, m: u8, shift: Shift, amount: u8 },
     ShiftReg { shift: Shift, s: bool, d: u8, n: u8, m: u8 },
@@ -261,13 +262,14 @@ pub(crate) enum Do {
     LoadReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
     Store { format: Format, index: Index, t: u8, n: u8, imm: u32 },
     StoreReg { format: Format, t: u8, n: u8, m: u8, amount: u8 },
-    /// `n` is 15 for the literal form, whose base is the instruction's address plus 4, aligned to a word.
+    /// A load of two words. `n` is 15 for the literal form, whose base is the instruction's address plus 4, aligned to
+    /// a word.
     Ldrd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Strd { index: Index, t: u8, t2: u8, n: u8, imm: u32 },
     Ldrex { format: Format, t: u8, n: u8, imm: u16 },
     Strex { format: Format, d: u8, t: u8, n: u8, imm: u16 },
     Clrex,
-    /// `down`: decrement before (LDMDB); otherwise increment after.
+    /// A load multiple: with `down` it decrements before (LDMDB), otherwise it increments after.
     Ldm { n: u8, list: u16, write_back: bool, down: bool },
     Stm { n: u8, list: u16, write_back: bool, down: bool },
     // Branches.
@@ -279,7 +281,7 @@ pub(crate) enum Do {
     Cbz { n: u8, target: u32 },
     Cbnz { n: u8, target: u32 },
     TableBranch { n: u8, m: u8, half: bool },
-    // Control.
+    // Control instructions.
     It { state: u8 },
     Nop,
     Barrier,
@@ -292,13 +294,14 @@ pub(crate) enum Do {
     Mrs { d: u8, sysm: u8 },
     Cps { disable: bool, primask: bool, faultmask: bool },
     Fp(FpOp),
-    /// The instruction cannot be executed: undefined, an absent coprocessor, memory that does not answer.
+    /// The core cannot execute the instruction: it is undefined, its coprocessor is absent, or its memory does not
+    /// answer.
     Fault(Fault),
-    // Not instructions.
-    /// Not decoded yet (code in RAM).
+    // The following are no instructions.
+    /// The instruction is not decoded yet (code in RAM).
     Unknown,
-    /// A breakpoint of the caller's.
+    /// The caller has a breakpoint here.
     Breakpoint,
-    /// `BKPT 0xAB`, which the caller answers, see [`crate::Core::finish_host_call`].
+    /// `BKPT 0xAB`, a semihosting call that the caller answers, see [`crate::Core::finish_host_call`].
     HostCall,
 }

@@ -1,20 +1,20 @@
 //! The run loop.
 //!
-//! | what | when it is looked at |
+//! | what | when the loop checks it |
 //! |---|---|
 //! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares the cycle with the nearest of them |
 //! | [`crate::Signals`] | after an access that announced a change, and after each [`Bus::advance`] |
-//! | exceptions | after each of these, and after an instruction that may have changed a priority |
-//! | the MPU's rights to execute | each page; each instruction of one that is not open as a whole |
+//! | exceptions | after each event above, and after an instruction that may have changed a priority |
+//! | the MPU's rights to execute | once for each page, or at each instruction of a page that is not open as a whole |
 //!
-//! An instruction is executed as a whole: the cycle of an access is that of its instruction's beginning, with the
-//! cycles of the accesses before it where the clock counts wait states.
+//! An instruction executes as a whole. The cycle of its access is that at which the instruction began, plus the cycles
+//! of the accesses before it where the clock counts wait states.
 
 use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// How a burst goes: on through a constant page, on while nothing was written into a page that is watched, or not on.
+/// How far a burst goes: on through a constant page, or on while no watched page is written, or one instruction only.
 const ON: u8 = 0;
 const WHILE_UNWRITTEN: u8 = 1;
 const ONCE: u8 = 2;
@@ -22,18 +22,18 @@ const ONCE: u8 = 2;
 /// How far the run loop goes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pace {
-    /// On and on.
+    /// The run goes on until there is a reason to return to the caller.
     Free,
-    /// One instruction, after any exception that is due.
+    /// The run executes one instruction, after any exception that is due.
     One,
-    /// One instruction or one exception entry.
+    /// The run executes one instruction or one exception entry.
     OneOrEntry,
 }
 
 impl<C: Cost> Core<C> {
-    /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted or
-    /// locked up, or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the
-    /// instruction there.
+    /// Executes until the cycle `until`, or until another reason to return, see [`Exit`]. While the core sleeps, is
+    /// halted, is locked up or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] the run continues
+    /// with the instruction at the breakpoint.
     pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::Free);
@@ -41,10 +41,10 @@ impl<C: Cost> Core<C> {
         exit
     }
 
-    /// As [`Core::run`], but it comes back with [`Exit::Until`] after one instruction at the latest, and as soon as an
-    /// exception was entered, before its handler's first instruction. [`Core::retired`] and [`Core::exception_changes`]
-    /// tell which of the two it was; where neither moved, time passed for a core that sleeps. A run that is made of
-    /// nothing else does what one [`Core::run`] does.
+    /// Does what [`Core::run`] does, but returns [`Exit::Until`] after at most one instruction, or right after an
+    /// exception entry, before the handler's first instruction. [`Core::retired`] and [`Core::exception_changes`] tell
+    /// which of the two happened; where neither moved, time passed for a core that sleeps. A run in such steps has the
+    /// same effect as one [`Core::run`].
     pub fn run_one<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::OneOrEntry);
@@ -52,8 +52,9 @@ impl<C: Cost> Core<C> {
         exit
     }
 
-    /// Executes one instruction, breakpoint or not, after any exception that is due. [`Exit::Until`] where nothing else
-    /// came of it. A core that sleeps, is halted or locked up, or hangs, passes the time to the next thing due.
+    /// Executes one instruction, even at a breakpoint, after any exception that is due. Returns [`Exit::Until`] unless
+    /// there is another reason to return. For a core that sleeps, is halted, is locked up or hangs, time passes until
+    /// the next event is due.
     pub fn step<B: Bus>(&mut self, bus: &mut B) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         self.passed = Some(self.r[15]);
@@ -81,7 +82,7 @@ impl<C: Cost> Core<C> {
                 if change.stop {
                     return Exit::Stopped;
                 }
-                // The change may have been one of what is due.
+                // The change may have moved what is due next.
                 continue;
             }
             let stalled = self.stalled_until > self.cycle;
@@ -98,7 +99,7 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if self.cut > 0 {
-                // Nothing has interrupted it after all.
+                // No exception came at the cut, so the rest of the instruction's cycles pass now.
                 self.cycle += std::mem::take(&mut self.cut);
                 continue;
             }
@@ -128,7 +129,7 @@ impl<C: Cost> Core<C> {
             stepped = single;
             self.limit = until.min(due);
             if self.attention && !stalled {
-                // It wants to look again after the next instruction.
+                // Attention is still set, so the loop checks again after the next instruction.
                 self.limit = self.limit.min(self.cycle + 1);
             }
             self.due = due;
@@ -138,7 +139,7 @@ impl<C: Cost> Core<C> {
             }
             if self.waiting.is_some() || self.locked_up || self.halted || self.hung {
                 if self.limit == u64::MAX {
-                    // Nothing is ever due, and the caller set no end.
+                    // Nothing will ever be due, and the caller set no end.
                     return Exit::Until;
                 }
                 let cycle = self.limit;
@@ -174,7 +175,7 @@ impl<C: Cost> Core<C> {
                     self.attention = true;
                 }
             } else if pace == Pace::OneOrEntry {
-                // What the instruction set off is the next call's.
+                // The next call handles what the instruction set off.
                 return Exit::Until;
             }
         }
@@ -213,8 +214,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The instruction at `pc` where it is not simply the one of its page; `known` tells that `op`, which is there, is
-    /// what memory holds.
+    /// The instruction at `pc` where the page's decoded instruction cannot be used unchecked. `known` tells that `op`,
+    /// which is the page's decoded instruction, matches memory.
     #[inline(never)]
     fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
@@ -231,8 +232,8 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`; unless `GOES` is [`ONCE`], what follows on `page`, too, while the cycle is below the limit
-    /// and, if it is [`WHILE_UNWRITTEN`], while nothing is written into a page that is watched.
+    /// Executes `first`. Unless `GOES` is [`ONCE`], it then executes what follows on `page` while the cycle is below
+    /// the limit. With [`WHILE_UNWRITTEN`] it also stops when something writes into a watched page.
     #[inline(never)]
     fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
@@ -240,7 +241,7 @@ impl<C: Cost> Core<C> {
         let rewritten = bus.rewritten();
         loop {
             if GOES != ONCE && self.it != 0 {
-                // In an IT block, which is left to the other burst, so that this one has none to look for.
+                // A burst of one instruction handles IT blocks, so that the fast burst need not test for them.
                 self.burst::<B, ONCE>(bus, page, op);
                 pc = self.r[15];
             } else {
@@ -258,7 +259,7 @@ impl<C: Cost> Core<C> {
                             }
                             self.r[15] = next;
                             pc = next;
-                            // Neither comes near 2^64: a check at each instruction would find nothing.
+                            // Neither count comes near 2^64, so an overflow check at each instruction would be wasted.
                             self.cycle = self.cycle.wrapping_add(cost::<C>(op));
                             self.retired = self.retired.wrapping_add(1);
                             if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
@@ -284,7 +285,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// An instruction did not complete. Its cycles have passed nevertheless, so that time goes on whatever the fault
+    /// Ends an instruction that did not complete. Its cycles pass nevertheless, so that time goes on whatever the fault
     /// leads to.
     #[cold]
     #[inline(never)]
@@ -296,10 +297,10 @@ impl<C: Cost> Core<C> {
         self.take_fault(bus, fault);
     }
 
-    /// On the clock of what silicon takes at least: what is due in the middle of `op`, which began at the cycle
-    /// `began`, comes there if silicon interrupts it, as it does a load/store multiple (TRM 3.9.1) and the lazy saving
-    /// of the FP state (TRM 7.2). What is left of its cycles passes with the return from the exception, or at once if
-    /// there is none; what it does to registers and memory it has done.
+    /// On the optimistic clock, moves time back to an event that is due in the middle of `op`, which began at the cycle
+    /// `began`, where silicon interrupts the instruction. Silicon does so with a load/store multiple (TRM 3.9.1) and
+    /// with the lazy saving of the FP state (TRM 7.2). The rest of the instruction's cycles passes with the return from
+    /// the exception, or at once if there is none. Its effects on registers and memory are already complete.
     #[cold]
     #[inline(never)]
     fn cut_short(&mut self, op: &Op, began: u64) {
@@ -310,11 +311,12 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// In an IT block: whether `op` is to be executed now. If not, it was skipped or has faulted.
+    /// Within an IT block: whether `op` is to be executed now. If not, it was skipped or has faulted.
     #[inline(never)]
     fn begins_in_block<B: Bus>(&mut self, bus: &mut B, op: &Op) -> bool {
         let it = self.it;
-        // Not instructions, or executed whatever the condition.
+        // Breakpoints and semihosting calls are no instructions; BKPT and fetch faults happen whatever the condition
+        // is.
         if matches!(op.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
             || matches!(op.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
         {
@@ -336,7 +338,7 @@ impl<C: Cost> Core<C> {
         false
     }
 
-    /// Wait states of fetching the words of an instruction that were not fetched with the one before.
+    /// Adds the wait states of fetching those words of an instruction that were not fetched with the one before.
     fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
         let Some(bound) = C::BOUND else {
             return;
@@ -358,7 +360,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Something stands where an instruction should be.
+    /// Stops the run at something that stands in the place of an instruction.
     #[cold]
     pub(crate) fn pause(&mut self, exit: Exit) {
         self.paused = Some(exit);
@@ -366,12 +368,13 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// Where code never executes, MPU or not: peripherals, devices and the system's space (ARM ARM B3.1).
+/// Whether code at `pc` never executes, whatever the MPU says: in peripherals, devices and the system's space (ARM ARM
+/// B3.1).
 const fn never_executable(pc: u32) -> bool {
     pc >= 0xA000_0000 || pc >> 29 == 2
 }
 
-/// ITAdvance.
+/// The IT state after an instruction (ITAdvance).
 pub(crate) const fn after(it: u8) -> u8 {
     if it & 7 == 0 { 0 } else { it & 0xE0 | it << 1 & 0x1F }
 }

@@ -1,9 +1,9 @@
-//! What a part drives into its core.
+//! The signals that a part drives into its core.
 
-/// What the part drives into the core, and what it wants of [`crate::Core::run`].
+/// The signals that the part drives into the core, and its requests to [`crate::Core::run`].
 ///
-/// The core looks only where something was announced, so every method here that changes a signal announces it, and no
-/// signal can be reached in another way.
+/// The core checks the signals only after an announcement. Every method here that changes a signal therefore announces
+/// it, and no signal can be changed in another way.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Signals {
     lines: [u64; 4],
@@ -16,13 +16,14 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// [`crate::Bus::due`] or the core's clock is another: the core looks again before its next instruction.
+    /// Announces that [`crate::Bus::due`] or the core's clock changed, so that the core checks again before its next
+    /// instruction.
     #[inline]
     pub fn announce(&mut self) {
         self.changed = true;
     }
 
-    /// Whether the core has something to look at.
+    /// Whether an announcement waits for the core.
     #[inline]
     #[must_use]
     pub fn is_announced(&self) -> bool {
@@ -64,29 +65,30 @@ impl Signals {
         }
     }
 
-    /// An event for `WFE` comes from outside; the core takes it back.
+    /// Raises an event from outside for `WFE`. The core clears it when it takes it.
     pub fn raise_event(&mut self) {
         (self.event, self.changed) = (true, true);
     }
 
-    /// Instructions that were decoded no longer are what memory holds (flash was programmed or erased): the core
-    /// forgets what it decoded. RAM needs no such notice.
+    /// Makes the core forget its decoded instructions, since memory no longer holds them (flash was programmed or
+    /// erased). RAM needs no such call.
     pub fn forget_code(&mut self) {
         (self.code_changed, self.changed) = (true, true);
     }
 
-    /// Whether the core has code to forget that it has not forgotten yet.
+    /// Whether the core still has to forget its decoded instructions.
     #[must_use]
     pub fn forgets_code(&self) -> bool {
         self.code_changed
     }
 
-    /// [`crate::Core::run`] returns after the instruction, with [`crate::Exit::Stopped`].
+    /// Makes [`crate::Core::run`] return [`crate::Exit::Stopped`] after the present instruction.
     pub fn stop(&mut self) {
         (self.stop, self.changed) = (true, true);
     }
 
-    /// The core executes nothing before `cycle`, since the bus holds it (a flash controller that works); 0 lets it go.
+    /// Keeps the core from executing anything before `cycle`, since the bus stalls it (as a busy flash controller
+    /// does). 0 ends the stall.
     #[inline]
     pub fn stall_until(&mut self, cycle: u64) {
         if std::mem::replace(&mut self.stalled_until, cycle) != cycle {
@@ -100,7 +102,7 @@ impl Signals {
         self.stalled_until
     }
 
-    /// What was announced since the core last asked: the core has looked then.
+    /// Takes what was announced since the last call; afterwards nothing is announced.
     #[inline]
     pub(crate) fn take_change(&mut self) -> Option<Change> {
         if !std::mem::take(&mut self.changed) {
@@ -110,20 +112,20 @@ impl Signals {
         Some(Change { stalled_until: self.stalled_until, forget_code, stop: std::mem::take(&mut self.stop) })
     }
 
-    /// Whether an event for `WFE` came since the core last asked.
+    /// Takes the event for `WFE`: whether one came since the last call.
     #[inline]
     pub(crate) fn take_event(&mut self) -> bool {
         std::mem::take(&mut self.event)
     }
 }
 
-/// What the core has to act on.
+/// The announced changes on which the core has to act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Change {
-    /// The core executes nothing before this cycle.
+    /// The core must not execute anything before this cycle.
     pub(crate) stalled_until: u64,
-    /// What was decoded is no longer what memory holds.
+    /// Whether memory no longer holds what was decoded.
     pub(crate) forget_code: bool,
-    /// [`crate::Core::run`] returns.
+    /// Whether [`crate::Core::run`] has to return.
     pub(crate) stop: bool,
 }

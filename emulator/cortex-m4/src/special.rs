@@ -1,6 +1,7 @@
-//! Special registers: MRS, MSR and CPS (ARM ARM B5.2), the program status register, and which stack is in use.
+//! Special registers: MRS, MSR and CPS (ARM ARM B5.2), the program status register, and the selection of the stack.
 //!
-//! Left out: nothing. Accesses that the privilege does not allow read zero and write nothing, as B5.2.2 and B5.2.3 say.
+//! All of them are covered. Accesses that the privilege does not allow read zero and write nothing, as B5.2.2 and
+//! B5.2.3 say.
 
 use crate::{Core, Cost};
 
@@ -12,13 +13,13 @@ pub(crate) const CONTROL_SPSEL: u8 = 2;
 pub(crate) const CONTROL_FPCA: u8 = 4;
 
 impl<C: Cost> Core<C> {
-    /// Handler mode, or thread mode without nPRIV.
+    /// Whether the core is privileged: it is in handler mode, or in thread mode without nPRIV.
     #[inline]
     pub(crate) fn is_privileged(&self) -> bool {
         self.ipsr != 0 || self.control & CONTROL_NPRIV == 0
     }
 
-    /// Makes the process stack (`true`) or the main stack the one in use.
+    /// Selects the process stack (`true`) or the main stack (`false`).
     pub(crate) fn set_stack(&mut self, process: bool) {
         if process != (self.control & CONTROL_SPSEL != 0) {
             std::mem::swap(&mut self.r[13], &mut self.other_sp);
@@ -47,30 +48,31 @@ impl<C: Cost> Core<C> {
         self.ge = (value >> 16 & 0xF) as u8;
     }
 
-    /// APSR, EPSR and IPSR as one, the way exception entry stacks them (ARM ARM B1.4.2).
+    /// APSR, EPSR and IPSR as one word, in the form that exception entry stacks (ARM ARM B1.4.2).
     pub(crate) fn xpsr(&self) -> u32 {
         let it = u32::from(self.it);
         let progress = if self.it == 0 { u32::from(self.ici) << 12 } else { (it & 3) << 25 | (it >> 2) << 10 };
         self.apsr() | u32::from(self.thumb) << 24 | progress | u32::from(self.ipsr)
     }
 
-    /// The reverse of [`Self::xpsr`].
+    /// Sets APSR, EPSR and IPSR from one word, the reverse of [`Self::xpsr`].
     pub(crate) fn set_xpsr(&mut self, value: u32) {
         self.set_flags(value);
         self.set_ge(value);
         self.thumb = value >> 24 & 1 != 0;
         self.ipsr = (value & 0x1FF) as u16;
         let progress = (value >> 25 & 3 | (value >> 10 & 0x3F) << 2) as u8;
-        // bits 3:0 of an IT state are never all zero inside a block; what is left then is ICI (ARM ARM B1.4.2)
+        // The field holds ICI if its bits 3:0 are all zero, since they never are in the IT state of a block (ARM ARM
+        // B1.4.2).
         (self.it, self.ici) = if progress & 0xF == 0 { (0, progress >> 4) } else { (progress, 0) };
     }
 
-    /// MRS, ARM ARM B5.2.2. `sysm` is the instruction's SYSm field.
+    /// Executes MRS, ARM ARM B5.2.2. `sysm` is the instruction's SYSm field.
     pub(crate) fn mrs(&self, sysm: u8) -> u32 {
         let process = self.control & CONTROL_SPSEL != 0;
         match sysm {
             0..=7 => {
-                // EPSR reads zero
+                // EPSR reads as zero.
                 let apsr = if sysm & 4 == 0 { self.apsr() } else { 0 };
                 let ipsr = if sysm & 1 != 0 { u32::from(self.ipsr) } else { 0 };
                 apsr | ipsr
@@ -98,7 +100,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// MSR, ARM ARM B5.2.3. `mask` is the instruction's two-bit field: bit 1 writes NZCVQ, bit 0 GE.
+    /// Executes MSR, ARM ARM B5.2.3. `mask` is the instruction's two-bit field: bit 1 writes NZCVQ, bit 0 writes GE.
     pub(crate) fn msr(&mut self, sysm: u8, mask: u8, value: u32) {
         if sysm < 8 {
             if sysm & 4 == 0 {
@@ -122,13 +124,13 @@ impl<C: Cost> Core<C> {
             8 | 9 => self.r[13] = value & !3,
             16 => self.primask = value & 1 != 0,
             17 => self.basepri = priority,
-            // BASEPRI_MAX only ever raises the priority
+            // A write of BASEPRI_MAX can only raise the priority.
             18 if priority != 0 && (self.basepri == 0 || priority < self.basepri) => self.basepri = priority,
             19 => self.set_faultmask(value & 1 != 0),
             20 => {
                 self.control =
                     self.control & !(CONTROL_NPRIV | CONTROL_FPCA) | value as u8 & (CONTROL_NPRIV | CONTROL_FPCA);
-                // SPSEL is ignored in handler mode
+                // A write of SPSEL is ignored in handler mode.
                 if self.ipsr == 0 {
                     self.set_stack(value as u8 & CONTROL_SPSEL != 0);
                 }
@@ -138,14 +140,15 @@ impl<C: Cost> Core<C> {
         self.priority_changed();
     }
 
-    /// FAULTMASK can be set only from below HardFault's priority, and cleared from anywhere (ARM ARM B5.2.1, B5.2.3).
+    /// Sets or clears FAULTMASK. It can be set only at a priority below HardFault's, and cleared at any (ARM ARM
+    /// B5.2.1, B5.2.3).
     fn set_faultmask(&mut self, set: bool) {
         if !set || self.execution_priority() > -1 {
             self.faultmask = set;
         }
     }
 
-    /// CPSID (`disable`) and CPSIE, ARM ARM B5.2.1.
+    /// Executes CPSID (`disable`) or CPSIE, ARM ARM B5.2.1.
     pub(crate) fn cps(&mut self, disable: bool, primask: bool, faultmask: bool) {
         if !self.is_privileged() {
             return;

@@ -1,40 +1,41 @@
-//! Which exception is active, told to whoever runs the core: for traces that show interrupts and tasks over time.
+//! The record of the active exception, for traces that show interrupts and tasks over time.
 //!
-//! | Question | Answer |
+//! | Question | Where the answer is |
 //! |---|---|
 //! | which exception is active now (IPSR, ARM ARM B1.4.2) | [`Core::active_exception`] |
 //! | how often the active exception changed | [`Core::exception_changes`] |
 //! | at which cycle each change was, and to what | [`Core::watch_exceptions`], then [`Core::take_exceptions`] |
 //!
-//! [`Core::run`] may pass an entry and a return between two looks of its caller; the record keeps both. Without a watch
-//! a change costs one increment, and an instruction that changes nothing costs nothing.
+//! One call of [`Core::run`] may include an entry and a return, which its caller would miss; the record keeps both.
+//! While nothing is recorded, a change costs one increment, and an instruction without a change costs nothing.
 
 use crate::{Core, Cost};
 
-/// Most changes that the record keeps until they are taken. A caller that takes them every millisecond stays far below.
+/// The most changes that the record keeps until they are taken. A caller that takes them every millisecond gets far
+/// fewer.
 const MOST_CHANGES: usize = 4096;
 
 /// The changes of the active exception.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watch {
-    /// Changes since the core was made.
+    /// The number of changes since the core was made.
     changes: u64,
-    /// Changes are recorded.
+    /// Whether changes are recorded.
     on: bool,
-    /// The cycle of each change and what was active from then on, oldest first.
+    /// The cycle of each change and the exception that was active from then on, oldest first.
     record: Vec<(u64, u16)>,
 }
 
 impl Watch {
-    /// How many changes are recorded.
+    /// The number of recorded changes.
     #[inline]
     pub(crate) const fn recorded(&self) -> usize {
         self.record.len()
     }
 
-    /// The run loop has executed instructions up to `cycle`, with `before` changes recorded when it began. A change
-    /// ends what the loop executes in one piece, so there is at most one, and it is complete only now: the cycles of
-    /// the instruction that made it (`BX LR`, `SVC`) are counted after it has been executed.
+    /// Completes the record after the run loop has executed instructions up to `cycle`; `before` changes were recorded
+    /// when it began. A change ends a burst, so there is at most one. Its cycle can be recorded only now, since the
+    /// cycles of the instruction that made it (`BX LR`, `SVC`) are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, before: usize, cycle: u64) {
         if self.record.len() > before
@@ -46,37 +47,38 @@ impl Watch {
 }
 
 impl<C: Cost> Core<C> {
-    /// The number of the exception that is active: IPSR, 0 in thread mode, 1 to 15 for the system's exceptions, 16 + n
-    /// for interrupt n.
+    /// The number of the active exception (IPSR): 0 in thread mode, 1 to 15 for the system's exceptions, 16 + n for
+    /// interrupt n.
     #[must_use]
     pub const fn active_exception(&self) -> u16 {
         self.ipsr
     }
 
     /// How often the active exception has changed since the core was made: at each entry, at each return, and once
-    /// where one handler follows another by tail-chaining. It goes on through resets. It counts whether changes are
-    /// watched or not.
+    /// where one handler follows another by tail-chaining. The count goes on through resets, and whether changes are
+    /// recorded or not.
     #[must_use]
     pub const fn exception_changes(&self) -> u64 {
         self.watch.changes
     }
 
-    /// Begins or ends the record of changes of the active exception. What was recorded and not taken is gone.
+    /// Begins or ends the recording of changes of the active exception. It drops the changes that were not taken.
     pub fn watch_exceptions(&mut self, on: bool) {
         self.watch.on = on;
         self.watch.record = Vec::new();
     }
 
-    /// The changes since they were last taken, oldest first: the cycle at which the first instruction of the new
-    /// handler (or of the code returned to) can begin, and the number of the exception that is active from then on, as
-    /// [`Core::active_exception`] has it. Empty where changes are not watched.
+    /// Takes the changes since the last call, oldest first. Each has the cycle at which the first instruction of the
+    /// new handler (or of the code returned to) can begin, and the number of the exception that is active from then on,
+    /// as [`Core::active_exception`] gives it. The list is empty where changes are not recorded.
     ///
-    /// The first 4096 changes are kept. Who takes fewer than [`Core::exception_changes`] grew by has lost the latest.
+    /// The record keeps the first 4096 changes. A caller that gets fewer than [`Core::exception_changes`] grew by has
+    /// lost the latest ones.
     pub fn take_exceptions(&mut self) -> Vec<(u64, u16)> {
         std::mem::take(&mut self.watch.record)
     }
 
-    /// The active exception changed, or a handler was entered anew, at the present cycle.
+    /// Notes that the active exception changed, or that a handler was entered anew, at the present cycle.
     #[inline]
     pub(crate) fn exception_changed(&mut self) {
         self.watch.changes += 1;
@@ -85,7 +87,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The same where something else than an entry or a return may have written IPSR: `before` is what it held.
+    /// Notes a change of IPSR by anything but an entry or a return; `before` is its former value.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

@@ -1,27 +1,27 @@
-//! Data accesses that whoever runs the core wants to stop at, as many as it likes: a debugger's watchpoints.
+//! A debugger's watchpoints: data accesses at which the caller wants to stop, as many as it likes.
 //!
-//! They stand beside the comparators of the DWT, which belong to the firmware and to whoever writes its registers. Like
-//! those (ARM ARM C1.8), they see the loads and stores of instructions, and neither what exception entry and return
-//! move, nor vector fetches, nor what other bus controllers (DMA) do. The instruction completes; [`Core::run`] comes
-//! back behind it with [`Exit::Watchpoint`] before anything else happens.
+//! Watchpoints are independent of the comparators of the DWT, which belong to the firmware and to whoever writes its
+//! registers. Like the comparators (ARM ARM C1.8), watchpoints detect the loads and stores of instructions. They do not
+//! detect the stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA). The
+//! instruction completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
 
 use crate::{Bus, Core, Cost, Exit, Width};
 
-/// Addresses to stop at.
+/// A range of addresses at which to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchpoint {
-    /// The first byte.
+    /// The first watched byte.
     pub address: u32,
-    /// How many bytes, at least 1.
+    /// The number of watched bytes, at least 1.
     pub length: u32,
-    /// Loads count.
+    /// Whether loads count.
     pub reads: bool,
-    /// Stores count.
+    /// Whether stores count.
     pub writes: bool,
 }
 
 impl Watchpoint {
-    /// Whether an access of `bytes` at `address` touches one of the watched bytes.
+    /// Whether an access of `bytes` bytes at `address` touches one of the watched bytes and is of a kind that counts.
     fn sees(self, address: u32, bytes: u32, write: bool) -> bool {
         let wanted = if write { self.writes } else { self.reads };
         wanted && address.wrapping_sub(self.address) < self.length
@@ -29,14 +29,14 @@ impl Watchpoint {
     }
 }
 
-/// An access that a watchpoint saw.
+/// An access that a watchpoint detected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watched {
-    /// The watchpoint.
+    /// The watchpoint that detected it.
     pub watchpoint: Watchpoint,
-    /// Where the access began.
+    /// The first address of the access.
     pub address: u32,
-    /// It was a store.
+    /// Whether the access was a store.
     pub write: bool,
 }
 
@@ -44,14 +44,14 @@ pub struct Watched {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watchpoints {
     list: Vec<Watchpoint>,
-    /// The first access that one of them saw since it was last taken.
+    /// The first access that a watchpoint detected since the last call of [`Core::take_watched`].
     seen: Option<Watched>,
-    /// What `Core::limit` was before it asked to come back behind this instruction.
+    /// The value of `Core::limit` before the watchpoint lowered it to stop the run after this instruction.
     limit: u64,
 }
 
 impl<C: Cost> Core<C> {
-    /// Stops [`Core::run`] behind each instruction that accesses these addresses so.
+    /// Makes [`Core::run`] return after each instruction that makes such an access.
     pub fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
         if !self.watchpoints.list.contains(&watchpoint) {
             self.watchpoints.list.push(watchpoint);
@@ -59,7 +59,7 @@ impl<C: Cost> Core<C> {
         self.system.set_watching(true);
     }
 
-    /// Takes a watchpoint back. Answers whether it was there.
+    /// Removes a watchpoint. Returns whether it was set.
     pub fn clear_watchpoint(&mut self, watchpoint: Watchpoint) -> bool {
         let before = self.watchpoints.list.len();
         self.watchpoints.list.retain(|other| *other != watchpoint);
@@ -67,12 +67,12 @@ impl<C: Cost> Core<C> {
         self.watchpoints.list.len() < before
     }
 
-    /// After [`Exit::Watchpoint`]: the access. Of an instruction that made several, the first that counts.
+    /// Takes the access after [`Exit::Watchpoint`]. If the instruction made several, it is the first that counts.
     pub fn take_watched(&mut self) -> Option<Watched> {
         self.watchpoints.seen.take()
     }
 
-    /// A data access took place while something is watched.
+    /// Checks a data access against the caller's watchpoints.
     pub(crate) fn watch_for_caller(&mut self, address: u32, write: bool, width: Width) {
         let seen = self.watchpoints.list.iter().find(|watchpoint| watchpoint.sees(address, width.bytes(), write));
         if let Some(&watchpoint) = seen
@@ -85,8 +85,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// [`Core::limit`] as it is to a load/store multiple under way: a watchpoint stops behind the instruction and must
-    /// not leave it in the middle, which would take time. What an access set off meanwhile does.
+    /// The value of [`Core::limit`] that holds for a load/store multiple under way. A watchpoint stops the run after
+    /// the instruction, and must not leave it in the middle, which would cost time. A change that an access announced
+    /// meanwhile may leave it.
     pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
         match self.paused {
             Some(Exit::Watchpoint) if !bus.signals().is_announced() => self.watchpoints.limit,

@@ -1,7 +1,7 @@
-//! Which encodings are instructions, compared with what LLVM's disassembler was recorded to know.
+//! A test of which encodings are instructions, against a recording of what LLVM's disassembler accepts.
 //!
-//! The recording is made by `cargo xtask oracle --record`, which also compares the registers of each instruction; the
-//! crate `core-oracle` lists the encodings: every one of 16 bits, and 16 for each first halfword of those of 32 bits.
+//! `cargo xtask oracle --record` makes the recording, and also compares the registers of each instruction. The crate
+//! `core-oracle` lists the encodings: every one of 16 bits, and 16 for each first halfword of those of 32 bits.
 
 use core_oracle::decode::{Verdict, encodings, verdict};
 

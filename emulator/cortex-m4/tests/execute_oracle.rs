@@ -1,6 +1,7 @@
-//! What instructions do, compared with what QEMU was recorded to do with the same random cases.
+//! A test of what instructions do, against a recording of what QEMU did in the same random cases.
 //!
-//! The recording is made by `cargo xtask oracle --record`; the crate `core-oracle` makes the cases from its seed.
+//! `cargo xtask oracle --record` makes the recording. The crate `core-oracle` makes the cases from the recording's
+//! seed.
 
 use core_oracle::recording::Recording;
 

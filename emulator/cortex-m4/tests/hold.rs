@@ -1,18 +1,18 @@
-//! What a debugger needs of the core: watchpoints, one instruction at a time, and that neither changes what a run does.
+//! Tests of what a debugger needs of the core: watchpoints and single steps, neither of which changes what a run does.
 
 mod common;
 
 use common::{Board, CODE, CONFIG, RAM, Rig};
 use cortex_m4::{Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Watched, Watchpoint};
 
-/// str r1, [r0]; ldr r2, [r0]; strb r1, [r0, #5]; stmia r3!, {r1, r2}; b .
+/// The code is: str r1, [r0]; ldr r2, [r0]; strb r1, [r0, #5]; stmia r3!, {r1, r2}; b .
 const ACCESSES: &[u16] = &[0x6001, 0x6802, 0x7141, 0xC306, 0xE7FE];
 
 fn watchpoint(address: u32, length: u32, reads: bool, writes: bool) -> Watchpoint {
     Watchpoint { address, length, reads, writes }
 }
 
-/// Where the accesses that a watchpoint sees leave the program counter, and what they were.
+/// The program counter after each stop at the watchpoint, with the address of the access and whether it was a write.
 fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
     let mut rig = Rig::<C>::with_clock(ACCESSES);
     rig.set(0, RAM + 0x40).set(1, 7).set(3, RAM + 0x80);
@@ -31,12 +31,12 @@ fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
 fn a_watchpoint_stops_behind_each_instruction_that_touches_one_of_its_bytes_that_way() {
     let writes = |address, length| stops::<Fast>(watchpoint(RAM + address, length, false, true));
     assert_eq!(writes(0x40, 4), [(2, 0x40, true)]);
-    // A byte within a wider store, and a store within wider bytes.
+    // The watchpoint covers a byte within a wider store, or the store lies within a wider watchpoint.
     assert_eq!(writes(0x43, 1), [(2, 0x40, true)]);
     assert_eq!(writes(0x44, 4), [(6, 0x45, true)]);
     assert_eq!(writes(0x45, 1), [(6, 0x45, true)]);
     assert_eq!(writes(0x46, 8), []);
-    // The second store of several: one stop, behind the instruction.
+    // The watchpoint covers the second store of an stmia: the core stops once, after the instruction.
     assert_eq!(writes(0x84, 4), [(8, 0x84, true)]);
     assert_eq!(writes(0x80, 8), [(8, 0x80, true)]);
     assert_eq!(stops::<Fast>(watchpoint(RAM + 0x40, 4, true, false)), [(4, 0x40, false)]);
@@ -71,16 +71,16 @@ fn watchpoints_stay_through_a_reset_and_a_power_on() {
     }
 }
 
-/// Interrupt 0 becomes pending in the middle of thread code with an IT block, a store of several and a loop, and its
-/// handler stores.
+/// Makes a core whose interrupt 0 becomes pending in the middle of thread code with an IT block, an stmia and a loop.
+/// The interrupt's handler stores a word.
 fn interrupted<C: Cost>() -> Rig<C> {
-    // str r4, [r3] (ISER0); str r1, [r0] (ISPR0): pending; movs r5, #3; loop: subs r5, #1; ite ne; addne r6, #1;
-    // moveq r6, #0; stmia r7!, {r1, r4}; cmp r5, #0; bne loop; b .
+    // The code is: str r4, [r3] (ISER0); str r1, [r0] (ISPR0, pending); movs r5, #3; loop: subs r5, #1; ite ne; addne
+    // r6, #1; moveq r6, #0; stmia r7!, {r1, r4}; cmp r5, #0; bne loop; b .
     let thread = [0x601C, 0x6001, 0x2503, 0x3D01, 0xBF14, 0x3601, 0x2600, 0xC712, 0x2D00, 0xD1F8, 0xE7FE];
     let mut board = Board::new(&thread);
     let handler = CODE + 0x80;
     board.flash[64..68].copy_from_slice(&(handler | 1).to_le_bytes());
-    // adds r2, #1 would not show: r2 is stacked for nobody. str r1, [sp, #0x40]; bx lr
+    // The handler is: str r1, [sp, #0x40]; bx lr. A change of r2 would not show, since the return unstacks r2.
     for (nth, half) in [0x9110_u16, 0x4770].into_iter().enumerate() {
         let at = handler as usize + 2 * nth;
         board.flash[at..at + 2].copy_from_slice(&half.to_le_bytes());
@@ -109,7 +109,7 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
         let (executed, changes) = (single.core.retired(), single.core.exception_changes());
         assert_eq!(single.core.run_one(&mut single.board, 200), Exit::Until);
         let (executed, changes) = (single.core.retired() - executed, single.core.exception_changes() - changes);
-        // An entry comes alone, and no call executes two instructions; a return is an instruction.
+        // A call executes one instruction at most. An entry is a call of its own, and a return is an instruction.
         assert!(executed <= 1 && changes <= 1, "{executed} instructions, {changes} changes");
         if executed == 0 && changes == 1 {
             assert_eq!((single.core.active_exception(), single.core.pc()), (16, CODE + 0x80));
@@ -118,7 +118,7 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
     }
     assert!(handled);
     assert_eq!(state(&single), state(&whole), "{}", C::NAME);
-    // Breakpoints at every instruction, which one run after the other passes.
+    // There is a breakpoint at every instruction, and each run goes on from the last one's stop.
     let mut stopped = interrupted::<C>();
     (0..11).for_each(|nth| stopped.core.set_breakpoint(CODE + 2 * nth));
     let mut stops = 0;
@@ -127,7 +127,7 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
     }
     assert!(stops > 10);
     assert_eq!(state(&stopped), state(&whole), "{}", C::NAME);
-    // Every access to RAM is watched.
+    // All accesses to RAM are watched.
     let mut watched = interrupted::<C>();
     watched.core.set_watchpoint(watchpoint(RAM, 0x1000, true, true));
     let mut stops = 0;

@@ -1,12 +1,13 @@
-//! Interrupts between and within instructions: whatever is interrupted computes the same.
+//! Tests of interrupts between and within instructions: interrupted code computes the same results.
 
 mod common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM};
 use cortex_m4::{Access, Bound, Bus, BusError, Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Signals};
 
-/// Enables interrupt 0; sixteen times copies 256 bytes with LDM and STM, with PUSH, POP and an IT block between, and
-/// mixes them; then r7 is 99. The handler, [`HANDLER`] bytes in, writes to the device and counts at 0x2000_1000.
+/// The program enables interrupt 0. Sixteen times it copies 256 bytes with LDM and STM, with PUSH, POP and an IT block
+/// between, and mixes them; then r7 is 99. The handler, [`HANDLER`] bytes from the start, writes to the device and
+/// increments the count at 0x2000_1000.
 #[rustfmt::skip]
 const PROGRAM: &[u16] = &[
     0x4816, 0x2101, 0x6001, 0xF04F, 0x5800, 0xF8DF, 0x9054, 0x2210, 0x4640, 0x4649, 0x2308, 0xE8B0, 0x5CF0,
@@ -17,9 +18,10 @@ const PROGRAM: &[u16] = &[
 ];
 const HANDLER: u32 = 0x64;
 
-/// Allows the FPU; gives interrupt 1 the lower priority; enables 0 and 1; 64 times pushes and pops 16 FP registers and
-/// pushes 12 core registers; writes to the device, 8 bytes in. The handler of 1, [`LOW`] bytes in, pushes and pops the
-/// same FP registers. That of 0, [`HIGH`] bytes in, writes to the device at once.
+/// The program allows the FPU, gives interrupt 1 the lower priority, and enables both interrupts. 64 times it pushes
+/// and pops 16 FP registers and pushes 12 core registers; then it writes to the device's byte 8. The handler of
+/// interrupt 1, [`LOW`] bytes from the start, pushes and pops the same FP registers. That of interrupt 0, [`HIGH`]
+/// bytes from the start, writes to the device at once.
 #[rustfmt::skip]
 const MULTIPLES: &[u16] = &[
     0x4817, 0xF44F, 0x0170, 0x6001, 0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F, 0x4814, 0xF44F, 0x4100, 0x6001, 0x4813, 0x2103,
@@ -30,18 +32,18 @@ const MULTIPLES: &[u16] = &[
 const LOW: u32 = 0x40;
 const HIGH: u32 = 0x54;
 
-/// Raises line 0 every `period` cycles, and line 1 `before` cycles earlier if that is not 0; a write to the device
-/// takes either back.
+/// A part that raises line 0 every `period` cycles, and line 1 `before` cycles earlier if `before` is not 0. The writes
+/// of the handlers to the device lower the lines again.
 #[derive(Clone, Debug)]
 struct Storm {
     board: Board,
     period: u64,
     before: u64,
     due: u64,
-    /// When line 0 was raised, and the longest that its handler then took to write.
+    /// The cycle at which line 0 was raised, and the longest time that its handler then took until its write.
     raised: u64,
     latest: u64,
-    /// When the program wrote that it is over.
+    /// The cycle at which the program wrote that it has ended.
     over: Option<u64>,
 }
 
@@ -105,7 +107,7 @@ impl Bus for Storm {
     }
 }
 
-/// What is left in RAM, and how often the handler ran.
+/// Returns what the program leaves in RAM, and how often the handler ran.
 fn run<C: Cost>(period: u64) -> (Vec<u8>, u32) {
     let mut board = Board::new(PROGRAM);
     board.flash[0x40..0x44].copy_from_slice(&((CODE + HANDLER) | 1).to_le_bytes());
@@ -139,8 +141,8 @@ fn a_program_that_is_interrupted_anywhere_computes_the_same() {
     }
 }
 
-/// How long after its line was raised the handler of interrupt 0 writes at the latest, how often it did, and how long
-/// the program takes.
+/// Returns the longest time from the raising of line 0 until its handler writes, how often the handler wrote, and how
+/// long the program takes.
 fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     let mut board = Board::new(MULTIPLES);
     for (vector, handler) in [(0x40, HIGH), (0x44, LOW)] {
@@ -159,11 +161,11 @@ fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
     panic!("period {period}: the program does not end");
 }
 
-/// TRM 3.9.1 and 7.2: load and store multiple and the lazy saving of the FP state are interruptible.
+/// Load and store multiple and the lazy saving of the FP state are interruptible (TRM 3.9.1 and 7.2).
 #[test]
 fn at_best_no_interrupt_waits_for_a_load_or_store_multiple() {
     let (.., calm) = multiples::<Optimistic>(1_000_000, 0);
-    // Entry, two instructions of the handler; a barrier and the return.
+    // The longest time is that of an entry and two instructions of the handler, plus that of a barrier and a return.
     let (entry, left) = (12 + 1, 1 + 1 + 2 + 10);
     for period in 173..300 {
         let (latest, served, over) = multiples::<Optimistic>(period, 0);

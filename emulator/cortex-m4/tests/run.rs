@@ -1,11 +1,11 @@
-//! The run loop: time, stops, breakpoints, code that changes, sleep, wait states.
+//! Tests of the run loop: time, stops, breakpoints, code that changes, sleep, wait states.
 
 mod common;
 
 use common::{CODE, DEVICE, RAM, Rig};
 use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
-/// movs r0, #10; loop: subs r0, #1; bne loop; b .
+/// The code is: movs r0, #10; loop: subs r0, #1; bne loop; b .
 const COUNT: &[u16] = &[0x200A, 0x3801, 0xD1FD, 0xE7FE];
 
 #[test]
@@ -22,13 +22,13 @@ fn the_bounds_count_the_refills_of_branches() {
     let mut worst = Rig::<Pessimistic>::with_clock(COUNT);
     best.steps(21);
     worst.steps(21);
-    // movs, 10 × subs, 10 × bne of which 9 are taken
+    // The loop executes movs, 10 × subs, and 10 × bne of which 9 are taken.
     assert_eq!((best.core.cycle(), worst.core.cycle()), (21 + 9, 21 + 27));
 }
 
 #[test]
 fn each_word_of_code_is_fetched_once_and_waits_add_up() {
-    // nop; nop; nop.w; nop
+    // The code is: nop; nop; nop.w; nop.
     let mut rig = Rig::<Optimistic>::with_clock(&[0xBF00, 0xBF00, 0xF3AF, 0x8000, 0xBF00]);
     rig.board.waits = 2;
     rig.steps(4);
@@ -44,7 +44,7 @@ fn the_bus_is_advanced_when_it_is_due() {
     assert_eq!(rig.board.advanced, [7]);
 }
 
-/// cpsie i; wfi; b to the wfi
+/// The code is: cpsie i; wfi; b to the wfi.
 const SLEEP: &[u16] = &[0xB662, 0xBF30, 0xE7FD];
 
 #[test]
@@ -73,13 +73,13 @@ fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_doe
         for nmi in [false, true] {
             let run = |hung: bool| {
                 let mut rig = Rig::new(code);
-                // The handler of NMI and of interrupt 0: b .
+                // The handler of NMI and of interrupt 0 is: b .
                 let handler = CODE + 0x100;
                 rig.board.flash[handler as usize..][..2].copy_from_slice(&[0xFE, 0xE7]);
                 for vector in [0x08, 0x40] {
                     rig.board.flash[vector..vector + 4].copy_from_slice(&(handler | 1).to_le_bytes());
                 }
-                // NVIC_ISER0: interrupt 0.
+                // The write to NVIC_ISER0 enables interrupt 0.
                 rig.core.debug_write(&mut rig.board, 0xE000_E100, 1).unwrap();
                 rig.core.run(&mut rig.board, 7);
                 assert_eq!(rig.core.is_asleep(), asleep);
@@ -97,7 +97,7 @@ fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_doe
             assert!(entered && executed && !slept, "{asleep} {nmi}");
             let (entered, executed, slept, pending) = run(true);
             assert_eq!((entered, executed, slept), (false, false, asleep), "{nmi}");
-            // ICSR: NMIPENDSET, or ISRPENDING.
+            // The ICSR must show NMIPENDSET or ISRPENDING.
             assert_ne!(pending & if nmi { 1 << 31 } else { 1 << 22 }, 0, "what came is pending: {pending:#x}");
         }
     }
@@ -105,7 +105,7 @@ fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_doe
 
 #[test]
 fn an_access_that_wants_to_stop_ends_the_run_after_its_instruction() {
-    // ldr r1, [r0]; movs r2, #1
+    // The code is: ldr r1, [r0]; movs r2, #1.
     let mut rig = Rig::new(&[0x6801, 0x2201, 0xE7FE]);
     rig.board.stop_at = Some(DEVICE);
     rig.board.answer = 5;
@@ -131,7 +131,7 @@ fn a_breakpoint_stops_before_its_instruction_and_the_next_run_goes_on_with_it() 
 
 #[test]
 fn a_semihosting_call_is_answered_by_the_caller() {
-    // movs r0, #5; bkpt 0xAB; adds r0, #1; b .
+    // The code is: movs r0, #5; bkpt 0xAB; adds r0, #1; b .
     let mut rig = Rig::new(&[0x2005, 0xBEAB, 0x3001, 0xE7FE]);
     assert_eq!(rig.core.run(&mut rig.board, 100), Exit::HostCall);
     assert_eq!((rig.core.host_call().0, rig.core.pc()), (5, CODE + 2));
@@ -140,8 +140,8 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: RAM that is watched for writes, and RAM that
-/// is not.
+/// Makes cores with code in RAM from its byte 0x200 on, to which a branch by r4 leads. In the first, RAM is watched for
+/// writes; in the second, it is not.
 fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);
@@ -156,7 +156,7 @@ fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
 
 #[test]
 fn code_in_ram_is_executed_as_memory_holds_it_now() {
-    // movs r0, #1; strh r1, [r2]; bx r3 (back to its beginning); r1 is movs r0, #2
+    // The code is: movs r0, #1; strh r1, [r2]; bx r3 (back to the start). r1 holds the encoding of movs r0, #2.
     for mut rig in in_ram(&[0x2001, 0x8011, 0x4718]) {
         rig.set(1, 0x2002).set(2, RAM + 0x200).set(3, RAM + 0x201);
         assert_eq!(rig.core.run(&mut rig.board, 4), Exit::Until);
@@ -168,13 +168,13 @@ fn code_in_ram_is_executed_as_memory_holds_it_now() {
 
 #[test]
 fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now() {
-    // loop: movw r0, #1; add r5, r0; adds r1, #1; strh r1, [r2]; adds r6, #1; cmp r6, #8; bne loop; b .
-    // r2 is the second halfword of movw: each pass adds one more than the one before.
+    // The code is: loop: movw r0, #1; add r5, r0; adds r1, #1; strh r1, [r2]; adds r6, #1; cmp r6, #8; bne loop; b .
+    // The store goes to the second halfword of movw, so each pass adds one more than the one before.
     for mut rig in in_ram(&[0xF240, 0x0001, 0x4405, 0x3101, 0x8011, 0x3601, 0x2E08, 0xD1F7, 0xE7FE]) {
         rig.set(1, 1).set(2, RAM + 0x202).set(5, 0).set(6, 0);
         assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
         assert_eq!((rig.r(5), rig.r(6)), ((1..=8).sum(), 8));
-        // Two loops over the same code, the second with what a bus controller wrote meanwhile.
+        // The code runs twice, the second time with what a bus controller wrote meanwhile.
         rig.board.set_word(RAM + 0x200, 0x0064_F240);
         rig.board.set_word(RAM + 0x204, 0x3101_1A2D);
         rig.set(15, RAM + 0x200).set(5, 1000).set(6, 7);
@@ -183,14 +183,15 @@ fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now
     }
 }
 
-/// So often that the page is no longer watched.
+/// The code writes so often that its page is no longer watched.
 #[test]
 fn code_that_writes_into_its_own_page_for_ever_is_executed_as_memory_holds_it_now() {
-    // loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop; r1 is the second halfword of movw.
+    // The code is: loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop. r1 holds the second halfword
+    // of movw.
     for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
         rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
         assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
-        // The second halfword has bits 11:0 of the value in three pieces; below 256 it is the value.
+        // The second halfword has bits 11:0 of the immediate in pieces. Below 256 the halfword equals the immediate.
         assert_eq!((rig.r(1), rig.r(5)), (200, (0..200).sum()));
     }
 }
@@ -198,7 +199,7 @@ fn code_that_writes_into_its_own_page_for_ever_is_executed_as_memory_holds_it_no
 #[test]
 fn an_instruction_across_two_pages_of_ram_is_executed_as_memory_holds_it_now() {
     for mut rig in in_ram(&[0xBF00]) {
-        // From 0x3FC on: nop; movw r0, #1 across 0x400; bx r3 (back to nop).
+        // The code from 0x3FC on is: nop; movw r0, #1 across 0x400; bx r3 (back to the nop).
         rig.board.set_word(RAM + 0x3FC, 0xF240_BF00);
         rig.board.set_word(RAM + 0x400, 0x4718_0001);
         rig.set(4, RAM + 0x3FD).set(3, RAM + 0x3FD);
@@ -212,7 +213,7 @@ fn an_instruction_across_two_pages_of_ram_is_executed_as_memory_holds_it_now() {
 
 #[test]
 fn a_breakpoint_in_ram_is_met_in_a_loop_that_ran_before() {
-    // loop: adds r0, #1; adds r1, #1; b loop
+    // The code is: loop: adds r0, #1; adds r1, #1; b loop.
     for mut rig in in_ram(&[0x3001, 0x3101, 0xE7FC]) {
         rig.set(0, 0).set(1, 0);
         assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
@@ -258,8 +259,8 @@ fn wfi_lets_time_pass_to_the_end_asked_for() {
 #[test]
 fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
     let codes: [&[u16]; 6] = [
-        // udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd at an odd address;
-        // bx to an even address
+        // Each case is one of: udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd
+        // at an odd address; bx to an even address.
         &[0xDE00],
         &[0xBF04, 0xE000, 0xBF00],
         &[0xBF08, 0xB100],
@@ -277,12 +278,12 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
     }
 }
 
-/// CPSID f; CCR = r3; r0 = the word at r1, where nothing is; r6 = CFSR; r7 = BFAR; a store there; B .
+/// The code is: CPSID f; CCR = r3; r0 = the word at r1, where nothing answers; r6 = CFSR; r7 = BFAR; a store there; B .
 const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
 
-/// BFHFNMIGN has handlers of priority -1 and -2 ignore a data bus fault (ARM ARM B3.2.8): the exception, not the
-/// status,
-/// which is set for each precise fault (B3.2.15, PRECISERR and BFARVALID) and is how firmware probes an address.
+/// With BFHFNMIGN, handlers of priority -1 and -2 ignore the exception of a data bus fault (ARM ARM B3.2.8), but not
+/// its status. Each precise fault sets the status (B3.2.15, PRECISERR and BFARVALID), and firmware probes an address by
+/// it.
 #[test]
 fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {
     fn probes<C: Cost>() {
@@ -292,7 +293,7 @@ fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered()
         assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
         assert_eq!((rig.r(0), rig.r(6), rig.r(7)), (0, 1 << 15 | 1 << 9, 0x7000_0000), "{}", C::NAME);
         assert_eq!((rig.core.pc(), rig.core.locked_up(), rig.core.active_exception()), (CODE + 12, false, 0));
-        // The same without BFHFNMIGN.
+        // Without BFHFNMIGN the same code takes the exception.
         let mut rig = Rig::<C>::with_clock(PROBE);
         rig.set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9);
         assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Lockup, "{}", C::NAME);
@@ -304,7 +305,7 @@ fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered()
 
 #[test]
 fn a_load_multiple_is_left_where_something_is_due_and_continued() {
-    // ldm r0, {r1-r4}; b .
+    // The code is: ldm r0, {r1-r4}; b .
     let mut rig = Rig::<Pessimistic>::with_clock(&[0xBF00, 0xBF00, 0xE890, 0x001E, 0xE7FE]);
     rig.core.skip_to(100);
     for index in 0..4 {

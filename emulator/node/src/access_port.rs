@@ -1,7 +1,7 @@
-//! What the access port of a debug port does to a node: [`crate::debug_port`] is the port itself.
+//! The access to a node through the access port of a debug port. The port itself is [`crate::debug_port`].
 //!
-//! Unlike [`super::hold`], which stops the whole world, this is what silicon offers: the core halts by its own debug
-//! registers, and everything else goes on.
+//! Unlike [`super::hold`], which stops the whole virtual world, this is what silicon offers: the core halts by its own
+//! debug registers, and everything else goes on.
 
 use cortex_m4::{Cost, Fault, Width};
 use emulator_part::Part;
@@ -9,20 +9,22 @@ use emulator_part::Part;
 use super::{Board, Error, Firmware, Node};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// `part` on `board` at power-on, running what its memory holds: nothing, on a new part. No symbols are known.
+    /// Makes a node at power-on from `part` on `board`. It runs what the part's memory already holds, which is nothing
+    /// on a new part. No symbols are known.
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // What runs there until it is written anew is nobody's firmware.
+        // Until a debugger writes a firmware, what is there belongs to nobody, so its faults are not reported.
         node.core.tell_faults(false);
         node
     }
 
-    /// As [`Node::programmed`], for a part whose memory holds `firmware`, which names its addresses in reports.
+    /// Makes a node as [`Node::programmed`] does, for a part whose memory holds `firmware`. Reports name addresses by
+    /// this firmware's symbols.
     ///
     /// # Errors
     ///
-    /// [`Error::Differs`] where memory holds something else.
+    /// Returns [`Error::Differs`] where memory holds something else.
     pub fn programmed_with(part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
             let held = u32::try_from(*address).ok().and_then(|address| part.memory(address, bytes.len()));
@@ -36,16 +38,16 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
-    /// A debugger has the debug domain powered, or no longer: what resets on a lock-up does not meanwhile.
+    /// Sets whether a debugger has powered the debug domain. Meanwhile, a part that resets on a lock-up does not.
     pub fn set_debugged(&mut self, debugged: bool) {
         self.debugged = debugged;
     }
 
-    /// Reads at `address`, aligned to `width`, as an access port does, now.
+    /// Reads at `address`, which is aligned to `width`, at the present instant, as an access port does.
     ///
     /// # Errors
     ///
-    /// The fault that the bus answers with.
+    /// Returns the fault with which the bus answers.
     pub fn access_port_read(&mut self, address: u32, width: Width) -> Result<u32, Fault> {
         let at = self.present();
         let answer = self.core.access_port_read(&mut self.side, address, width, at);
@@ -53,11 +55,11 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Writes as [`Node::access_port_read`] reads.
+    /// Writes as an access port does, see [`Node::access_port_read`].
     ///
     /// # Errors
     ///
-    /// The fault that the bus answers with.
+    /// Returns the fault with which the bus answers.
     pub fn access_port_write(&mut self, address: u32, width: Width, value: u32) -> Result<(), Fault> {
         let at = self.present();
         let answer = self.core.access_port_write(&mut self.side, address, width, value, at);
@@ -65,7 +67,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Calls the part at the present cycle, as a debug port does that has more than an access port to it.
+    /// Calls the part at the present cycle, for a debug port that has more than one access port to it.
     pub fn with_part<T>(&mut self, call: impl FnOnce(&mut B::Part, u64) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, _| call(part, at));
@@ -79,7 +81,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.tell_halt();
     }
 
-    /// Lets the part know whether the core is halted for debug.
+    /// Tells the part whether the core is halted for debug.
     pub(super) fn tell_halt(&mut self) {
         let halted = self.core.is_halted();
         if halted != self.told_halt {

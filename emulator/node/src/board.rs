@@ -1,9 +1,9 @@
 //! What is wired around a microcontroller.
 //!
-//! A [`Board`] hears what its part does to pins and buses ([`emulator_part::Outside`], with instants in nanoseconds)
-//! and says what its chips do to the part's pins. After everything that reaches it, and when its own
-//! [`Board::next_event`] has come, the node calls [`Board::settle`]; the part hears of what comes back at that same
-//! instant.
+//! A [`Board`] is called for what its part does to pins and buses ([`emulator_part::Outside`], with instants in
+//! nanoseconds), and returns what its chips do to the part's pins. The node calls [`Board::settle`] after everything
+//! that reaches the board, and when the board's own [`Board::next_event`] has come. The part gets the result at that
+//! same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -13,9 +13,10 @@ use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFram
 /// What a board does to a pin of its part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// It drives the pin (`Some`) or lets go of it.
+    /// The board drives the pin (`Some`) or stops driving it (`None`).
     Level(Pin, Option<bool>),
-    /// It sends a frame on the pin; the start bit begins at this instant (ns), a frame's length ago at most.
+    /// The board sends a UART frame on the pin. The start bit begins at this instant (ns), which is at most a frame's
+    /// length ago.
     Frame(Pin, u64, UartFrame),
 }
 
@@ -24,57 +25,57 @@ pub trait Board: Clone + Debug + Send + 'static {
     /// The board's microcontroller.
     type Part: Part;
 
-    /// See [`Outside::pin`].
+    /// Tells the board what the part does to a pin, see [`Outside::pin`].
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         let _ = (at, pin, pad);
     }
 
-    /// See [`Outside::spi`]. `begins` and `ends` are the frame's.
+    /// Exchanges an SPI frame, see [`Outside::spi`]. `begins` and `ends` are the frame's instants.
     fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let _ = (begins, ends, frame);
         None
     }
 
-    /// See [`Outside::uart`].
+    /// Receives a UART frame of the part, see [`Outside::uart`].
     fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let _ = (at, pin, frame);
     }
 
-    /// See [`Outside::i2c`].
+    /// Answers an I2C controller, see [`Outside::i2c`].
     fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
         let _ = (at, scl, sda, event);
         I2cAnswer::NOBODY
     }
 
-    /// See [`Outside::microvolts`].
+    /// The voltage on a pin in microvolts, see [`Outside::microvolts`].
     fn microvolts(&self, at: u64, pin: Pin) -> i32 {
         let _ = (at, pin);
         0
     }
 
     /// When a chip of the board next acts by itself, `u64::MAX` for never. At that instant the node calls
-    /// [`Board::settle`], which must move it on.
+    /// [`Board::settle`], after which this must return a later one.
     fn next_event(&self) -> u64 {
         u64::MAX
     }
 
-    /// The chips act up to `at`; what they do to the part's pins is added to `inputs`, changes only.
+    /// Lets the chips act up to `at`. It adds to `inputs` what they do to the part's pins, changes only.
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let _ = (at, inputs);
     }
 
-    /// Whether something waits to leave the board, which returns [`super::Node::advance`] at once.
+    /// Whether something waits to leave the board. It makes [`super::Node::advance`] return at once.
     fn outgoing(&self) -> bool {
         false
     }
 }
 
-/// A part with nothing around it: every pin open, every bus empty.
+/// A board with nothing around its part: every pin is open, and every bus is empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bare<P>(PhantomData<P>);
 
 impl<P> Bare<P> {
-    /// Nothing.
+    /// Makes a board with nothing on it.
     #[must_use]
     pub const fn new() -> Self {
         Self(PhantomData)
@@ -85,12 +86,12 @@ impl<P: Part> Board for Bare<P> {
     type Part = P;
 }
 
-/// A board as its part sees it: [`Outside`], with the part's cycles turned into the bench's time.
+/// A board as its part sees it: an [`Outside`] that converts the part's cycles into the bench's time.
 #[derive(Debug)]
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Something reached the board.
+    /// Set when something reaches the board.
     pub(super) touched: &'a mut bool,
 }
 

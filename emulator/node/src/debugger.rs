@@ -1,4 +1,4 @@
-//! What a debugger sees and changes of a node.
+//! How a debugger inspects and changes a node.
 
 use cortex_m4::{Cost, Register};
 use emulator_part::{Part, Pin};
@@ -6,13 +6,13 @@ use emulator_part::{Part, Pin};
 use super::{Board, Digest, Error, Firmware, Node, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// The image this node runs.
+    /// The firmware image that this node runs.
     #[must_use]
     pub fn firmware(&self) -> &Firmware {
         &self.firmware
     }
 
-    /// Core register `number`: 0 to 15, then xPSR at 16.
+    /// The value of core register `number`: 0 to 15, and 16 for xPSR.
     #[must_use]
     pub fn register(&self, number: usize) -> u32 {
         match u8::try_from(number) {
@@ -21,7 +21,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Gives core register `number`, 0 to 15, another value, between two instructions.
+    /// Changes core register `number`, 0 to 15, between two instructions.
     pub fn set_register(&mut self, number: usize, value: u32) {
         if let Ok(number @ 0..=15) = u8::try_from(number) {
             self.core.set_register(Register::R(number), value);
@@ -34,7 +34,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.core.register(register)
     }
 
-    /// Gives any register of the core another value, between two instructions.
+    /// Changes any register of the core, between two instructions.
     pub fn set_core_register(&mut self, register: Register, value: u32) {
         self.core.set_register(register, value);
     }
@@ -45,9 +45,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.part.pin(pin)
     }
 
-    /// Fills `to` from `address` on, up to the first byte that nothing answers, and answers how many bytes those are.
-    /// Memory is read as it is. Every other word, of a peripheral or of the core's own space, is read on a copy of core
-    /// and board that is thrown away: nothing is found, cleared or set off, whatever a read does there.
+    /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
+    /// Memory is read as it is. A word of a peripheral or of the core's own space is read on a copy of core and board,
+    /// which is then dropped. So the read reports, clears and starts nothing, whatever a real read does there.
     #[must_use]
     pub fn peek(&self, address: u32, to: &mut [u8]) -> usize {
         if memory::read(&self.side.part, u64::from(address), to) {
@@ -70,11 +70,12 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Writes `from` at `address` as a debugger does: memory, flash included, or whole words of peripherals and of the
-    /// core's own space, with all that such a write does.
+    /// core's own space, with all the effects of such a write.
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where nothing takes it, or where a part of a word would be written that is not memory.
+    /// Returns [`Error::NotMemory`] where nothing takes the write, or where it would change a part of a word that is
+    /// not memory.
     pub fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), Error> {
         let refused = Error::NotMemory { address: u64::from(address), length: from.len() };
         if self.write(u64::from(address), from).is_ok() {
@@ -94,7 +95,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(())
     }
 
-    /// The word at `address` as a debugger reads it: memory, or the processor's own registers.
+    /// The word at `address` as a debugger reads it, from memory or from the processor's own registers.
     #[must_use]
     pub fn word(&mut self, address: u64) -> Option<u32> {
         if let Some(word) = memory::value(&self.side.part, address, 4) {
@@ -111,7 +112,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`].
+    /// Returns [`Error::NotMemory`] where a byte is not memory.
     pub fn read(&self, address: u64, to: &mut [u8]) -> Result<(), Error> {
         let length = to.len();
         memory::read(&self.side.part, address, to).then_some(()).ok_or(Error::NotMemory { address, length })
@@ -121,7 +122,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`].
+    /// Returns [`Error::NotMemory`] where a byte is not memory.
     pub fn write(&mut self, address: u64, from: &[u8]) -> Result<(), Error> {
         let written = memory::write(&mut self.side.part, address, from);
         let signals = self.side.part.signals();
@@ -129,11 +130,11 @@ impl<B: Board, C: Cost> Node<B, C> {
         written.then_some(()).ok_or(Error::NotMemory { address, length: from.len() })
     }
 
-    /// Where the firmware's `symbol` is.
+    /// The address of the firmware's symbol `symbol`.
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`].
+    /// Returns [`Error::NoSymbol`] where the image has no such symbol.
     pub fn address_of(&self, symbol: &str) -> Result<u64, Error> {
         self.firmware
             .symbol(symbol)
@@ -141,16 +142,16 @@ impl<B: Board, C: Cost> Node<B, C> {
             .ok_or_else(|| Error::NoSymbol { firmware: self.firmware.name().to_owned(), symbol: symbol.to_owned() })
     }
 
-    /// Fills `to` from the firmware's static `symbol`.
+    /// Fills `to` from the firmware's static variable `symbol`.
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] and [`Error::NotMemory`].
+    /// Returns [`Error::NoSymbol`] and [`Error::NotMemory`].
     pub fn read_symbol(&self, symbol: &str, to: &mut [u8]) -> Result<(), Error> {
         self.read(self.address_of(symbol)?, to)
     }
 
-    /// A number that differs when anything the firmware could see differs: registers, RAM, time, instructions.
+    /// A number that differs when anything that the firmware could see differs: registers, RAM, time, instructions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();

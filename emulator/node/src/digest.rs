@@ -1,6 +1,6 @@
-//! Digests of a state.
+//! Digests of a node's state.
 
-/// FNV-1a, 64 bits: a digest that is the same on every host and release.
+/// FNV-1a with 64 bits, a digest that is the same on every host and in every release.
 #[derive(Clone, Copy, Debug)]
 pub struct Digest(u64);
 
@@ -20,19 +20,19 @@ impl Digest {
         Self(Self::OFFSET)
     }
 
-    /// Takes bytes.
+    /// Adds bytes to the digest.
     pub fn bytes(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(Self::PRIME);
         }
     }
 
-    /// Takes a word, its least significant byte first.
+    /// Adds a word to the digest, its least significant byte first.
     pub fn word(&mut self, word: u64) {
         self.bytes(&word.to_le_bytes());
     }
 
-    /// The digest of all that it took.
+    /// The digest of everything that was added.
     #[must_use]
     pub fn finish(self) -> u64 {
         self.0

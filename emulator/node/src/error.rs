@@ -1,6 +1,6 @@
-//! Why a node cannot be made or asked.
+//! Why a node cannot be made, or cannot answer a request.
 
-/// What a node cannot do, as opposed to what a firmware does wrong.
+/// A failure of a request to a node, as opposed to a fault of its firmware.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -13,70 +13,70 @@ pub enum Error {
          linked for this part?"
     )]
     Placement {
-        /// The image.
+        /// The name of the image.
         firmware: String,
-        /// The part.
+        /// The name of the part.
         part: &'static str,
         /// The segment's first address.
         address: u64,
-        /// Its length in bytes.
+        /// The segment's length in bytes.
         length: usize,
     },
-    /// What a part is said to have kept is not of its size.
+    /// The flash contents that a part should keep have another size than its flash.
     #[error("{length} bytes are not what the {part} keeps")]
     OtherFlash {
-        /// The part.
+        /// The name of the part.
         part: &'static str,
-        /// How many bytes.
+        /// The number of bytes in the contents.
         length: usize,
     },
     /// The part's memory does not hold this image.
     #[error("the {part} does not hold {firmware}: its memory differs at {address:#010x}")]
     Differs {
-        /// The image.
+        /// The name of the image.
         firmware: String,
-        /// The part.
+        /// The name of the part.
         part: &'static str,
-        /// Where the first byte differs.
+        /// The address of the first byte that differs.
         address: u64,
     },
     /// The image has no such symbol.
     #[error("{firmware} has no symbol {symbol}: is it the right image, and is the symbol `#[no_mangle]` and used?")]
     NoSymbol {
-        /// The image.
+        /// The name of the image.
         firmware: String,
-        /// The name asked for.
+        /// The requested name.
         symbol: String,
     },
     /// A function does not hold certain bytes at exactly one place.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
-        /// The function.
+        /// The name of the function.
         function: String,
-        /// What was looked for.
+        /// The bytes that were looked for.
         bytes: Vec<u8>,
-        /// Where it was found.
+        /// How often the bytes were found, in words.
         found: &'static str,
     },
-    /// An address or symbol asked for is not in memory.
+    /// A requested address or symbol is not in memory.
     #[error("{length} bytes at {address:#010x} are not memory of the target")]
     NotMemory {
         /// The first address.
         address: u64,
-        /// How many bytes were asked for.
+        /// The number of requested bytes.
         length: usize,
     },
-    /// Where the part's core looks for its vectors at reset, the image has none.
+    /// The image has no vector table at the address from which the part's core reads it at reset.
     #[error(
         "{firmware} has no vector table at {address:#010x}, where the {part} starts from, and begins at \
          {begins:#010x}: is it an image for this part, without a bootloader?"
     )]
     NoVectors {
-        /// The image.
+        /// The name of the image.
         firmware: String,
-        /// The part.
+        /// The name of the part.
         part: &'static str,
-        /// Where the table should be.
+        /// The address at which the table should be.
         address: u64,
         /// The lowest address that the image fills.
         begins: u64,

@@ -9,34 +9,36 @@ pub enum FindingKind {
     Panic,
     /// The core took a HardFault.
     HardFault,
-    /// An interrupt or exception without a handler of its own reached the default handler.
+    /// An interrupt or exception without its own handler reached the default handler.
     UnhandledInterrupt,
-    /// The core locked up: a fault inside the fault handler.
+    /// The core locked up: a fault occurred inside the fault handler.
     Lockup,
-    /// An access where the part has nothing. The core took a bus fault.
+    /// The firmware accessed an address at which the part has nothing. The core took a bus fault.
     Unmapped,
-    /// An access the part refused: the peripheral's clock is off, or the bus answers with an error.
+    /// The part refused an access: the peripheral's clock is off, or the bus answers with an error.
     Refused,
-    /// An access to a register this bench does not model. Its value was stored or read back and nothing else happened.
+    /// The firmware accessed a register that this bench does not model. Its value was stored or read back, and nothing
+    /// else happened.
     Unmodelled,
-    /// An access inside a peripheral's block where the manual has no register. It read zero.
+    /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
-    /// A state the manual forbids, which the part itself does not report.
+    /// The firmware made a state that the manual forbids, and that the real part does not report.
     Misuse,
-    /// Something was used that an erratum of the part spoils.
+    /// The firmware used something that an erratum of the part spoils.
     Erratum,
-    /// A bus controller was pointed at memory it cannot reach.
+    /// A bus controller was given an address that it cannot reach.
     Unreachable,
-    /// The firmware's log lost bytes or carries a frame that does not decode.
+    /// The firmware's log lost bytes, or carries a frame that does not decode.
     LogOverrun,
-    /// The RTT control block holds what no firmware writes there, or a channel what its name does not promise.
+    /// The RTT control block holds values that no firmware writes, or a channel's data is not what its name says.
     LogCorrupt,
-    /// The firmware does nothing but restart.
+    /// The firmware only restarts, again and again.
     RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
-    /// Something reached a board that was already past its instant: a message that took less time than the scheduler
-    /// was told, or an actor beside the board that was not asked for its next instant. The run is not exact.
+    /// Something reached a board after the instant at which it was due, so the run is not exact. Either a message took
+    /// less time than the lookahead that the scheduler was given, or the instant of an actor beside the board was not
+    /// taken into account.
     Late,
 }
 
@@ -56,30 +58,30 @@ impl From<emulator_part::FindingKind> for FindingKind {
 }
 
 impl FindingKind {
-    /// Whether the firmware stopped doing its work, rather than doing something questionable on the way.
+    /// Whether the firmware stopped its work, as opposed to doing something questionable and going on.
     #[must_use]
     pub fn is_fatal(self) -> bool {
         self.ends_run() || matches!(self, Self::Panic | Self::Unmapped | Self::ExitStatus)
     }
 
-    /// Whether nothing more is to be expected of a firmware that runs alone.
+    /// Whether a firmware that runs alone will do nothing more.
     pub(crate) fn ends_run(self) -> bool {
         matches!(self, Self::HardFault | Self::UnhandledInterrupt | Self::Lockup | Self::RestartLoop)
     }
 }
 
-/// One thing that went wrong.
+/// A report of one thing that went wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// What it is.
+    /// The kind of the finding.
     pub kind: FindingKind,
-    /// When, in virtual nanoseconds.
+    /// The instant of the finding, in virtual nanoseconds.
     pub at: u64,
-    /// The instruction that did it, where one did.
+    /// The address of the instruction that caused the finding, if one did.
     pub pc: Option<u64>,
-    /// That instruction as `function+offset (file:line)`, as far as the image says.
+    /// The instruction at `pc` as `function+offset (file:line)`, as far as the image has this information.
     pub symbol: Option<String>,
-    /// What happened, in words.
+    /// A description of what happened, in words.
     pub text: String,
 }
 

@@ -1,4 +1,4 @@
-//! A firmware image: what goes into memory, and what its addresses mean to a person.
+//! Firmware images: what goes into memory, and the names of addresses for a reader.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,16 +12,16 @@ use object::{Architecture, LittleEndian, Object, ObjectSection, ObjectSymbol, Sy
 
 use super::Error;
 
-/// A symbol of a firmware.
+/// A symbol of a firmware image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Symbol {
-    /// Its address; for a function that of its first instruction, with the Thumb bit clear.
+    /// The symbol's address. For a function it is that of its first instruction, with the Thumb bit clear.
     pub address: u64,
-    /// Its size in bytes, zero where the image does not say.
+    /// The symbol's size in bytes, zero where the image does not state one.
     pub size: u64,
 }
 
-/// A function, for naming an address inside it.
+/// A function, for naming the addresses inside it.
 #[derive(Clone, Debug)]
 struct Function {
     start: u64,
@@ -41,7 +41,7 @@ struct Contents {
     symbols: BTreeMap<String, Symbol>,
     functions: Vec<Function>,
     log: Option<defmt_decoder::Table>,
-    /// Why there is no table, as far as the image has a part of one.
+    /// Why the table of log messages cannot be read, if the image has at least a part of one.
     log_error: Option<String>,
 }
 
@@ -50,18 +50,18 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, or is no linked 32-bit Arm ELF file.
+    /// Returns an error for a file that cannot be read, or that is no linked 32-bit Arm ELF file.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let bytes = std::fs::read(path).map_err(|error| Error::Firmware(format!("{}: {error}", path.display())))?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         Self::parse(&name, bytes)
     }
 
-    /// Takes the ELF file in `elf`, called `name` in reports.
+    /// Parses the ELF file in `elf`, which reports call `name`.
     ///
     /// # Errors
     ///
-    /// As [`Firmware::read`].
+    /// Returns the errors of [`Firmware::read`].
     pub fn parse(name: &str, elf: Vec<u8>) -> Result<Self, Error> {
         let refuse = |error: &dyn std::fmt::Display| Error::Firmware(format!("{name}: {error}"));
         if elf.is_empty() {
@@ -70,7 +70,7 @@ impl Firmware {
         if !elf.starts_with(&ELFMAG) {
             return Err(refuse(&"not an ELF file: name the one that the linker wrote, no .hex, .bin or source"));
         }
-        // Which kind of file it is decides how the rest of it is laid out, so this is looked at before it is parsed.
+        // The kind of the file decides how the rest of it is laid out, so it is checked before parsing.
         if let Ok(any) = object::File::parse(&*elf)
             && (any.architecture() != Architecture::Arm || !any.is_little_endian())
         {
@@ -105,7 +105,7 @@ impl Firmware {
         let mut functions = Vec::new();
         for symbol in file.symbols() {
             let Ok(name) = symbol.name() else { continue };
-            // `$t` and `$d` mark code and data for disassemblers.
+            // The symbols `$t` and `$d` mark code and data for disassemblers.
             if name.is_empty() || name.starts_with('$') || symbol.is_undefined() {
                 continue;
             }
@@ -118,7 +118,7 @@ impl Firmware {
             symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
         }
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
-        // An image may link crates that log with defmt and not log itself: it runs all the same.
+        // An image may link crates that log with defmt without logging itself. It runs all the same.
         let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
             Ok(table) => (table, None),
             Err(error) => (None, Some(error.to_string())),
@@ -127,7 +127,7 @@ impl Firmware {
         Ok(Self(Arc::new(Contents { name: name.to_owned(), elf, segments, symbols, functions, log, log_error })))
     }
 
-    /// Bytes at addresses, with no symbols: a few hand-assembled instructions for a test.
+    /// Makes an image of bytes at addresses, without symbols, for a test of a few hand-assembled instructions.
     #[must_use]
     pub fn raw(name: &str, segments: Vec<(u64, Vec<u8>)>) -> Self {
         Self(Arc::new(Contents {
@@ -141,31 +141,31 @@ impl Firmware {
         }))
     }
 
-    /// The name reports use, the ELF file's.
+    /// The image's name in reports, which is that of the ELF file.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// What goes where before the first instruction: load addresses and bytes.
+    /// The contents of memory before the first instruction: load addresses and bytes.
     #[must_use]
     pub fn segments(&self) -> &[(u64, Vec<u8>)] {
         &self.0.segments
     }
 
-    /// The symbol called `name`, as the linker has it.
+    /// The symbol with the linker's name `name`.
     #[must_use]
     pub fn symbol(&self, name: &str) -> Option<Symbol> {
         self.0.symbols.get(name).copied()
     }
 
-    /// The address of a variable or function whose demangled name, without the number that the compiler put behind it,
-    /// ends in `name` as whole path segments.
+    /// The address of a variable or function whose demangled name ends in `name`, as whole path segments. The hash that
+    /// the compiler appends does not count.
     pub fn symbol_called(&self, name: &str) -> Option<u64> {
         self.variable_called(name).map(|symbol| symbol.address)
     }
 
-    /// As [`Firmware::symbol_called`], with its size.
+    /// The symbol that [`Firmware::symbol_called`] finds, with its size.
     pub fn variable_called(&self, name: &str) -> Option<Symbol> {
         let mut symbols = self.0.symbols.iter();
         let called = |symbol: &str| {
@@ -176,14 +176,14 @@ impl Firmware {
         symbols.find(|(symbol, _)| called(symbol)).map(|(_, symbol)| *symbol)
     }
 
-    /// The bytes of the function that begins at `address`; 0 where none does.
+    /// The number of bytes of the function that begins at `address`, 0 where none does.
     pub fn size_at(&self, address: u64) -> usize {
         let sizes = self.0.functions.iter().filter(|function| function.start == address).map(|function| function.size);
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
     }
 
-    /// The end of what the image places in RAM, from `from` on and below `top`: `from` where that is nothing, `None` in
-    /// an image without sections.
+    /// The end of what the image places in RAM between `from` and `top`. It is `from` where the image places nothing
+    /// there, and `None` for an image without sections.
     pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
         let file = object::File::parse(&*self.0.elf).ok()?;
         let mut any = false;
@@ -191,7 +191,7 @@ impl Firmware {
         for section in file.sections() {
             any = true;
             let (first, behind) = (section.address(), section.address() + section.size());
-            // What is not loaded is at address 0.
+            // Sections that are not loaded have address 0.
             if first >= u64::from(from) && behind <= u64::from(top) {
                 end = end.max(behind);
             }
@@ -199,7 +199,7 @@ impl Firmware {
         u32::try_from(end).ok().filter(|_| any)
     }
 
-    /// The addresses of every function whose demangled name ends in `name` as a whole path segment.
+    /// The addresses of all functions whose demangled name ends in `name`, as a whole path segment.
     pub fn functions_called(&self, name: &str) -> impl Iterator<Item = u64> {
         self.0
             .functions
@@ -210,7 +210,6 @@ impl Firmware {
             .map(|function| function.start)
     }
 
-    /// The defmt table, where the firmware logs with defmt.
     /// Whether the image was read from an ELF file.
     pub(crate) fn is_a_file(&self) -> bool {
         !self.0.elf.is_empty()
@@ -226,12 +225,12 @@ impl Firmware {
         self.0.log.as_ref()
     }
 
-    /// Why the image has no defmt table that can be read, where it has something of one.
+    /// Why the image's defmt table cannot be read, if the image has at least a part of one.
     pub(crate) fn log_error(&self) -> Option<&str> {
         self.0.log_error.as_deref()
     }
 
-    /// `address` as function and offset, like `horus_tx_fw::app::cycle+0x1c`.
+    /// The name of `address` as function and offset, like `horus_tx_fw::app::cycle+0x1c`.
     #[must_use]
     pub fn name_of(&self, address: u64) -> Option<String> {
         let address = address & !1;
@@ -248,10 +247,10 @@ impl Firmware {
         (address - function.start < function.size.max(2)).then_some(function)
     }
 
-    /// What a person needs to find the instruction at `address`: function and source line, like
-    /// `horus_tx_fw::app::cycle+0x1c (src/main.rs:120)`. Of code that was inlined from the language's own libraries or
-    /// from a dependency, both are those of the innermost caller in the firmware itself; where that was inlined too,
-    /// the function that the linker knows follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    /// The function and source line of the instruction at `address`, for a reader, like `horus_tx_fw::app::cycle+0x1c
+    /// (src/main.rs:120)`. For code that was inlined from the language's own libraries or from a dependency, both are
+    /// those of the innermost caller in the firmware itself. If that caller was inlined too, the function of the
+    /// linker's symbol follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
     #[must_use]
     pub fn place_of(&self, address: u64) -> Option<String> {
         let name = self.name_of(address)?;
@@ -263,8 +262,8 @@ impl Firmware {
         })
     }
 
-    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF. See
-    /// [`Firmware::place_of`] for which of several.
+    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF.
+    /// [`Firmware::place_of`] says which line it is where there are several.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)
@@ -291,7 +290,7 @@ impl Firmware {
                 let raw = function.raw_name().ok()?;
                 Some(format!("{:#}", rustc_demangle::demangle(&raw)))
             });
-            // Of the frame that was found, there is now one around it: it was inlined.
+            // There is another frame around the frame that was found, so the latter was inlined.
             if let (Some(found), true) = (&mut found, outermost.is_some()) {
                 found.inlined = found.inlined.take().or_else(|| found.function.take());
             }
@@ -307,8 +306,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // The linker puts what it left out of the image at address 0 in the debug information, on top of what is
-        // really there on a part whose flash begins at 0.
+        // The linker leaves code that it removed from the image in the debug information at address 0. On a part whose
+        // flash begins at 0, it overlaps the code that is really there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
@@ -322,23 +321,23 @@ impl Firmware {
     }
 }
 
-/// Where an instruction comes from.
+/// The source of an instruction.
 #[derive(Debug)]
 struct Source {
-    /// The function it is written in, where the image says.
+    /// The function that contains the instruction, where the image says so.
     function: Option<String>,
-    /// The same, where that function was inlined into another.
+    /// The function that contains the instruction, if that function was inlined into another.
     inlined: Option<String>,
-    /// File and line.
+    /// The source file and line.
     line: String,
 }
 
-/// `file` as seen from the directory it was compiled in, which says nothing to a reader.
+/// The path of `file` without the directory in which it was compiled, which does not help a reader.
 fn within<'a>(file: &'a str, directory: Option<&str>) -> &'a str {
     directory.and_then(|directory| file.strip_prefix(directory)?.strip_prefix('/')).unwrap_or(file)
 }
 
-/// Whether a source file belongs to the language's libraries or to a package from elsewhere.
+/// Whether a source file belongs to the language's libraries or to an external package.
 fn is_library(file: &str) -> bool {
     ["/rustc/", "/rustlib/", "library/core/", "/registry/src/", "/git/checkouts/"]
         .iter()

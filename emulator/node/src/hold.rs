@@ -1,18 +1,18 @@
-//! A debugger that halts a node's core: breakpoints, watchpoints, steps.
+//! A debugger that halts a node's core, with breakpoints, watchpoints and steps.
 //!
-//! A halted node goes through no time at all: [`Node::advance`] comes back at once, and whoever steps the node has to
-//! hold everything else of its world, too. So a firmware never finds out that it was halted, and neither do its
-//! watchdogs, its timers or the other board; on silicon they all would. What is done here between [`Halt`] and
-//! [`Resume`] without changing a register or memory changes nothing of what the run does.
+//! No time passes for a halted node: [`Node::advance`] returns at once, and whoever advances the node must stop
+//! everything else of its world too. So a firmware cannot detect that it was halted, and its watchdogs, its timers and
+//! the other board are not affected; on silicon they all would be. Whatever a debugger does between [`Halt`] and
+//! [`Resume`] without changing a register or memory does not change the run.
 //!
 //! | what | rule |
 //! |---|---|
-//! | breakpoint | halts before the instruction; as many as wanted, in flash and in RAM |
-//! | watchpoint | halts behind the instruction that loaded or stored there ([`cortex_m4::Watchpoint`]); not DMA's |
-//! | step | one instruction; interrupts that come before it are handled on the way, to their ends |
+//! | breakpoint | halts before the instruction; any number of them, in flash and in RAM |
+//! | watchpoint | halts after the instruction that made the access ([`cortex_m4::Watchpoint`]); ignores DMA |
+//! | step | one instruction; interrupts that come before it run to the end of their handlers |
 //! | step into a fault | halts before the handler's first instruction, since a fault handler need not return |
 //! | reset of the part | ends a step; breakpoints and watchpoints stay |
-//! | end of the firmware | halts there where that is asked for: HardFault, an exception without a handler, lock-up |
+//! | end of the firmware | halts if requested: at HardFault, an exception without a handler, or a lock-up |
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -21,75 +21,75 @@ use cortex_m4::{Cost, Exit, Register, Watched, Watchpoint};
 
 use super::{Board, Node};
 
-/// HardFault, MemManage, BusFault and UsageFault, ARMv7-M ARM table B1-4.
+/// The exceptions HardFault, MemManage, BusFault and UsageFault, ARMv7-M ARM table B1-4.
 const FAULTS: std::ops::RangeInclusive<u16> = 3..=6;
 
 /// Why a node's core halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Halt {
-    /// The debugger asked for it.
+    /// The debugger requested it.
     Asked,
     /// The next instruction is at a breakpoint.
     Breakpoint,
-    /// The instruction before made this access.
+    /// The last instruction made this access to a watched address.
     Watchpoint(Watched),
-    /// A step is done.
+    /// A step is complete.
     Stepped,
-    /// The part was reset, and the debugger wanted to know.
+    /// The part was reset, and the debugger requested a halt then.
     Reset,
-    /// The firmware came to its end in a HardFault, in an exception without a handler or in a lock-up, and the debugger
-    /// wanted to know.
+    /// The firmware ended in a HardFault, in an exception without a handler or in a lock-up, and the debugger requested
+    /// a halt then.
     Ended,
 }
 
-/// How a halted core goes on.
+/// How far a resumed core runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Resume {
-    /// To the next breakpoint or watchpoint.
+    /// The core runs to the next breakpoint or watchpoint.
     Continue,
-    /// By one instruction.
+    /// The core executes one instruction.
     Step,
-    /// By instructions until the next one is outside these addresses.
+    /// The core executes instructions until the next one is outside these addresses.
     StepWithin(Range<u32>),
 }
 
-/// What a debugger wants of a core.
+/// A debugger's settings and requests for a core.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hold {
     halted: Option<Halt>,
     breakpoints: BTreeSet<u32>,
-    /// Where the core was resumed: the program counter and the instructions executed by then. The breakpoint there does
-    /// not halt it again.
+    /// Where the core was resumed: its program counter and the number of instructions it had executed. The breakpoint
+    /// there does not halt it again.
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
     halts_at_end: bool,
 }
 
-/// A step under way.
+/// A step that is under way.
 #[derive(Clone, Debug)]
 struct Step {
-    /// The step goes on while the program counter is in here.
+    /// The step goes on while the program counter is in this range.
     within: Range<u32>,
-    /// Where the core is in the code that is stepped: program counter, stack pointer, active exception.
+    /// The position in the code that is stepped: program counter, stack pointer, active exception.
     place: (u32, u32, u16),
-    /// An interrupt is being handled.
+    /// Whether an interrupt is being handled during the step.
     away: bool,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Why the core is halted by the debugger, if it is.
+    /// Why the debugger has halted the core, if it has.
     #[must_use]
     pub fn halted(&self) -> Option<Halt> {
         self.hold.halted
     }
 
-    /// Halts the core where it is, if it is not halted yet.
+    /// Halts the core where it is, unless it is already halted.
     pub fn halt(&mut self) {
         self.halt_for(Halt::Asked);
     }
 
-    /// Lets a halted core go on.
+    /// Resumes a halted core.
     pub fn resume(&mut self, how: Resume) {
         let place = self.place();
         self.hold.resumed = Some((place.0, self.core.retired()));
@@ -102,39 +102,39 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
     }
 
-    /// Halts the core before the instruction at `address` from now on.
+    /// Makes the core halt before the instruction at `address` from now on.
     pub fn set_breakpoint(&mut self, address: u32) {
         self.hold.breakpoints.insert(address & !1);
         self.core.set_breakpoint(address);
     }
 
-    /// Takes a breakpoint back. Answers whether it was there.
+    /// Removes a breakpoint. Returns whether it was set.
     pub fn clear_breakpoint(&mut self, address: u32) -> bool {
         let was = self.hold.breakpoints.remove(&(address & !1));
-        // Where the node itself stops to tell what happened, it goes on doing so.
+        // If the node itself stops at this address to report what happened, it still does so.
         if was && !self.is_trap(u64::from(address & !1)) {
             self.core.clear_breakpoint(address);
         }
         was
     }
 
-    /// Halts the core behind each instruction that accesses these addresses so, from now on.
+    /// Makes the core halt after each instruction that makes such an access, from now on.
     pub fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
         self.core.set_watchpoint(watchpoint);
     }
 
-    /// Takes a watchpoint back. Answers whether it was there.
+    /// Removes a watchpoint. Returns whether it was set.
     pub fn clear_watchpoint(&mut self, watchpoint: Watchpoint) -> bool {
         self.core.clear_watchpoint(watchpoint)
     }
 
-    /// Halts the core after each reset of the part from now on, before its first instruction, or no longer.
+    /// Sets whether the core halts after each reset of the part, before its first instruction.
     pub fn halt_after_reset(&mut self, on: bool) {
         self.hold.halts_after_reset = on;
     }
 
-    /// Halts the core from now on where the firmware comes to its end ([`Halt::Ended`]), or no longer. It halts before
-    /// the first instruction of the handler, or behind the last one before a lock-up.
+    /// Sets whether the core halts when the firmware ends ([`Halt::Ended`]): before the first instruction of the
+    /// handler, or after the last one before a lock-up.
     pub fn halt_at_end(&mut self, on: bool) {
         self.hold.halts_at_end = on;
     }
@@ -153,13 +153,13 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.step = None;
     }
 
-    /// Runs the core to `until` at the latest, as the debugger wants it.
+    /// Runs the core to `until` at the latest, with the debugger's step if there is one.
     #[inline]
     pub(super) fn run_held(&mut self, until: u64) -> Exit {
         if self.hold.step.is_some() { self.run_step(until) } else { self.core.run(&mut self.side, until) }
     }
 
-    /// Takes a step by one instruction or exception entry further.
+    /// Continues a step by one instruction or exception entry.
     #[cold]
     fn run_step(&mut self, until: u64) -> Exit {
         let (executed, changes) = (self.core.retired(), self.core.exception_changes());
@@ -174,7 +174,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             step.place = place;
         } else if executed || entered && FAULTS.contains(&place.2) {
             self.hold.step = None;
-            // A watchpoint says more.
+            // A watchpoint is the more specific reason to halt.
             if exit != Exit::Watchpoint {
                 self.halt_for(Halt::Stepped);
             }
@@ -184,34 +184,34 @@ impl<B: Board, C: Cost> Node<B, C> {
         exit
     }
 
-    /// The core is before an instruction that it was to stop at.
+    /// Handles a stop of the core before an instruction with a breakpoint or a trap.
     pub(super) fn met_breakpoint(&mut self) {
         let pc = self.core.pc();
         if !self.hold.breakpoints.contains(&pc) {
             return;
         }
-        // The trap there may have taken it back.
+        // The handling of a trap there may have removed the breakpoint.
         self.core.set_breakpoint(pc);
         if self.hold.resumed != Some((pc, self.core.retired())) {
             self.halt_for(Halt::Breakpoint);
         }
     }
 
-    /// The core is behind an access that is watched.
+    /// Handles a stop of the core after an access that is watched.
     pub(super) fn met_watchpoint(&mut self) {
         if let Some(watched) = self.core.take_watched() {
             self.halt_for(Halt::Watchpoint(watched));
         }
     }
 
-    /// The part was reset.
+    /// Handles a reset of the part.
     pub(super) fn hold_after_reset(&mut self) {
         if self.hold.step.is_some() || self.hold.halts_after_reset {
             self.halt_for(Halt::Reset);
         }
     }
 
-    /// The node had this many findings before the core met a trap or locked up.
+    /// Handles a trap or a lock-up that may be the firmware's end. `before` is the number of findings before it.
     pub(super) fn hold_at_end(&mut self, before: usize) {
         let ended = self.findings().iter().skip(before).any(|finding| finding.kind.ends_run());
         if ended && self.hold.halts_at_end {

@@ -1,4 +1,4 @@
-//! How something outside acts on a node.
+//! How the outside acts on a node.
 
 use cortex_m4::Cost;
 use emulator_part::{Cycle, Part, Pin, UartFrame};
@@ -6,14 +6,14 @@ use emulator_part::{Cycle, Part, Pin, UartFrame};
 use super::{Board, Node, View};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// What is wired around the part, to read.
+    /// The board around the part, for reading.
     #[must_use]
     pub fn board(&self) -> &B {
         &self.side.board
     }
 
-    /// Something outside acts on the board's chips now, or takes out what they collected. The chips may have other
-    /// plans afterwards, and the part hears of what they do at this instant.
+    /// Lets the outside act on the board's chips now, or take out what they collected. The chips may change their
+    /// plans, and the part gets what they do at this same instant.
     pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
         let answer = act(&mut self.side.board);
         let at = self.present();
@@ -23,14 +23,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// The microcontroller, to read.
+    /// The microcontroller without its core, for reading.
     #[must_use]
     pub fn part(&self) -> &B::Part {
         &self.side.part
     }
 
-    /// Something outside acts on the part now: its pins, a bus, an oscillator. `act` gets the part, what is around it,
-    /// and the present cycle.
+    /// Lets the outside act on the part now: on its pins, a bus or an oscillator. `act` gets the part, its
+    /// surroundings, and the present cycle.
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B::Part, &mut View<'_, B>, Cycle) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, view| act(part, view, at));
@@ -39,12 +39,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Drives `pin` from outside from now on, or lets go of it.
+    /// Drives `pin` from outside from now on, or stops driving it.
     pub fn drive(&mut self, pin: Pin, level: Option<bool>) {
         self.input(|part, view, at| part.drive(at, pin, level, view));
     }
 
-    /// A UART frame whose start bit begins now arrives at `pin`.
+    /// Sends a UART frame to `pin`, whose start bit begins now.
     pub fn receive(&mut self, pin: Pin, frame: UartFrame) {
         self.input(|part, view, at| part.receive(at, pin, frame, view));
     }

@@ -1,4 +1,5 @@
-//! A part on a board of its own with leads clipped to it: pins that are watched or driven, and a UART at each end.
+//! A board for a part that is otherwise alone, with leads to its pins: some are watched or driven, and some have a UART
+//! at the far end.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -7,82 +8,83 @@ use emulator_part::{Pad, Part, Pin, UartFrame};
 
 use super::{Board, Input};
 
-/// A watched pin did something else.
+/// A change of a watched pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinEdge {
-    /// When, in virtual nanoseconds.
+    /// The instant of the change, in virtual nanoseconds.
     pub at: u64,
-    /// Which.
+    /// The pin that changed.
     pub pin: Pin,
-    /// What the part does to it now.
+    /// What the part does to the pin from then on.
     pub pad: Pad,
 }
 
-/// A level that is put on a pin from outside.
+/// A level that the outside drives onto a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drive {
-    /// From when on, in virtual nanoseconds.
+    /// The instant from which the level is driven, in virtual nanoseconds.
     pub at: u64,
-    /// Which pin.
+    /// The pin that is driven.
     pub pin: Pin,
-    /// High or low.
+    /// Whether the level is high.
     pub level: bool,
 }
 
-/// Bytes that are sent to a UART, one after the other, eight bits, no parity, one stop bit.
+/// Bytes that are sent to a UART one after the other, with eight bits, no parity and one stop bit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sending {
-    /// When the first begins, in virtual nanoseconds.
+    /// The instant at which the first byte begins, in virtual nanoseconds.
     pub at: u64,
-    /// The pin at which they arrive.
+    /// The pin at which the bytes arrive.
     pub pin: Pin,
-    /// Bits a second.
+    /// The baud rate in bits per second.
     pub baud: u32,
-    /// What is sent.
+    /// The bytes to send.
     pub bytes: Vec<u8>,
 }
 
-/// What is connected to a part that is otherwise alone.
+/// The leads to a part that is otherwise alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Connected {
-    /// Pins whose every change is told.
+    /// The pins of which every change is reported.
     pub watched: Vec<Pin>,
-    /// Levels that are put on pins.
+    /// The levels that are driven onto pins.
     pub driven: Vec<Drive>,
-    /// Pins whose UART frames are collected.
+    /// The pins whose UART frames are collected.
     pub heard: Vec<Pin>,
-    /// What is sent.
+    /// The bytes that are sent.
     pub sent: Vec<Sending>,
-    /// Pairs of pins with a wire between them: what the part drives on one, level or UART frame, arrives at the other.
+    /// Pairs of pins with a wire between them: whatever the part drives on one, level or UART frame, arrives at the
+    /// other.
     pub wires: Vec<[Pin; 2]>,
 }
 
 /// A byte that the part sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// The end of its stop bit, in virtual nanoseconds.
+    /// The instant at which the byte's stop bit ended, in virtual nanoseconds.
     pub at: u64,
-    /// The pin.
+    /// The pin on which the byte was sent.
     pub pin: Pin,
-    /// The byte.
+    /// The value of the byte.
     pub byte: u8,
 }
 
-/// The board.
+/// The board with leads to its part.
 #[derive(Clone, Debug)]
 pub struct Leads<P> {
     connected: Connected,
-    /// What the part does to each watched pin.
+    /// What the part does to each watched pin now.
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
     heard: Vec<Heard>,
-    /// What is left to do from outside, the latest first: when, and what.
+    /// The inputs that are left to be made, latest first, each with its instant.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
 }
 
 impl<P> Leads<P> {
-    /// With these leads.
+    /// Makes a board with these leads.
     #[must_use]
     pub fn new(connected: Connected) -> Self {
         let mut plan: Vec<(u64, Input)> =
@@ -91,7 +93,7 @@ impl<P> Leads<P> {
             let mut at = sending.at;
             for &byte in &sending.bytes {
                 let frame = UartFrame::eight_n_one(byte, sending.baud.max(1));
-                // A frame is told at its end, and begins before it.
+                // The part receives a frame at the frame's end, and the frame begins before that.
                 plan.push((at + frame.ns(), Input::Frame(sending.pin, at, frame)));
                 at += frame.ns();
             }
@@ -102,17 +104,17 @@ impl<P> Leads<P> {
         Self { connected, pads: BTreeMap::new(), edges: vec![], heard: vec![], plan, part: PhantomData }
     }
 
-    /// What watched pins did since the last call, in order.
+    /// Takes the changes of watched pins since the last call, in order.
     pub fn take_edges(&mut self) -> Vec<PinEdge> {
         std::mem::take(&mut self.edges)
     }
 
-    /// The bytes that were heard since the last call, in order.
+    /// Takes the bytes that the part sent since the last call, in order.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
     }
 
-    /// What arrives by wire at the pins that are joined to `pin`, at `at` (ns).
+    /// Carries an input at `at` (ns) over the wires to the pins that are joined to `pin`.
     fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
         for [one, other] in &self.connected.wires {
             for (from, to) in [(*one, *other), (*other, *one)] {

@@ -1,11 +1,11 @@
 //! Nodes: real firmware images on emulated microcontrollers, in virtual time.
 //!
 //! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`emulator_part::Part`]) and what is
-//! wired around it ([`Board`]), stepped to an instant by [`Node::advance`]. A [`Pair`] keeps two of them in lock-step
-//! with whatever passes between; a [`Relay`] runs two of which one only speaks and the other only hears, on one thread
-//! or on two. Everything is a function of the images, the board and what the caller puts in: no wall clock, no
-//! randomness, nothing that hangs on which thread comes first. All of it is plain data: a clone that is run on does
-//! what the original does.
+//! wired around it ([`Board`]). [`Node::advance`] runs it to an instant. A [`Pair`] keeps two nodes in lock-step, with
+//! whatever passes between them. A [`Relay`] runs two of which one only sends and the other only receives, on one
+//! thread or on two. Everything is a function of the images, the board and the caller's inputs: nothing depends on
+//! wall-clock time, randomness or the order of threads. All state is plain data: a clone that is run on does what the
+//! original does.
 //!
 //! ```
 //! use emulator_node::{Clock, Event, Firmware, Limits, Target};
@@ -27,15 +27,15 @@
 //! ```
 //!
 //! # Time
-//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
-//! of its core, whose rate is what its crystals and its clock tree make of it ([`emulator_part::Timebase`]). Models act
-//! at their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at
-//! most one instruction.
+//! Virtual time is `u64` nanoseconds from power-on, and it is the same for all boards. Inside a board, time is counted
+//! in cycles of its core, whose rate follows from its crystals and its clock tree ([`emulator_part::Timebase`]). Models
+//! act at their exact cycles. The core acts at instruction boundaries, so whatever involves the core is late by at most
+//! one instruction.
 //!
-//! # What stops a run from lying
-//! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral
-//! whose clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with
-//! findings is not a passed run.
+//! # How a run shows what is not modelled
+//! An access to an address where the part has nothing faults, as on silicon. An access to a register without a model,
+//! to a peripheral whose clock is off, or to a state that the manual forbids makes a [`Finding`] with the instruction
+//! that did it. A run with findings has not passed.
 #![forbid(unsafe_code)]
 
 mod access_port;
@@ -87,12 +87,12 @@ use side::Side;
 pub use stack::Stack;
 pub use usage::{LineEdge, Usage};
 
-/// One board, running one firmware: a core, its part, the chips around it, and the clock between them.
+/// One board that runs one firmware: a core, its part, the chips around it, and the clock between them.
 ///
-/// The core runs until an instant is reached ([`Node::advance`]), and what is due in the part and on the board before
-/// that happens on the way, each at its own instant. The part counts cycles of its core; a [`emulator_part::Timebase`]
-/// turns them into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that is run
-/// on does what the original does.
+/// [`Node::advance`] runs the core until an instant is reached. What is due in the part and on the board before that
+/// happens on the way, each at its own instant. The part counts cycles of its core; an [`emulator_part::Timebase`]
+/// converts them into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that is
+/// run on does what the original does.
 #[derive(Clone, Debug)]
 pub struct Node<B: Board, C: Cost = Fast> {
     core: Core<C>,
@@ -101,22 +101,22 @@ pub struct Node<B: Board, C: Cost = Fast> {
     semihosting: bool,
     exit: Option<u32>,
     traps: Traps,
-    /// What a debugger wants of the core.
+    /// The debugger's settings and requests for the core.
     hold: Hold,
-    /// The part has its supply.
+    /// Whether the part has its supply.
     powered: bool,
-    /// The lowest that the supply was while it held the part in reset, µV.
+    /// The lowest supply voltage while the supply held the part in reset, in µV.
     lowest: u32,
-    /// A debugger has the debug domain powered.
+    /// Whether a debugger has powered the debug domain.
     debugged: bool,
-    /// The part was told that the core is halted for debug.
+    /// Whether the part was told (by `Part::halts`) that the core is halted for debug.
     told_halt: bool,
-    /// Which exception was active from when (ns) on; nothing unless watched.
+    /// The active exception from each instant (ns) on, `None` unless it is watched.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
-    /// When RAM is searched for the block of an image that does not say where it is, virtual ns.
+    /// When the RAM is searched for the log's control block, if the image does not say where it is, in virtual ns.
     search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,
@@ -125,7 +125,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     reported: BTreeSet<(FindingKind, String)>,
 }
 
-/// Instructions the node stops at to report what happened, and goes on from.
+/// The instructions at which the node stops to report what happened, before it goes on.
 #[derive(Clone, Debug, Default)]
 struct Traps {
     default_handler: BTreeSet<u64>,

@@ -1,14 +1,14 @@
 //! Two boards in lock-step.
 //!
-//! Conservative parallel simulation on one thread: a board never runs past the first instant at which something could
-//! reach it. That instant is bounded by what the other board may do first (its next event if it sleeps, its present if
-//! it is awake) plus the [`Lookahead`], the least time anything takes to cross. Messages carry their own instant and
-//! are delivered at it, actors beside a board (a flight controller, a receiver) act at theirs. A sleeping board holds
-//! nobody back.
+//! The method is conservative parallel simulation on one thread: a board never runs past the first instant at which
+//! something could reach it. The bound on that instant is what the other board may do first (its next event if it
+//! sleeps, its present if it is awake) plus the [`Lookahead`], the least time that anything takes to cross. Each
+//! message carries its instant and is delivered at it. Actors beside a board (a flight controller, a receiver) act at
+//! their own instants. A sleeping board does not hold the other one back.
 //!
-//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and what stands beside each
-//! board. The order is fixed (messages before actors, by instant and then by the order they were sent), so a run is a
-//! function of its inputs.
+//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and which actors are beside
+//! each board. The order is fixed: messages come before actors, and messages are ordered by instant and then by when
+//! they were sent. So a run is a function of its inputs.
 
 use std::collections::BTreeMap;
 
@@ -16,28 +16,29 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The least time anything takes to cross between the boards, in virtual nanoseconds.
+/// The least time that anything takes to cross between the boards, in virtual nanoseconds.
 ///
-/// The two must not both be zero. [`Lookahead::NEVER`] is a direction nothing ever takes. A controller on one board
-/// that reads an answer from the other within one transfer needs less than a byte time of its bus, 1 µs at 8 MHz.
+/// At least one of the two must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever passes. A
+/// controller on one board that reads an answer from the other within one transfer needs less than a byte time of its
+/// bus, 1 µs at 8 MHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookahead {
-    /// From the first board to the second.
+    /// The least time from the first board to the second.
     pub a_to_b: u64,
-    /// From the second board to the first.
+    /// The least time from the second board to the first.
     pub b_to_a: u64,
 }
 
 impl Lookahead {
-    /// A direction nothing ever takes.
+    /// The value for a direction in which nothing ever passes.
     pub const NEVER: u64 = u64::MAX;
 }
 
-/// How far one board may run ahead of the other where nothing holds it back, in virtual nanoseconds: bounds what waits
-/// to be delivered.
+/// How far one board may run ahead of the other if nothing holds it back, in virtual nanoseconds. It limits the number
+/// of messages that wait to be delivered.
 const MOST_LEAD: u64 = 1_000_000;
 
-/// Messages on their way, with the instant each arrives at.
+/// The messages that are under way, each with the instant at which it arrives.
 #[derive(Debug)]
 pub struct Sent<M> {
     queue: BTreeMap<(u64, u64), M>,
@@ -51,7 +52,7 @@ impl<M> Default for Sent<M> {
 }
 
 impl<M> Sent<M> {
-    /// `message` arrives at `at` (virtual ns), after everything sent earlier for that instant.
+    /// Sends `message` to arrive at `at` (virtual ns), after everything that was sent earlier for that instant.
     pub fn send(&mut self, at: u64, message: M) {
         self.queue.insert((at, self.count), message);
         self.count += 1;
@@ -69,52 +70,55 @@ impl<M> Sent<M> {
     }
 }
 
-/// What passes between two boards, and what stands beside each.
+/// What passes between two boards, and the actors beside each.
 pub trait Between<A: Board, B: Board, C: Cost = Fast> {
-    /// What arrives at the first board.
+    /// The messages to the first board.
     type ToA;
-    /// What arrives at the second board.
+    /// The messages to the second board.
     type ToB;
 
-    /// The least crossing times.
+    /// The least times of crossing.
     fn lookahead(&self) -> Lookahead;
 
-    /// Takes what left the first board up to its present and sends each with the instant it arrives.
+    /// Takes what left the first board up to its present, and sends each message with the instant at which it arrives.
     fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
         let _ = (node, to_b);
     }
 
-    /// Takes what left the second board up to its present and sends each with the instant it arrives.
+    /// Takes what left the second board up to its present, and sends each message with the instant at which it arrives.
     fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
         let _ = (node, to_a);
     }
 
-    /// `message`, due at `at`, reaches the first board, which stands there. Hand it over with [`Node::input`].
+    /// Delivers `message`, which is due at `at`, to the first board, which has reached that instant. Use
+    /// [`Node::input`] for it.
     fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
         let _ = (at, message, node);
     }
 
-    /// `message`, due at `at`, reaches the second board, which stands there.
+    /// Delivers `message`, which is due at `at`, to the second board, which has reached that instant.
     fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B, C>) {
         let _ = (at, message, node);
     }
 
-    /// The next instant an actor beside the first board acts on it.
+    /// The next instant at which an actor beside the first board acts on it.
     fn next_at_a(&self) -> Option<u64> {
         None
     }
 
-    /// The next instant an actor beside the second board acts on it.
+    /// The next instant at which an actor beside the second board acts on it.
     fn next_at_b(&self) -> Option<u64> {
         None
     }
 
-    /// The actor beside the first board acts, due at `at`. [`Between::next_at_a`] must move on.
+    /// Lets the actor beside the first board act, which is due at `at`. [`Between::next_at_a`] must return a later
+    /// instant afterwards.
     fn act_at_a(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 
-    /// The actor beside the second board acts, due at `at`. [`Between::next_at_b`] must move on.
+    /// Lets the actor beside the second board act, which is due at `at`. [`Between::next_at_b`] must return a later
+    /// instant afterwards.
     fn act_at_b(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
@@ -133,7 +137,7 @@ impl<A: Board, B: Board, C: Cost> Between<A, B, C> for Nothing {
     }
 }
 
-/// Two boards and what is between them.
+/// Two boards in lock-step, and what passes between them.
 #[derive(Debug)]
 pub struct Pair<A: Board, B: Board, L: Between<A, B, C>, C: Cost = Fast> {
     /// The first board.
@@ -147,11 +151,11 @@ pub struct Pair<A: Board, B: Board, L: Between<A, B, C>, C: Cost = Fast> {
 }
 
 impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
-    /// Joins two boards that stand at the same instant.
+    /// Joins two boards that have reached the same instant.
     ///
     /// # Panics
     ///
-    /// If both lookaheads are zero, which would let neither board move.
+    /// Panics if both lookaheads are zero, since neither board could then move.
     #[must_use]
     pub fn new(a: Node<A, C>, b: Node<B, C>, between: L) -> Self {
         let lookahead = between.lookahead();
@@ -159,7 +163,7 @@ impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
         Self { a, b, between, to_a: Sent::default(), to_b: Sent::default() }
     }
 
-    /// The instant both boards have reached.
+    /// The instant that both boards have reached.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.a.now().min(self.b.now())
@@ -193,7 +197,7 @@ impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
         }
     }
 
-    /// The first instant the first board can act at: by itself, by a message, or by an actor.
+    /// The first instant at which the first board can act: by itself, by a message, or by an actor.
     fn first_act_a(&self) -> u64 {
         let outside = self.to_a.next().min(next(self.between.next_at_a())).max(self.a.now());
         self.a.earliest().min(outside)

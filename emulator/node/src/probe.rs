@@ -5,20 +5,22 @@ use cortex_m4::Cost;
 use super::rtt::{self, LogLine};
 use super::{Board, Node, Symbol, memory};
 
-/// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
+/// How often the node empties the firmware's log, in virtual nanoseconds, as a debug probe polls RTT.
 pub const PROBE_PERIOD: u64 = 1_000_000;
 
-/// How often the RAM of an image without the usual symbol is searched for a log at least, in virtual nanoseconds.
+/// The longest time between two searches of RAM for the log of an image without the usual symbol, in virtual
+/// nanoseconds.
 const LONGEST_SEARCH: u64 = 100_000_000;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// The log lines since last asked, console output through semihosting among them.
+    /// Takes the log lines since the last call, including console output through semihosting.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         self.probe_log(self.now());
         std::mem::take(&mut self.lines)
     }
 
-    /// The log lines since last asked, as [`Node::take_log`], and then the lines that the firmware did not finish.
+    /// Takes the log lines since the last call, as [`Node::take_log`] does, and then the lines that the firmware did
+    /// not finish.
     pub fn finish_log(&mut self) -> Vec<LogLine> {
         let mut lines = self.take_log();
         let at = self.now();
@@ -27,22 +29,22 @@ impl<B: Board, C: Cost> Node<B, C> {
         lines
     }
 
-    /// The bytes that came over RTT up channel `channel` since last asked, up to the latest 64 KiB. They are in the log
-    /// as well.
+    /// Takes the bytes that came over RTT up channel `channel` since the last call, up to the latest 64 KiB. They are
+    /// in the log as well.
     pub fn take_channel(&mut self, channel: u64) -> Vec<u8> {
         self.probe_log(self.now());
         self.log.take_raw(channel)
     }
 
-    /// A debug probe's look at the log, on a grid of [`PROBE_PERIOD`].
+    /// Reads the log as a debug probe does, on a grid of [`PROBE_PERIOD`].
     pub(super) fn probe(&mut self, now: u64) {
         self.probe_at = (now / PROBE_PERIOD + 1) * PROBE_PERIOD;
         self.probe_log(now);
     }
 
-    /// Overwrites the firmware's log with zeros, as debug probes do before a start: until start-up code has written the
-    /// control block anew, RAM holds what an earlier start or its supply's noise left there. Another probe that is
-    /// attached may be reading the block, and does so itself.
+    /// Overwrites the firmware's log with zeros, as debug probes do before a start. Until start-up code has written the
+    /// control block anew, RAM holds what an earlier start or the noise of power-on left there. If another probe is
+    /// attached, it may be reading the block, and clears it by itself.
     pub(super) fn clear_log(&mut self) {
         if let Some(block) = self.log_block.filter(|_| !self.debugged) {
             let size = usize::try_from(block.size).unwrap_or(0);
@@ -51,9 +53,10 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // What was only ever in flash is read by whoever attaches a probe and has its file.
+        // Only an image that was read from an ELF file is searched for. If the firmware is what was already in flash,
+        // an attached probe that has its file reads the log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
-            // Ever less often: a firmware that logs does so soon.
+            // The searches become rarer, since a firmware that logs does so soon.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
             self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
         }

@@ -1,13 +1,13 @@
-//! Two boards of which one only speaks and the other only hears.
+//! Two boards of which one only sends and the other only receives.
 //!
-//! Nothing ever comes back to the first board, so what it does depends on itself and on what stands beside it alone. It
-//! may run on a thread of its own, ahead of the second board, and sends every message with its instant. The second
-//! board enters a millisecond of virtual time only once the first has left it, and hears a message a fixed virtual time
-//! ahead, which the listener of a message has to bear. What either does follows from virtual instants alone and never
-//! from which thread came first, so a run is a function of its inputs.
+//! Nothing ever comes back to the first board, so its behaviour depends only on itself and on what is beside it. It may
+//! run on its own thread, ahead of the second board, and it sends every message with its instant. The second board
+//! begins a millisecond of virtual time only after the first has completed it. It gets a message a fixed virtual time
+//! ahead of the message's instant, which the receiver of messages must allow for. What either board does follows from
+//! virtual instants only, and never from the order of threads, so a run is a function of its inputs.
 //!
-//! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands
-//! beside the second in a [`Downstream`] (a flight controller).
+//! The caller describes what is beside the first board in an [`Upstream`] (receivers on its lines), and what is beside
+//! the second in a [`Downstream`] (a flight controller).
 
 use std::collections::VecDeque;
 use std::sync::mpsc;
@@ -16,102 +16,104 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The boards enter time in pieces of this, virtual ns.
+/// The length of the pieces of time in which the boards run, in virtual ns.
 const PIECE: u64 = 1_000_000;
 
-/// How far ahead of its instant a message is heard at most, virtual ns.
+/// How far ahead of its instant a message is delivered at most, in virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// How many pieces the first board may be ahead on its own thread: enough that neither waits for the other's bursts of
-/// work, few enough that what waits stays small.
+/// How many pieces the first board may be ahead on its own thread. It is enough that neither thread waits for the
+/// other's bursts of work, and few enough that little data waits.
 const LEAD: usize = 50;
 
-/// What stands beside the first board, and takes what leaves it.
+/// What is beside the first board and takes what leaves it.
 pub trait Upstream<A: Board, C: Cost = Fast>: Send {
-    /// What leaves the board.
+    /// A message that leaves the board.
     type Message: Send;
 
-    /// What is told of the board beside its messages: its log, a trace.
+    /// What else is reported of the board: its log, a trace.
     type Notes: Send;
 
-    /// Takes what left the board up to its present, each with its instant (virtual ns), in order of time.
+    /// Takes what left the board up to its present, each message with its instant (virtual ns), in order of time.
     fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
 
-    /// What is to be told of the board since the last call; called at least once a millisecond of virtual time.
+    /// Takes what is to be reported of the board since the last call. It is called at least once a millisecond of
+    /// virtual time.
     fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
 
-    /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    /// The next instant at which an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }
 
-    /// The actor acts, due at `at`. [`Upstream::next_at`] must move on.
+    /// Lets the actor act, which is due at `at`. [`Upstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 }
 
-/// What stands beside the second board, and brings it what left the first.
+/// What is beside the second board and brings it what left the first.
 pub trait Downstream<B: Board, C: Cost = Fast> {
-    /// What left the first board.
+    /// A message that left the first board.
     type Message;
 
-    /// What is told of the first board beside its messages.
+    /// What else is reported of the first board.
     type Notes;
 
-    /// `message` left the first board at `at` (virtual ns), which the second may not have reached yet.
+    /// Receives `message`, which left the first board at `at` (virtual ns). The second board may not have reached that
+    /// instant yet.
     fn hear(&mut self, at: u64, message: Self::Message, node: &mut Node<B, C>);
 
-    /// `notes` were made of the first board, which may be far ahead.
+    /// Receives the `notes` of the first board, which may be far ahead.
     fn noted(&mut self, notes: Self::Notes);
 
-    /// Takes what left the second board. It reaches nobody's board.
+    /// Takes what left the second board. It reaches no other board.
     fn leave(&mut self, node: &mut Node<B, C>) {
         let _ = node;
     }
 
-    /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    /// The next instant at which an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
     fn next_at(&self) -> u64 {
         u64::MAX
     }
 
-    /// The actor acts, due at `at`. [`Downstream::next_at`] must move on.
+    /// Lets the actor act, which is due at `at`. [`Downstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
 }
 
-/// On how many threads a [`Relay`] runs. What comes of it is the same, byte for byte.
+/// The number of threads on which a [`Relay`] runs. The results are the same, byte for byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Threads {
-    /// The caller's alone.
+    /// The caller's thread only.
     One,
-    /// One for each board.
+    /// One thread for each board.
     #[default]
     Two,
 }
 
-/// What the first board tells the second of a piece of time.
+/// What the first board tells the second about a piece of time.
 #[derive(Debug)]
 struct Told<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
-    /// The board has left everything before this instant.
+    /// Everything that left the board before this instant has been sent.
     reached: u64,
-    /// It has reached the end of the run.
+    /// Whether the board has reached the end of the run.
     ended: bool,
 }
 
-/// Two boards and what stands beside each. Between two runs nothing is on its way, so a clone is a whole bench.
+/// Two boards and what is beside each. Between two runs no message is under way, so a clone is a complete bench.
 #[derive(Clone, Debug)]
 pub struct Relay<A: Board, B: Board, U, D, C: Cost = Fast> {
-    /// The board that speaks.
+    /// The board that sends.
     pub a: Node<A, C>,
-    /// The board that hears.
+    /// The board that receives.
     pub b: Node<B, C>,
-    /// What stands beside the first board.
+    /// What is beside the first board.
     pub upstream: U,
-    /// What stands beside the second board.
+    /// What is beside the second board.
     pub downstream: D,
 }
 
@@ -120,14 +122,14 @@ where
     U: Upstream<A, C>,
     D: Downstream<B, C, Message = U::Message, Notes = U::Notes>,
 {
-    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board
-    /// has come another `step` of virtual time, and at the end, `each` is called with the instant, it and its
-    /// surroundings. What comes of it does not depend on where runs end and `threads`. A board with breakpoints is run
-    /// by [`Relay::run_course`] instead: halted, it would end this run with messages on their way.
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. `each` is called whenever
+    /// the second board has advanced by another `step` of virtual time, and at the end, with the instant, the second
+    /// board and its surroundings. The results do not depend on where runs end or on `threads`. A board with
+    /// breakpoints must be run by [`Relay::run_course`] instead: its halt would end this run with messages under way.
     ///
     /// # Errors
     ///
-    /// What `each` answers, which ends the run.
+    /// Returns the error of `each`, which ends the run.
     pub fn run<E>(
         &mut self,
         end: u64,
@@ -150,7 +152,7 @@ where
                             }
                         }
                     });
-                    // The receiver is dropped when this returns, which ends the other thread.
+                    // This function drops the channel's receiver when it returns, which ends the other thread.
                     follow(b, downstream, end, step, move || told.recv().ok(), each)
                 })
             }
@@ -158,8 +160,8 @@ where
     }
 
     /// Runs both boards on along `course`, on the caller's thread, to the end of its next step or to where a board's
-    /// debugger halts it ([`Node::halted`]). Both boards then stand still, and go on by the next call once the halted
-    /// one is resumed. What comes of it is what [`Relay::run`] makes of the same boards without debuggers.
+    /// debugger halts it ([`Node::halted`]). After a halt both boards stand still, and the next call continues once the
+    /// halted one is resumed. The results are those of [`Relay::run`] for the same boards without debuggers.
     pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
@@ -167,7 +169,8 @@ where
     }
 }
 
-/// A [`Relay`]'s way through time that can be interrupted anywhere: what is on its way between the boards.
+/// The progress of a [`Relay`] through time, which can be interrupted anywhere. It holds the messages that are under
+/// way between the boards.
 #[derive(Clone, Debug)]
 pub struct Course<M> {
     lead: Lead<M>,
@@ -177,38 +180,38 @@ pub struct Course<M> {
 }
 
 impl<M> Course<M> {
-    /// From `from` to `end` in steps of `step`, all virtual ns.
+    /// Makes a course from `from` to `end` in steps of `step`, all in virtual ns.
     #[must_use]
     pub fn new(from: u64, end: u64, step: u64) -> Self {
         Self { lead: Lead { sent: Vec::new(), to: None }, follower: Follower::new(from), end, step }
     }
 
-    /// Whether its end is reached.
+    /// Whether the course has reached its end.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.follower.at >= self.end
     }
 }
 
-/// How far a relay came, see [`Relay::run_course`].
+/// How far a relay has come, see [`Relay::run_course`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// The second board reached the end of a step, this instant (virtual ns).
+    /// The second board reached the end of a step, which is this instant (virtual ns).
     Reached(u64),
     /// A board is halted.
     Halted,
 }
 
-/// The first board's way through time.
+/// The progress of the first board through time.
 #[derive(Clone, Debug)]
 struct Lead<M> {
     sent: Vec<(u64, M)>,
-    /// The end of the piece that it is in.
+    /// The end of the piece of time that the board has begun.
     to: Option<u64>,
 }
 
 impl<M> Lead<M> {
-    /// Runs the first board through its next piece of time; `None` where its debugger halted it in it.
+    /// Runs the first board through its next piece of time. Returns `None` if its debugger halted it within the piece.
     fn piece<A: Board, C: Cost, U: Upstream<A, C, Message = M>>(
         &mut self,
         node: &mut Node<A, C>,
@@ -238,7 +241,7 @@ impl<M> Lead<M> {
     }
 }
 
-/// Runs the second board to `end`, or to where its debugger or the first board's halts.
+/// Runs the second board to `end`, or to a halt of either board by its debugger.
 fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     node: &mut Node<B, C>,
     downstream: &mut D,
@@ -247,7 +250,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    // Steps lie on one grid wherever runs end, also where a board has gone on to the end of an instruction.
+    // Steps lie on one grid wherever runs end, even if a board has gone on to the end of an instruction.
     let mut follower = Follower::new(node.now() / step * step);
     while follower.at < end {
         let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
@@ -256,15 +259,15 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     Ok(())
 }
 
-/// The second board's way through time.
+/// The progress of the second board through time.
 #[derive(Clone, Debug)]
 struct Follower<M> {
-    /// What left the first board and is not heard yet.
+    /// The messages that left the first board and were not delivered yet.
     on_the_way: VecDeque<(u64, M)>,
     /// How far the first board is known to have come, and whether it has ended.
     reached: u64,
     ended: bool,
-    /// The end of the last step that is complete.
+    /// The end of the last complete step.
     at: u64,
 }
 
@@ -273,8 +276,9 @@ impl<M> Follower<M> {
         Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
     }
 
-    /// Runs the second board to the end of its next step. `tell` answers what the first board says next, or `None`
-    /// where that is halted; the step then goes on with the next call, as it does where the second board is halted.
+    /// Runs the second board to the end of its next step. `tell` returns what the first board reports next, or `None`
+    /// if that board is halted. The step then continues with the next call, as it does after a halt of the second
+    /// board.
     fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         node: &mut Node<B, C>,
@@ -311,12 +315,13 @@ impl<M> Follower<M> {
                 downstream.hear(at, message, node);
             }
             let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
-            // What was heard may have brought something that is due before what was.
+            // The delivered messages may have moved the next actor to an earlier instant.
             let next = downstream.next_at();
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
-            // What the first board said after the last that the second had to wait for, and what comes after the end.
+            // Some reports of the first board were not needed by the second until now, and some messages are for
+            // instants after the end. All of them are delivered here.
             while !self.ended {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);
@@ -330,7 +335,7 @@ impl<M> Follower<M> {
         Way::Reached(to)
     }
 
-    /// The first board says this.
+    /// Takes in a report of the first board.
     fn hear<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         told: Told<M, D::Notes>,

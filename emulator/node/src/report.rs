@@ -1,4 +1,4 @@
-//! What a node reports as wrong: what its part found, faults, panics, a core that locked up.
+//! Reports of what goes wrong in a node: findings of its part, faults, panics, lock-ups.
 
 use cortex_m4::{Cost, Register};
 use emulator_part::{Part, Reset};
@@ -6,31 +6,31 @@ use emulator_part::{Part, Reset};
 use super::finding::{Finding, FindingKind};
 use super::{Board, Node, memory};
 
-/// Most findings a node keeps; a firmware in a loop would otherwise fill the host's memory.
+/// The maximum number of findings that a node keeps. A firmware in a loop would otherwise fill the host's memory.
 const MOST_FINDINGS: usize = 200;
 
-/// Configurable Fault Status, HardFault Status and Bus Fault Address registers, ARMv7-M ARM B3.2.
+/// The addresses of the Configurable Fault Status, HardFault Status and Bus Fault Address registers, ARMv7-M ARM B3.2.
 const CFSR: u32 = 0xE000_ED28;
 const HFSR: u32 = 0xE000_ED2C;
 const BFAR: u32 = 0xE000_ED38;
 
-/// `B .` in Thumb.
+/// The Thumb instruction `B .`, which branches to itself.
 pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
 
-/// HardFault's number, ARMv7-M ARM table B1-4; those of MemManage, BusFault and UsageFault follow.
+/// The exception number of HardFault, ARMv7-M ARM table B1-4. Those of MemManage, BusFault and UsageFault follow.
 const HARD_FAULT: u16 = 3;
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// What went wrong since last asked.
+    /// Takes the findings since the last call.
     pub fn take_findings(&mut self) -> Vec<Finding> {
         self.report_errors();
         let mut findings = std::mem::take(&mut self.findings);
-        // At one instant what the part saw comes first: it is why the core then stops.
+        // Among findings of one instant, those of the part come first, since they are why the core then stops.
         findings.sort_by_key(|finding| (finding.at, finding.kind.ends_run()));
         findings
     }
 
-    /// What went wrong so far and was not taken.
+    /// The findings that were not taken yet.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         &self.findings
@@ -49,8 +49,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.findings.push(Finding { kind, at, pc, symbol, text });
     }
 
-    /// Something from outside that was due at `at` (virtual ns), `what`, reaches this node now. If the node has gone
-    /// further than its core's instruction makes it, the run is not exact, and a finding says so.
+    /// Reports an input from outside, `what`, that was due at `at` (virtual ns) and reaches this node too late. If the
+    /// node is beyond that instant by more than one instruction of its core, the run is not exact, and a finding says
+    /// so.
     pub(super) fn note_late(&mut self, at: u64, what: &str) {
         let now = self.now();
         if now > at.saturating_add(self.instruction_ns()) {
@@ -58,7 +59,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes what the models and the core listed since the last call.
+    /// Takes over the findings that the models and the core listed since the last call.
     fn report_errors(&mut self) {
         self.side.changed(self.present());
         let mut found = std::mem::take(&mut self.side.findings);
@@ -78,10 +79,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The core is about to run an instruction the node watches.
+    /// Handles a stop of the core before an instruction that the node watches.
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that is one branch to itself comes here at every turn.
+        // A handler that is a branch to itself gets here at every turn.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }
@@ -111,7 +112,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The core locks up now, as a fault inside a fault handler makes it: it runs nothing until it is reset.
+    /// Locks the core up now, as a fault inside a fault handler does. It executes nothing until it is reset.
     pub fn lock_up(&mut self) {
         if !self.powered {
             return;
@@ -121,8 +122,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Whether the core is before the first instruction of the handler that the vector table has for HardFault, in
-    /// HardFault or in a fault that the firmware ends in the same way. A fault with a handler of its own may be
-    /// ordinary: a system that has a stack grow, or ends one task of many.
+    /// HardFault or in another fault with the same handler. A fault with a handler of its own may be ordinary: a system
+    /// may let a stack grow, or end one task of many.
     pub(super) fn is_in_hard_faults_handler(&self) -> bool {
         let vector = u64::from(self.core.vector_table()) + 4 * u64::from(HARD_FAULT);
         let handler = memory::value(&self.side.part, vector, 4).map(|handler| handler & !1);
@@ -133,11 +134,11 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The core has just entered `kind`'s handler.
+    /// Reports that the core has just entered the handler of `kind`.
     pub(super) fn report_exception(&mut self, kind: FindingKind) {
         let exception = self.core.register(Register::Xpsr) & 0x1FF;
         let returns = self.register(14);
-        // EXC_RETURN bit 2 says which stack the core pushed its frame on, ARMv7-M ARM table B1-8.
+        // Bit 2 of EXC_RETURN says on which stack the core pushed its frame, ARMv7-M ARM table B1-8.
         let stack = self.core.register(if returns & 4 != 0 { Register::Psp } else { Register::Msp });
         let pushed = |index: u64| memory::value(&self.side.part, u64::from(stack) + 4 * index, 4);
         let (lr, pc) = (pushed(5), pushed(6));
@@ -172,9 +173,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.find(FindingKind::Panic, Some(pc), text);
     }
 
-    /// Where the firmware's own code called what panicked: of the return addresses on the stack, the innermost that is
-    /// not in the language's libraries. A word that only looks like one is rare above the stack pointer, and the text
-    /// of the finding has the place from the panic itself.
+    /// The place at which the firmware's own code called what panicked: the innermost return address on the stack that
+    /// is not in the language's libraries. A word that only looks like a return address is rare above the stack
+    /// pointer, and the text of the finding has the place that the panic itself states.
     fn panicking_call(&self) -> Option<u64> {
         const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
         let part = &self.side.part;
@@ -182,15 +183,15 @@ impl<B: Board, C: Cost> Node<B, C> {
         (0..128).find_map(|index| {
             let to = memory::value(part, stack + 4 * index, 4).filter(|to| to & 1 != 0)? & !1;
             let half = |back: u64| memory::value(part, to.checked_sub(back)?, 2);
-            // BL, or BLX of a register: ARMv7-M ARM A7.7.18 and A7.7.19.
+            // A call is a BL, or a BLX of a register: ARMv7-M ARM A7.7.18 and A7.7.19.
             let call = half(4)? & 0xF800 == 0xF000 && half(2)? & 0xD000 == 0xD000 || half(2)? & 0xFF87 == 0x4780;
             let function = self.firmware.name_of(to - 2)?;
             (call && !LIBRARIES.iter().any(|library| function.starts_with(library))).then_some(to - 2)
         })
     }
 
-    /// `PanicInfo` has no stable layout, but it holds a `&Location`: {file name, its length, line, column}. The first
-    /// word of it that points to something of that shape is taken.
+    /// The place in a `PanicInfo`. Its layout is not stable, but it holds a `&Location`: {file name, its length, line,
+    /// column}. The function takes the first word that points to something of that shape.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let part = &self.side.part;
@@ -209,7 +210,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 }
 
-/// The bits of CFSR and HFSR by name, ARMv7-M ARM B3.2.15 and B3.2.16.
+/// The names of the bits that are set in CFSR and HFSR, ARMv7-M ARM B3.2.15 and B3.2.16.
 fn fault_names(cfsr: u32, hfsr: u32) -> String {
     const NAMES: [(u32, &str); 17] = [
         (1 << 0, "instruction access violation"),

@@ -1,4 +1,4 @@
-//! Restarts of a part, and its supply.
+//! Restarts of a part, and changes of its supply.
 
 use cortex_m4::Cost;
 use emulator_part::{Part, Reset, Supplied};
@@ -8,14 +8,14 @@ use super::{Board, FindingKind, Node};
 /// A restart of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResetAt {
-    /// When, in virtual nanoseconds.
+    /// The instant of the restart, in virtual nanoseconds.
     pub at: u64,
-    /// Why.
+    /// The cause of the restart.
     pub cause: Reset,
 }
 
 impl ResetAt {
-    /// Why, in words that follow "restarted".
+    /// The cause in words that follow "restarted".
     #[must_use]
     pub fn why(&self) -> String {
         match self.cause {
@@ -28,25 +28,24 @@ impl ResetAt {
     }
 }
 
-/// What restarts a part from outside, see [`Node::restart`].
+/// A cause outside the part that restarts it, see [`Node::restart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromOutside {
-    /// Its reset pin was pulled low for a moment. RAM keeps its contents.
+    /// The reset pin was pulled low for a moment. RAM keeps its contents.
     Pin,
-    /// Its supply came on. RAM holds what it came up with: noise that follows from the seed.
+    /// The supply came on. RAM holds noise that follows from the seed.
     PowerOn(u64),
-    /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a
-    /// firmware.
+    /// The supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for firmware.
     BrownOut,
-    /// Its watchdog bit, whatever the firmware did. RAM keeps its contents.
+    /// The watchdog bit, whatever the firmware did. RAM keeps its contents.
     Watchdog,
-    /// A debugger resets it through the part's own access port, as by AIRCR.SYSRESETREQ.
+    /// A debugger resets the part through the part's own access port, with the effect of AIRCR.SYSRESETREQ.
     SoftReset,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`]
-    /// lists it. A part whose supply is off begins with its power-on only.
+    /// Restarts the part from outside, now. Its reset flags show the cause as far as the part has flags for it, and
+    /// [`Node::resets`] lists it. A part whose supply is off can begin only with a power-on.
     pub fn restart(&mut self, why: FromOutside) {
         match why {
             FromOutside::PowerOn(seed) => self.power_on(seed),
@@ -58,18 +57,18 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The part's supply goes off, now: its core runs nothing and its pins let go until [`Node::power_on`]. Time goes
-    /// on for the board, whose chips act as before: what becomes of them is the caller's to say. Does nothing to a part
-    /// that is off.
+    /// Switches the part's supply off, now. Its core executes nothing and its pins are not driven until
+    /// [`Node::power_on`]. Time goes on for the board, whose chips act as before; the caller decides what becomes of
+    /// them. The call does nothing to a part that is off.
     pub fn power_off(&mut self) {
         if !self.powered {
             return;
         }
         let at = self.present();
-        // What the firmware logged last: nobody can read it afterwards.
+        // The log is read once more, since nobody can read what the firmware logged last afterwards.
         self.probe_log(self.now());
         self.powered = false;
-        // Without a supply a part does what it does at power-on before its core begins: nothing, with all pins open.
+        // A part without its supply does what it does at power-on before its core begins: nothing, with all pins open.
         self.side.with(at, |part, view| part.reset(at, Reset::PowerOn, view));
         self.side.reset = None;
         self.side.settle(at);
@@ -77,9 +76,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
-    /// The part's supply comes on, now. RAM holds noise that follows from `seed`, flash is as it was, and the part
-    /// starts as [`Reset::PowerOn`] has it, which [`Node::resets`] lists. A part that is on was without its supply for
-    /// no time.
+    /// Switches the part's supply on, now. RAM holds noise that follows from `seed`, flash is unchanged, and the part
+    /// starts as [`Reset::PowerOn`] says, which [`Node::resets`] lists. A part that is on is treated as if its supply
+    /// had been off for no time.
     pub fn power_on(&mut self, seed: u64) {
         self.powered = true;
         self.side.stirred = true;
@@ -88,10 +87,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
-    /// The part's supply has `microvolts` from now on. Where that holds the part in reset its supply counts as off, and
-    /// when it comes back RAM has what is left of it: all above 1.4 V, nothing below 0.4 V, and in between of each
-    /// eight bytes all or nothing (assumed: no data sheet says). What is lost, and what goes wrong at a voltage that is
-    /// too low for what the part does, follows from `seed`.
+    /// Sets the part's supply to `microvolts` from now on. A supply that holds the part in reset counts as off. When it
+    /// returns, RAM keeps everything if the supply stayed above 1.4 V, nothing if it fell below 0.4 V, and in between
+    /// some pieces of eight bytes, each as a whole (assumed, since no data sheet says). `seed` decides what is lost,
+    /// and what goes wrong at a voltage that is too low for what the part does.
     pub fn supply(&mut self, microvolts: u32, seed: u64) {
         let supplied = self.input(|part, view, at| part.supply(at, microvolts, seed, view));
         match supplied {
@@ -114,14 +113,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Whether the part has warned its firmware of a supply that falls, since this was last asked.
+    /// Takes the flag that the part has warned its firmware of a falling supply since the last call.
     pub fn take_supply_warning(&mut self) -> bool {
         self.side.part.take_supply_warning()
     }
 
-    /// The core executes nothing and takes no interrupt from now on, as [`cortex_m4::Core::hang`] has it, until
-    /// something resets the part: the watchdog that nobody feeds, if it runs. Everything else goes on. Does nothing to
-    /// a part without its supply.
+    /// Makes the core execute nothing and take no interrupt from now on, see [`cortex_m4::Core::hang`], until something
+    /// resets the part, such as the watchdog that nobody feeds. Everything else goes on. The call does nothing to a
+    /// part without its supply.
     pub fn hang(&mut self) {
         if self.powered {
             self.core.hang();
@@ -142,26 +141,26 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     pub(super) fn reset_by(&mut self, cause: Reset) {
         let at = self.present();
-        // What the firmware logged last, before its start-up code clears the buffer.
+        // The log is read once more, before the firmware's start-up code clears its buffer.
         self.probe_log(self.now());
         self.resets.push(ResetAt { at: self.now(), cause });
         self.side.with(at, |part, view| part.reset(at, cause, view));
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
-        // Some of the part's models are new and take the core for running, others are as they were.
+        // Some models of the part are new and assume that the core runs. Others keep their state.
         self.told_halt = self.told_halt && !self.core.is_halted();
         self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
         self.clear_log();
-        // What the last start did, the next may do again.
+        // What was reported of the last start may happen and be reported again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
         self.hold_after_reset();
     }
 
-    /// Fills RAM with noise that follows from `seed` (SplitMix64), as RAM comes up: one in so many pieces of eight
+    /// Fills RAM with noise that follows from `seed` (SplitMix64), as at power-on: one in `one_in` pieces of eight
     /// bytes.
     fn come_up(&mut self, seed: u64, one_in: u64) {
         let mut state = seed;
@@ -180,7 +179,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.clear_log();
     }
 
-    /// Every restart of the part so far.
+    /// All restarts of the part so far.
     #[must_use]
     pub fn resets(&self) -> &[ResetAt] {
         &self.resets

@@ -1,67 +1,70 @@
-//! SEGGER RTT as a debug probe reads it, and the defmt stream inside it.
+//! SEGGER RTT as a debug probe reads it, and the defmt stream within it.
 //!
-//! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the counts of up and down channels, then 24 bytes
-//! for each channel {name, buffer, size, write offset, read offset, flags}. The probe empties an up channel from the
-//! read to the write offset, wraps at the size, and writes the read offset back, which is what makes room for more.
+//! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the numbers of up and down channels, then 24 bytes
+//! for each channel {name, buffer, size, write offset, read offset, flags}. The probe reads an up channel from the read
+//! offset to the write offset, wraps at the size, and sets the read offset to the write offset, which makes room for
+//! more.
 //!
 //! | what | how |
 //! |---|---|
 //! | the channel called `defmt` | frames, decoded with the image's own table |
-//! | every other up channel | text, by lines; bytes that are no UTF-8 show as U+FFFD |
+//! | every other up channel | text, by lines; bytes that are not UTF-8 show as U+FFFD |
 //! | a channel that was full when the probe came | a finding, unless the firmware waits for room (mode 2) |
-//! | a field that cannot be true | a finding, once; the other channels go on |
-//! | down channels | not written: a firmware that waits for input waits |
+//! | a field with an impossible value | a finding, once; the other channels go on |
+//! | down channels | not written: a firmware that waits for input goes on waiting |
 
 use emulator_part::Part;
 
 use super::finding::FindingKind;
 use super::{Firmware, memory};
 
-/// A message shorter than this fits where a buffer is not nearly full.
+/// A length in bytes. Shorter messages fit into a buffer that is not nearly full.
 const SHORT_MESSAGE: u64 = 32;
-/// What every initialised control block starts with. The firmware writes it last.
+/// The first bytes of every initialised control block. The firmware writes them last.
 pub(super) const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
-/// Offset of the count of up channels in the control block.
+/// The offset of the number of up channels in the control block.
 const UP_COUNT: u64 = 16;
-/// Offset of the first channel.
+/// The offset of the first channel in the control block.
 const CHANNELS: u64 = 24;
-/// Bytes of one channel's description.
+/// The number of bytes that describe one channel.
 const CHANNEL_BYTES: u64 = 24;
-/// More channels than any firmware declares; a larger count is garbage.
+/// More channels than any firmware declares. A larger number is garbage.
 const MOST_CHANNELS: u64 = 16;
-/// No control block is longer, in bytes: it has as many down channels as up channels.
+/// The length of the longest control block in bytes. It assumes as many down channels as up channels.
 pub(super) const LONGEST: usize = (CHANNELS + 2 * MOST_CHANNELS * CHANNEL_BYTES) as usize;
 
-/// The longest name of a channel that is shown.
+/// The longest channel name that is shown, in bytes.
 const LONGEST_NAME: usize = 32;
-/// What the channel with defmt frames is called: by `defmt-rtt`, and by convention by everything else.
+/// The name of the channel with defmt frames: `defmt-rtt` gives it this name, and by convention everything else does
+/// too.
 const DEFMT: &str = "defmt";
-/// The longest line of text, and the most bytes of a frame: what has no end by then is shown, or dropped, as it is.
+/// The longest line of text in bytes. A line without an end by then is shown as it is.
 const LONGEST_LINE: usize = 4096;
-/// The most bytes kept for [`Channels::take_raw`].
+/// The most bytes that are kept for [`Channels::take_raw`], and of a frame whose end has not come.
 const MOST_RAW: usize = 1 << 16;
 
 /// Why a channel could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum RttFault {
-    /// The control block is not there yet, as before the firmware's first log line.
+    /// The control block does not exist yet, as before the firmware's first log line.
     NotYet,
-    /// A field of the control block cannot be true.
+    /// A field of the control block has an impossible value.
     Corrupt(String),
 }
 
-/// What one look at a channel brought.
+/// The result of reading a channel once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Drained {
-    /// What the firmware wrote since the last look.
+    /// The bytes that the firmware wrote since the last reading.
     pub(crate) bytes: Vec<u8>,
-    /// The channel has a buffer.
+    /// Whether the channel has a buffer.
     pub(crate) in_use: bool,
-    /// There was no room left, and the firmware does not wait for it: what it wrote meanwhile is lost.
+    /// Whether the buffer had no room left and the firmware does not wait for it, so that what it wrote meanwhile is
+    /// lost.
     pub(crate) overran: bool,
 }
 
-/// How many up channels the control block at `block` has.
+/// The number of up channels in the control block at `block`.
 pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     let mut magic = [0; 16];
     if !memory::read(part, block, &mut magic) {
@@ -72,14 +75,14 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // A start-up code copies the block from its image in flash, the name before the count, into RAM that is zero.
+        // Start-up code may copy the block from its image in flash, the name before the number, into RAM that is zero.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
 }
 
-/// Where a control block is in the part's RAM: the first that begins with the magic at a multiple of four and has a
-/// count that can be true. An image that calls its block otherwise, or has no symbols, is read this way.
+/// Finds a control block in the part's RAM: the first that begins with the magic at a multiple of four and has a
+/// possible number of channels. It serves for an image that gives its block another name, or has no symbols.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;
@@ -89,7 +92,7 @@ pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     })
 }
 
-/// The name of up channel `channel`, empty where it has none that can be read.
+/// The name of up channel `channel`, empty where it has no readable name.
 pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let Some(at @ 1..) = memory::value(part, entry, 4) else { return String::new() };
@@ -98,7 +101,7 @@ pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     String::from_utf8_lossy(&bytes).chars().filter(|character| !character.is_control()).collect()
 }
 
-/// Empties up channel `channel` of the control block at `block`.
+/// Reads and empties up channel `channel` of the control block at `block`.
 pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<Drained, RttFault> {
     if channel >= count(part, block)? {
         return Ok(Drained::default());
@@ -107,8 +110,8 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    // A firmware that tests its RAM as it starts writes zeros and ones over the block of the start before, of which the
-    // magic may still stand.
+    // A firmware that tests its RAM as it starts writes zeros and ones over the control block of the last start, whose
+    // magic may still be there.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
@@ -116,7 +119,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let text = format!("RTT up channel {channel} has offsets {write} and {read} in {size} bytes");
         return Err(RttFault::Corrupt(text));
     }
-    // Asked for before it is copied: a size that cannot be true may be large.
+    // The range is checked before the copy, since an impossible size may be large.
     let extent = u32::try_from(buffer).ok().zip(usize::try_from(size).ok());
     if extent.and_then(|(buffer, size)| part.memory(buffer, size)).is_none() {
         let text = format!("RTT up channel {channel}'s buffer, {size} bytes at {buffer:#010x}, is not in memory");
@@ -138,8 +141,8 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         let offset = u32::try_from(write).unwrap_or(0);
         memory::write(part, entry + 16, &offset.to_le_bytes());
     }
-    // One byte always stays free, or full would look like empty. In mode 0 a message that does not fit is left out
-    // whole, so that the buffer rarely fills to the last byte: close to full counts there.
+    // One byte always stays free, since a full buffer would otherwise look empty. In mode 0 a message that does not fit
+    // is dropped whole, so the buffer rarely fills to the last byte, and nearly full counts as full.
     let free = size - 1 - u64::try_from(bytes.len()).unwrap_or(0);
     let overran = match word(part, entry + 20) & 3 {
         0 => free < (size / 4).min(SHORT_MESSAGE),
@@ -152,32 +155,33 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
 /// The severity of a log line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LogLevel {
-    /// `defmt::println!`, plain RTT text or a semihosting console, which have no level.
+    /// No level, as for `defmt::println!`, plain RTT text or a semihosting console.
     None,
-    /// `trace!`
+    /// The level of `trace!`.
     Trace,
-    /// `debug!`
+    /// The level of `debug!`.
     Debug,
-    /// `info!`
+    /// The level of `info!`.
     Info,
-    /// `warn!`
+    /// The level of `warn!`.
     Warn,
-    /// `error!`
+    /// The level of `error!`.
     Error,
 }
 
-/// One line the firmware logged.
+/// One line that the firmware logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogLine {
-    /// When the probe took it, in virtual nanoseconds: up to a probe period after the firmware wrote it.
+    /// The instant at which the probe read the line, in virtual nanoseconds. It is up to a probe period after the
+    /// firmware wrote it.
     pub at: u64,
-    /// The firmware's own timestamp, empty where it has none.
+    /// The firmware's own timestamp, empty if there is none.
     pub timestamp: String,
-    /// The severity.
+    /// The severity of the line.
     pub level: LogLevel,
-    /// The RTT channel it came over, empty where the firmware has only one and for a semihosting console.
+    /// The RTT channel of the line. It is empty if the firmware has only one channel, and for a semihosting console.
     pub channel: String,
-    /// The text.
+    /// The text of the line.
     pub text: String,
 }
 
@@ -196,20 +200,20 @@ impl std::fmt::Display for LogLine {
     }
 }
 
-/// A line of plain text as it came over `channel`.
+/// Makes a line of the plain text that came over `channel`.
 pub(crate) fn text_line(at: u64, channel: &str, bytes: &[u8]) -> LogLine {
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\r', '\n']).to_owned();
     LogLine { at, timestamp: String::new(), level: LogLevel::None, channel: channel.to_owned(), text }
 }
 
-/// Text that is cut into lines.
+/// A stream of text that is cut into lines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Text {
     pending: Vec<u8>,
 }
 
 impl Text {
-    /// Takes `bytes` and hands every complete line to `line`, without its end.
+    /// Adds `bytes` and calls `line` with every complete line, including its end, and with lines that become too long.
     pub(crate) fn take(&mut self, bytes: &[u8], mut line: impl FnMut(&[u8])) {
         for piece in bytes.split_inclusive(|&byte| byte == b'\n') {
             self.pending.extend_from_slice(piece);
@@ -220,21 +224,21 @@ impl Text {
         }
     }
 
-    /// The line that the firmware did not finish, if there is one. It is over.
+    /// Ends the stream and returns the line that the firmware did not finish, if there is one.
     pub(crate) fn finish(&mut self) -> Option<Vec<u8>> {
         (!self.pending.is_empty()).then(|| std::mem::take(&mut self.pending))
     }
 }
 
-/// defmt frames on their way.
+/// A stream of defmt frames.
 #[derive(Clone, Debug, Default)]
 struct Frames {
     pending: Vec<u8>,
 }
 
 impl Frames {
-    /// Takes `bytes` as they came from the channel and hands every complete frame to `line`. Answers how many did not
-    /// decode.
+    /// Adds `bytes` from the channel and calls `line` with every complete frame. Returns the number of frames that did
+    /// not decode.
     fn take(
         &mut self,
         table: &defmt_decoder::Table,
@@ -244,7 +248,7 @@ impl Frames {
         self.pending.extend_from_slice(bytes);
         let mut malformed = 0;
         match table.encoding() {
-            // A frame ends with a zero, which no encoded byte is.
+            // A frame ends with a zero, and no encoded byte is zero.
             defmt_decoder::Encoding::Rzcobs => {
                 while let Some(end) = self.pending.iter().position(|&byte| byte == 0) {
                     let encoded: Vec<u8> = self.pending.drain(..=end).collect();
@@ -282,16 +286,16 @@ impl Frames {
     }
 }
 
-/// One up channel as the probe follows it.
+/// The probe's state for one up channel.
 #[derive(Clone, Debug, Default)]
 struct Channel {
-    /// As lines say it, see [`LogLine::channel`].
+    /// The name of the channel in log lines, see [`LogLine::channel`].
     label: String,
     text: Text,
     frames: Frames,
-    /// What came, for [`Channels::take_raw`].
+    /// The received bytes, for [`Channels::take_raw`].
     raw: Vec<u8>,
-    /// What was said already, so that a firmware in a loop does not say it for ever.
+    /// The faults that were already reported, so that a firmware in a loop is not reported for ever.
     told_corrupt: bool,
     told_overrun: bool,
     told_malformed: bool,
@@ -305,11 +309,11 @@ pub(crate) struct Channels {
     told_corrupt: bool,
 }
 
-/// What a look at the channels brought: lines, and what went wrong.
+/// The result of reading the channels: log lines, and findings.
 pub(crate) type Heard = (Vec<LogLine>, Vec<(FindingKind, String)>);
 
 impl Channels {
-    /// Empties all up channels of the control block at `block`. Lines are taken at `at`.
+    /// Reads and empties all up channels of the control block at `block`. `at` is the instant of the lines.
     pub(crate) fn probe<P: Part>(&mut self, part: &mut P, block: u64, firmware: &Firmware, at: u64) -> Heard {
         let mut heard = (Vec::new(), Vec::new());
         let count = match count(part, block) {
@@ -364,13 +368,14 @@ impl Channels {
         heard
     }
 
-    /// What came over up channel `channel` since last asked, up to its latest 64 KiB.
+    /// Takes what came over up channel `channel` since the last call, up to its latest 64 KiB.
     pub(crate) fn take_raw(&mut self, channel: u64) -> Vec<u8> {
         let channel = usize::try_from(channel).ok().and_then(|channel| self.list.get_mut(channel));
         channel.map(|channel| std::mem::take(&mut channel.raw)).unwrap_or_default()
     }
 
-    /// The firmware is over, or starts again: lines it did not finish are complete, half a frame is forgotten.
+    /// Ends the streams, since the firmware has ended or starts again. Unfinished lines count as complete, and
+    /// unfinished frames are dropped.
     pub(crate) fn finish(&mut self, at: u64) -> Vec<LogLine> {
         self.list
             .iter_mut()
@@ -383,7 +388,7 @@ impl Channels {
 }
 
 impl Channel {
-    /// Makes lines of `bytes`. `decoded` says that some channel is called as the one with frames is.
+    /// Makes lines of `bytes`. `decoded` says that some channel has the name of the channel with frames.
     #[expect(clippy::too_many_arguments, reason = "all of a look's circumstances")]
     fn take(
         &mut self,
@@ -463,7 +468,8 @@ mod tests {
         memory::write(part, address, &u32::try_from(value).unwrap().to_le_bytes());
     }
 
-    /// A part whose RAM has a control block of two up channels, the second with `text` from offset `read` on.
+    /// Makes a part whose RAM has a control block with two up channels. The second has `text` from the offset `read`
+    /// on.
     fn part(text: &[u8], read: u64) -> Nrf52840 {
         let mut part = Nrf52840::new(Settings::default());
         memory::write(&mut part, BLOCK, MAGIC);
@@ -491,7 +497,7 @@ mod tests {
     fn a_control_block_is_found_by_its_magic_and_a_plausible_count() {
         assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
         assert_eq!(find(&Nrf52840::new(Settings::default())), None);
-        // A copy of the magic alone, before the block and where no word begins.
+        // There are copies of the magic alone, before the block and where no word begins.
         let mut part = part(b"text", 0);
         for copy in [BLOCK - 0x40, BLOCK - 0x81] {
             memory::write(&mut part, copy, MAGIC);

@@ -1,8 +1,8 @@
-//! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
+//! Running one firmware alone on one board to its end, for `cargo xtask run` and on-target test suites.
 //!
-//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a
-//! handler, a lock-up), when it does nothing but restart, or at a limit of virtual time. A fault's handler runs on for
-//! [`LAST_WORDS`], so that what it says of the fault is heard, unless the part restarts or locks up before.
+//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler,
+//! a lock-up), when it only restarts, or at a limit of virtual time. After a fault, the handler runs on for
+//! [`LAST_WORDS`], so that its output about the fault is received, unless the part restarts or locks up before.
 //! defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
 use std::collections::BTreeMap;
@@ -17,15 +17,15 @@ use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
 use super::{Connected, Error, Firmware, Halt, Heard, Leads, Node, PinEdge, ResetAt, Stack};
 
-/// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
+/// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Clock {
-    /// A fixed cost: [`cortex_m4::Fast`].
+    /// Instructions have a fixed cost, see [`cortex_m4::Fast`].
     #[default]
     Fast,
-    /// No processor of this kind is faster: [`cortex_m4::Optimistic`].
+    /// No processor of this kind is faster, see [`cortex_m4::Optimistic`].
     Optimistic,
-    /// No processor of this kind is slower: [`cortex_m4::Pessimistic`].
+    /// No processor of this kind is slower, see [`cortex_m4::Pessimistic`].
     Pessimistic,
 }
 
@@ -52,11 +52,11 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// How much longer a firmware runs after a HardFault or an exception without a handler, in virtual nanoseconds: at
-/// 115 200 baud 1 150 bytes of a UART.
+/// How much longer a firmware runs after a HardFault or an exception without a handler, in virtual nanoseconds. In this
+/// time a UART sends 1 150 bytes at 115 200 baud.
 const LAST_WORDS: u64 = 100_000_000;
 
-/// A board a firmware can run on alone, with nothing on its pins.
+/// A board on which a firmware can run alone, with nothing on its pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// The DPR's nRF52840.
@@ -78,11 +78,11 @@ impl FromStr for Target {
 }
 
 impl Target {
-    /// Runs `firmware` on this board with nothing around it. See [`run`].
+    /// Runs `firmware` on this board with nothing around it, see [`run`].
     ///
     /// # Errors
     ///
-    /// As [`run`].
+    /// Returns the errors of [`run`].
     pub fn run(
         self,
         clock: Clock,
@@ -93,11 +93,11 @@ impl Target {
         self.run_connected(clock, firmware, Connected::default(), limits, event)
     }
 
-    /// Runs `firmware` on this board with leads clipped to it. See [`run_connected`].
+    /// Runs `firmware` on this board with leads to its pins, see [`run_connected`].
     ///
     /// # Errors
     ///
-    /// As [`run`].
+    /// Returns the errors of [`run`].
     pub fn run_connected(
         self,
         clock: Clock,
@@ -109,8 +109,8 @@ impl Target {
         self.run_here(clock, firmware, connected, limits, &mut event)
     }
 
-    /// As [`Target::run_connected`], without a type parameter of the caller's: so the core is compiled in this crate,
-    /// with its options, and not in the caller's.
+    /// Does what [`Target::run_connected`] does, without a type parameter of the caller's. The core is therefore
+    /// compiled in this crate, with this crate's options, and not in the caller's.
     fn run_here(
         self,
         clock: Clock,
@@ -146,25 +146,25 @@ impl Target {
     }
 }
 
-/// How far a run may go, in virtual nanoseconds.
+/// The limits of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// The run ends here if the firmware does not end it first.
+    /// The virtual time at which the run ends if the firmware does not end it first, in nanoseconds.
     pub virtual_time: u64,
-    /// How often output is handed over.
+    /// The interval at which output is reported, in virtual nanoseconds.
     pub step: u64,
-    /// The run ends at this many restarts: a firmware that only restarts does nothing else.
+    /// The number of restarts at which the run ends. A firmware that restarts so often does nothing else.
     pub restarts: usize,
 }
 
 impl Default for Limits {
-    /// A minute of virtual time, output every 10 ms, a hundred restarts.
+    /// A minute of virtual time, output every 10 ms, and a hundred restarts.
     fn default() -> Self {
         Self { virtual_time: 60_000_000_000, step: 10_000_000, restarts: 100 }
     }
 }
 
-/// What a run hands over as it goes.
+/// What a run reports while it goes on.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The firmware logged a line.
@@ -173,48 +173,49 @@ pub enum Event<'a> {
     Finding(&'a Finding),
     /// The part restarted.
     Reset(&'a ResetAt),
-    /// A watched pin did something else.
+    /// A watched pin changed.
     Pin(&'a PinEdge),
-    /// The part sent a byte from a pin that is listened to.
+    /// The part sent a byte from a pin whose UART frames are collected.
     Byte(Heard),
 }
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// The status the firmware exited with, or `None` where it did not exit.
+    /// The status with which the firmware exited, or `None` if it did not exit.
     pub exit: Option<u32>,
-    /// Whether the firmware died: a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
+    /// Whether the firmware died: in a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
     pub died: bool,
-    /// The virtual time the run took, in nanoseconds.
+    /// The virtual time that the run took, in nanoseconds.
     pub virtual_time: u64,
-    /// Every line the firmware logged.
+    /// All lines that the firmware logged.
     pub lines: Vec<LogLine>,
-    /// What went wrong.
+    /// All findings of the run.
     pub findings: Vec<Finding>,
     /// How often the part restarted.
     pub resets: usize,
-    /// The share of the time in which the core was awake, 0 to 1.
+    /// The share of the time in which the core was awake, from 0 to 1.
     pub load: f64,
-    /// How many instructions the core executed.
+    /// The number of instructions that the core executed.
     pub instructions: u64,
-    /// How deep the stack went, and its size, in bytes; `None` where the image does not say where it is.
+    /// The most stack that was used, and the size of the stack, in bytes; `None` if the image does not say where the
+    /// stack is.
     pub stack: Option<(usize, usize)>,
-    /// What the core was doing at the end, in words.
+    /// What the core was doing at the end of the run, in words.
     pub doing: String,
-    /// Whether the firmware had stopped itself for good by then, see [`Node::stopped_itself`].
+    /// Whether the firmware had stopped itself for good by the end of the run, see [`Node::stopped_itself`].
     pub stopped_itself: bool,
 }
 
 impl Outcome {
-    /// Whether the firmware exited with status 0 and did nothing that a person should look at.
+    /// Whether the firmware exited with status 0 and without findings.
     #[must_use]
     pub fn passed(&self) -> bool {
         self.exit == Some(0) && self.findings.is_empty()
     }
 
-    /// The status for a process that stands for this run: the firmware's own, 101 where it died (as a panic of a host
-    /// process gives), 124 where it ran into the limit (as `timeout` gives).
+    /// The exit status for a process that represents this run: the firmware's own status, 101 if the firmware died (as
+    /// for a panic of a host process), or 124 if the run reached the limit (as for `timeout`).
     #[must_use]
     pub fn status(&self) -> u32 {
         status(self.exit, self.died)
@@ -229,11 +230,11 @@ fn status(exit: Option<u32>, died: bool) -> u32 {
     }
 }
 
-/// Runs `firmware` on `part` with nothing around it, and hands what it says to `event` as it goes.
+/// Runs `firmware` on `part` with nothing around it, and reports to `event` as the run goes on.
 ///
 /// # Errors
 ///
-/// What [`Node::new`] refuses.
+/// Returns the errors of [`Node::new`].
 pub fn run<P: Part, C: Cost>(
     part: P,
     firmware: &Firmware,
@@ -243,11 +244,11 @@ pub fn run<P: Part, C: Cost>(
     run_connected::<P, C>(part, firmware, Connected::default(), limits, event)
 }
 
-/// As [`run`], with leads clipped to the part.
+/// Runs `firmware` as [`run`] does, with leads to the part's pins.
 ///
 /// # Errors
 ///
-/// What [`Node::new`] refuses.
+/// Returns the errors of [`Node::new`].
 pub fn run_connected<P: Part, C: Cost>(
     part: P,
     firmware: &Firmware,
@@ -262,30 +263,30 @@ pub fn run_connected<P: Part, C: Cost>(
     Ok(running.finish())
 }
 
-/// A run of one firmware alone on one board, a piece at a time. Where a debugger halts the board, a piece is cut off
-/// and goes on afterwards to the same instant, so that the outcome is the one without it.
+/// A run of one firmware alone on one board, in pieces. A debugger's halt cuts a piece off, and the piece later
+/// continues to the same instant, so the outcome is the same as without the halt.
 pub struct Running<P: Part, C: Cost> {
     node: Node<Leads<P>, C>,
     limits: Limits,
     stack: Option<Stack>,
-    /// Where the piece ends that the node is in, virtual ns.
+    /// The end of the present piece, in virtual ns.
     piece: u64,
-    /// Restarts that were handed over.
+    /// The number of restarts that were reported.
     told: usize,
     lines: Vec<LogLine>,
     findings: Vec<Finding>,
     died: bool,
-    /// Where the run ends since the firmware has died, virtual ns.
+    /// The end of the run after the firmware's death, in virtual ns.
     last: u64,
     over: bool,
 }
 
 impl<P: Part, C: Cost> Running<P, C> {
-    /// The board at power-on.
+    /// Makes the board at power-on.
     ///
     /// # Errors
     ///
-    /// What [`Node::new`] refuses.
+    /// Returns the errors of [`Node::new`].
     pub fn new(part: P, firmware: &Firmware, connected: Connected, limits: Limits) -> Result<Self, Error> {
         let mut node = Node::<_, C>::new(part, Leads::new(connected), firmware)?.with_semihosting();
         let stack = Stack::of(firmware, node.part());
@@ -297,14 +298,14 @@ impl<P: Part, C: Cost> Running<P, C> {
         Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, last: u64::MAX, over: false })
     }
 
-    /// Runs to the end of the piece, or to where the board is halted before that, and hands over what it said.
+    /// Runs to the end of the piece, or to a halt of the board before that, and reports what happened.
     pub fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
-        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
+        // The run stops at every restart, so that a firmware that only restarts cannot fill a whole step with restarts.
         let restarted = self.node.advance_to_restart(self.piece);
         let halted = self.node.halted().filter(|_| !restarted);
         if let Some(why) = halted {
             self.hand_over(event);
-            // Of a firmware that came to its end a person wants to know why before looking at it.
+            // When the firmware has ended, the findings tell a user why, before the user inspects the halted core.
             if why == Halt::Ended {
                 self.take_findings(event);
             }
@@ -319,7 +320,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         let ended = self.died && (restarted || self.node.now() >= self.last);
         self.over = ended || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
         self.hand_over(event);
-        // Behind the lines: it stops at every restart, and those were logged before.
+        // Restarts are reported after the lines: the run stops at every restart, and the lines were logged before it.
         self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
         self.told = self.node.resets().len();
         for finding in found {
@@ -332,7 +333,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
-    /// Hands over what was logged and what the leads saw.
+    /// Reports what was logged and what the leads received.
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_heard()));
         heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
@@ -347,7 +348,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         edges.for_each(|edge| event(Event::Pin(&edge)));
     }
 
-    /// Where the run ends, if `finding` says that the firmware has died.
+    /// Sets the end of the run, if `finding` says that the firmware has died.
     fn note_end(&mut self, finding: &Finding) {
         if finding.kind.ends_run() {
             self.died = true;
@@ -366,18 +367,18 @@ impl<P: Part, C: Cost> Running<P, C> {
         }
     }
 
-    /// Whether the run has come to its end.
+    /// Whether the run has ended.
     pub fn is_over(&self) -> bool {
         self.over
     }
 
-    /// The board.
+    /// The board that runs the firmware.
     pub fn node(&mut self) -> &mut Node<Leads<P>, C> {
         &mut self.node
     }
 
-    /// As [`Outcome::status`], of the run up to where it is, but not zero after findings, and zero for one without that
-    /// is still running where it is meant to run on for ever.
+    /// The status of the run so far, as in [`Outcome::status`], except that it is not zero after findings. With
+    /// `runs_on`, for a firmware that is meant to run for ever, it is zero if there are no findings yet.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {
@@ -386,12 +387,12 @@ impl<P: Part, C: Cost> Running<P, C> {
         }
     }
 
-    /// When the run ends at the latest, virtual ns.
+    /// The latest end of the run, in virtual ns.
     pub fn end(&self) -> u64 {
         self.limits.virtual_time
     }
 
-    /// What the run came to, up to where it is.
+    /// Ends the run and returns the outcome so far.
     pub fn finish(self) -> Outcome {
         let Self { node, stack, lines, findings, died, .. } = self;
         Outcome {
@@ -410,7 +411,7 @@ impl<P: Part, C: Cost> Running<P, C> {
     }
 }
 
-/// What a person needs to hear of a firmware that only restarts.
+/// The text of the finding about a firmware that only restarts.
 fn restart_loop(resets: &[ResetAt]) -> String {
     let mut causes = BTreeMap::<String, usize>::new();
     for reset in resets {

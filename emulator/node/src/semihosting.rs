@@ -6,15 +6,16 @@ use super::rtt;
 use super::{Board, FindingKind, Node, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Serves the firmware's semihosting calls, as a debug probe does: console output, and an exit that stops the core.
+    /// Makes the node serve the firmware's semihosting calls, as a debug probe does: console output, and an exit that
+    /// stops the core.
     #[must_use]
     pub fn with_semihosting(mut self) -> Self {
         self.semihosting = true;
         self
     }
 
-    /// The firmware asked something of the host it is debugged from: "Semihosting for AArch32 and AArch64", Arm
-    /// 2021, section 3 (operations).
+    /// Handles a request of the firmware to its debugging host: "Semihosting for AArch32 and AArch64", Arm 2021,
+    /// section 3 (operations).
     pub(super) fn host_call(&mut self) {
         if !self.semihosting {
             self.core.finish_host_call(None);
@@ -24,22 +25,22 @@ impl<B: Board, C: Cost> Node<B, C> {
         let argument = |node: &Self, index: u64| memory::value(&node.side.part, parameter + 4 * index, 4).unwrap_or(0);
         const FAILED: u32 = u32::MAX;
         let answer = match operation {
-            // SYS_OPEN: the console alone, called ":tt".
+            // SYS_OPEN can open only the console, called ":tt".
             0x01 => {
                 let mut name = vec![0; usize::try_from(argument(self, 2)).unwrap_or(0).min(64)];
                 let read = memory::read(&self.side.part, argument(self, 0), &mut name);
-                // Modes 0 to 3 read, 4 to 7 write, 8 to 11 append (standard error).
+                // Modes 0 to 3 are for reading, 4 to 7 for writing, and 8 to 11 for appending (standard error).
                 if read && name == b":tt" { u32::try_from(argument(self, 1) / 4).unwrap_or(0) } else { FAILED }
             }
-            // SYS_CLOSE
+            // The operation is SYS_CLOSE.
             0x02 => 0,
-            // SYS_WRITEC
+            // The operation is SYS_WRITEC.
             0x03 => {
                 let character = memory::value(&self.side.part, parameter, 1).unwrap_or(0);
                 self.print(&[u8::try_from(character).unwrap_or(0)]);
                 0
             }
-            // SYS_WRITE0
+            // The operation is SYS_WRITE0.
             0x04 => {
                 let mut at = parameter;
                 while let Some(byte @ 1..) = memory::value(&self.side.part, at, 1) {
@@ -48,7 +49,7 @@ impl<B: Board, C: Cost> Node<B, C> {
                 }
                 0
             }
-            // SYS_WRITE answers how many bytes it did not write.
+            // SYS_WRITE returns the number of bytes that it did not write.
             0x05 => {
                 let length = argument(self, 2);
                 let mut text = vec![0; usize::try_from(length).unwrap_or(0).min(1 << 20)];
@@ -56,26 +57,27 @@ impl<B: Board, C: Cost> Node<B, C> {
                 self.print(&text);
                 if there { 0 } else { u32::try_from(length).unwrap_or(FAILED) }
             }
-            // SYS_ISTTY
+            // The operation is SYS_ISTTY.
             0x09 => u32::from(argument(self, 0) <= 2),
-            // SYS_CLOCK, in hundredths of a second; SYS_TIME, in seconds since power-on.
+            // SYS_CLOCK returns hundredths of a second, and SYS_TIME seconds since power-on.
             0x10 => u32::try_from(self.now() / 10_000_000).unwrap_or(FAILED),
             0x11 => u32::try_from(self.now() / 1_000_000_000).unwrap_or(FAILED),
-            // SYS_ERRNO
+            // The operation is SYS_ERRNO.
             0x13 => 0,
-            // SYS_EXIT: a reason, ADP_Stopped_ApplicationExit is success. SYS_EXIT_EXTENDED: reason and status.
+            // SYS_EXIT has a reason, of which ADP_Stopped_ApplicationExit is success. SYS_EXIT_EXTENDED has a reason
+            // and a status.
             0x18 => self.ended(if parameter == 0x2_0026 { 0 } else { 1 }),
             0x20 => {
                 let status = argument(self, 1);
                 self.ended(u32::try_from(status).unwrap_or(1))
             }
-            // SYS_ELAPSED, SYS_TICKFREQ: nanoseconds.
+            // SYS_ELAPSED and SYS_TICKFREQ count nanoseconds.
             0x30 => {
                 let now = self.now().to_le_bytes();
                 if memory::write(&mut self.side.part, parameter, &now) { 0 } else { FAILED }
             }
             0x31 => 1_000_000_000,
-            // There is no file system here, nor anything to read: these fail as on a host that has none.
+            // There is no file system here, nor anything to read, so these calls fail as on a host without one.
             0x06 | 0x07 | 0x0A | 0x0C..=0x0F | 0x12 | 0x15 | 0x16 => FAILED,
             _ => {
                 let text = format!("semihosting operation {operation:#x} is not served");
@@ -86,7 +88,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.core.finish_host_call(Some(answer));
     }
 
-    /// The firmware ended the run with `status`.
+    /// Ends the run with the firmware's `status`.
     fn ended(&mut self, status: u32) -> u32 {
         self.exit = Some(status);
         if status != 0 {

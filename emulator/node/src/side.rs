@@ -1,4 +1,4 @@
-//! What a core reaches while it runs: the part, the board around it, and the clock between them.
+//! What a core accesses while it runs: the part, the board around it, and the clock between them.
 
 use std::collections::VecDeque;
 
@@ -9,54 +9,54 @@ use super::LineEdge;
 use super::board::{Board, Input, View};
 use super::finding::Finding;
 
-/// Where peripherals begin: below are code and RAM.
+/// The first address of peripherals. Code and RAM are below.
 const PERIPHERALS: u32 = 0x4000_0000;
-/// Where RAM begins: below is code.
+/// The first address of RAM. Code is below.
 const RAM: u32 = 0x2000_0000;
 
-/// How many earlier clocks a node keeps. A restart changes the clock three times.
+/// The number of earlier clocks that a node keeps. A restart changes the clock three times.
 const CHANGES: usize = 16;
 
-/// All of a node that its core reaches while it runs: the part, the board and the clock.
+/// Everything of a node that its core accesses while it runs: the part, the board and the clock.
 #[derive(Clone, Debug)]
 pub(super) struct Side<B: Board> {
     pub(super) part: B::Part,
     pub(super) board: B,
     pub(super) time: Timebase,
-    /// The clocks before its last changes, each with the cycle at which it ended, the oldest first.
+    /// The clocks before the last changes, each with the cycle at which it ended, oldest first.
     before: VecDeque<(Cycle, Timebase)>,
     pub(super) clock: Clock,
-    /// The core was awake, in ns, up to the last change of its clock; and its awake cycles then.
+    /// The time in ns for which the core was awake up to the last change of its clock, and its awake cycles until then.
     pub(super) awake: (u64, u64),
-    /// Something reached the board since it was last settled.
+    /// Whether something reached the board since it last settled.
     pub(super) touched: bool,
-    /// When a chip of the board next acts: the cycle, and the same as the board has it, in ns.
+    /// When a chip of the board next acts: the cycle, and the same instant in ns.
     pub(super) board_due: Cycle,
     board_event: u64,
     pub(super) inputs: Vec<Input>,
-    /// The restart that the part asked for, with its cycle.
+    /// The restart that the part requested.
     pub(super) reset: Option<Reset>,
     pub(super) watched: Vec<(u16, bool)>,
     pub(super) edges: Vec<LineEdge>,
-    /// What the part's models found, with instants.
+    /// The findings of the part's models, with their instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// Cycles in which the core did not run, but for those since it last came to rest.
+    /// The cycles in which the core did not run, without those since it last came to rest.
     idle: u64,
-    /// When that was; nothing if the core runs.
+    /// The cycle at which the core last came to rest, `None` if it runs.
     idle_from: Option<Cycle>,
-    /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
-    /// the board there.
+    /// The cycle, and its instant in ns, past which nothing outside the core may happen yet, since something may act on
+    /// the board at that instant.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
-    /// Something acted on the board since the core last ran: it may wake.
+    /// Whether something acted on the board since the core last ran, so that the core may wake.
     pub(super) stirred: bool,
-    /// When the core fell asleep (`true`) and woke, ns; nothing unless watched.
+    /// The instants in ns at which the core fell asleep (`true`) and woke, `None` unless they are watched.
     pub(super) sleeps: Option<Vec<(u64, bool)>>,
 }
 
 impl<B: Board> Side<B> {
-    /// A part and its board at power-on.
+    /// Makes a part and its board at power-on.
     pub(super) fn new(part: B::Part, board: B) -> Self {
         let clock = part.clock();
         let time = Timebase::new(clock.hz, clock.ppb);
@@ -93,7 +93,7 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// The board acts on what reached it, and what changed is looked at.
+    /// Lets the board act on what reached it, and takes in the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {
@@ -104,7 +104,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Lets the board's chips act up to `at`, and the part hear of what they do, until nothing moves any more.
+    /// Lets the board's chips act up to `at`, and passes what they do to the part, until nothing changes any more.
     pub(super) fn settle(&mut self, at: Cycle) {
         let ns = self.time.ns(at);
         let mut inputs = std::mem::take(&mut self.inputs);
@@ -134,7 +134,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// The board's next event may have moved.
+    /// Takes in the board's next event, which may have moved.
     fn replan(&mut self) {
         let event = self.board.next_event();
         if event != self.board_event {
@@ -147,9 +147,9 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// The part drives something else into the core, or has other plans: what the node must know of it.
+    /// Takes in the part's findings, clock, reset request and interrupt lines, after a change that the part announced.
     pub(super) fn changed(&mut self, at: Cycle) {
-        // Before the rate changes: the instants of what was found up to here are counted at the old one.
+        // Findings come before a change of rate, since their instants are counted at the old rate.
         let found = self.part.findings();
         if found.len() > self.noted {
             for finding in &found[self.noted..] {
@@ -181,11 +181,11 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// The core goes on at another rate from `at` on, or stands still.
+    /// Changes the rate of the core's clock from `at` on, or stops the clock.
     fn follow(&mut self, clock: Clock, at: Cycle) {
         let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
-        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then. A
-        // rate that is merely another lets no core go that waits for its flash.
+        // While the core has no clock, cycles are counted on at the last rate and stand for the bench's time. A change
+        // from one rate to another does not release a core that waits for its flash.
         if clock.hz == 0 {
             self.part.signals().stall_until(NEVER);
         } else if stopped {
@@ -193,7 +193,7 @@ impl<B: Board> Side<B> {
         }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
-            // The core may be within an instruction that lasts beyond this.
+            // The core may be within an instruction that ends after this cycle.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             if self.before.len() == CHANGES {
@@ -203,24 +203,25 @@ impl<B: Board> Side<B> {
             self.time.change(at, clock.hz, clock.ppb);
             self.board_event = self.board.next_event();
             self.board_due = self.time.cycle(self.board_event);
-            // The same instant is another cycle now: the core must not run on to the old one.
+            // The horizon's instant now has another cycle, and the core must not run on to the old one.
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop();
         }
     }
 
-    /// At `cycle`, the core has not run in `idle` of its cycles; `rests` tells whether it does not run now either.
+    /// Notes that at `cycle` the core has not run in `idle` of its cycles. `rests` says whether it is at rest now.
     pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }
 
-    /// When `cycle` was or will be, in ns: exact unless the clock has changed more than [`CHANGES`] times since.
+    /// The instant of `cycle` in ns, past or future. It is exact unless the clock has changed more than [`CHANGES`]
+    /// times since.
     pub(super) fn ns(&self, cycle: Cycle) -> u64 {
         let then = self.before.iter().find(|(until, _)| cycle < *until);
         then.map_or(&self.time, |(_, time)| time).ns(cycle)
     }
 
-    /// So many cycles at the present rate, in ns.
+    /// The time of `cycles` at the present rate, in ns.
     pub(super) fn scaled(&self, cycles: u64) -> u64 {
         self.time.span_ns(cycles)
     }
@@ -241,7 +242,7 @@ impl<B: Board> Bus for Side<B> {
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
         let Self { part, board, time, touched, .. } = self;
         let answer = part.write(access, value, &mut View { board, time, touched });
-        // A store into code is one to a flash controller.
+        // A store to a code address concerns the flash controller.
         if !(RAM..PERIPHERALS).contains(&access.address) {
             self.after(access.cycle);
         }

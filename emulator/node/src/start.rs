@@ -1,4 +1,4 @@
-//! A node's start: the image in the part's memory, the part at power-on.
+//! The start of a node: the image in the part's memory, and the part at power-on.
 
 use std::collections::BTreeSet;
 
@@ -11,11 +11,11 @@ use super::side::Side;
 use super::{Board, Error, Firmware, Hold, Node, Traps, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// `part` on `board` with `firmware` in its memory, at power-on.
+    /// Makes a node of `part` on `board` with `firmware` in its memory, at power-on.
     ///
     /// # Errors
     ///
-    /// An image that does not fit the part, or that has no vector table where the core looks for it.
+    /// Returns an error for an image that does not fit the part, or that has no vector table where the core reads it.
     pub fn new(mut part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
             if !memory::write(&mut part, *address, bytes) {
@@ -40,10 +40,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
-    /// The part at power-on, with `firmware` in its memory.
+    /// Makes the node at power-on, with `firmware` already in the part's memory.
     pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
         let config = part.core();
-        // The panic handler is inlined where the linker's optimisation sees that it has one caller.
+        // The panic handler is inlined where the linker's optimisation finds that it has one caller.
         let panics = |name: &str| firmware.functions_called(name).collect::<BTreeSet<u64>>();
         let handler = panics("rust_begin_unwind");
         let traps = Traps {
@@ -80,7 +80,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         node.arm();
         node.core.tell_faults(true);
-        // A part that was made leaves its pins as at power-on, which the board hears of here.
+        // A new part has its pins as at power-on, and the board gets this state here.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
         node.side.settle(0);
@@ -88,7 +88,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         node
     }
 
-    /// Has the core stop at every trap.
+    /// Makes the core stop at every trap.
     pub(super) fn arm(&mut self) {
         let traps = &self.traps;
         for &trap in traps.default_handler.iter().chain(&traps.panic) {

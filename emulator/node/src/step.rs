@@ -1,4 +1,4 @@
-//! How a node goes through time.
+//! How a node advances through time.
 
 use cortex_m4::{Bus, Cost, Exit, Register};
 use emulator_part::{Cycle, NEVER, Reset};
@@ -7,31 +7,31 @@ use super::report::BRANCH_TO_ITSELF;
 use super::{Board, FindingKind, Node, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// The cycle this board has reached. The core's last instruction may end later.
+    /// The cycle that this board has reached. The core's last instruction may end later.
     pub(super) fn present(&self) -> Cycle {
         self.core.cycle().min(self.side.horizon)
     }
 
-    /// The instant this board has reached, in virtual nanoseconds.
+    /// The instant that this board has reached, in virtual nanoseconds.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.side.time.ns(self.present())
     }
 
-    /// When `cycle` of this board's core begins, in virtual nanoseconds: by the clock that it had then.
+    /// The instant at which `cycle` of this board's core begins, in virtual nanoseconds, by the clock of that time.
     #[must_use]
     pub fn ns(&self, cycle: Cycle) -> u64 {
         self.side.ns(cycle)
     }
 
-    /// The first cycle of this board's core that begins at `ns` or later.
+    /// The first cycle of this board's core that begins at or after `ns`.
     #[must_use]
     pub fn cycle_at(&self, ns: u64) -> Cycle {
         self.side.time.cycle(ns)
     }
 
-    /// The first instant this board may act at without anything from outside. Its own present while the core is awake;
-    /// without its supply, the next instant of the chips around the part.
+    /// The first instant at which this board may act without anything from outside. It is the present while the core is
+    /// awake, and the next instant of the chips around the part while the part has no supply.
     #[must_use]
     pub fn earliest(&self) -> u64 {
         if !self.powered {
@@ -43,7 +43,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// The longest an ordinary instruction takes at the core's present rate, in virtual nanoseconds.
+    /// The longest time that an ordinary instruction takes at the core's present rate, in virtual nanoseconds.
     #[must_use]
     pub fn instruction_ns(&self) -> u64 {
         2 * self.side.time.cycle_ns()
@@ -53,26 +53,26 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.exit.is_some() || self.core.locked_up() || self.core.is_hung() || self.side.clock.hz == 0
     }
 
-    /// The firmware's exit status, once it ended the run through semihosting.
+    /// The firmware's exit status, once it has ended the run through semihosting.
     #[must_use]
     pub fn exit_status(&self) -> Option<u32> {
         self.exit
     }
 
-    /// Whether the core runs nothing until an interrupt, or until its supply comes on.
+    /// Whether the core executes nothing until an interrupt, or until its supply comes on.
     #[must_use]
     pub fn is_asleep(&self) -> bool {
         !self.powered || self.core.is_asleep()
     }
 
-    /// Runs to `to` (virtual ns), or to an instruction boundary before it where something left the board. What acts on
-    /// the board then acts at `to` itself; the core hears of it after the instruction that it is in.
+    /// Runs to `to` (virtual ns), or to an instruction boundary before it at which something left the board. Whoever
+    /// then acts on the board acts at `to` itself; the core reacts after its present instruction.
     pub fn advance(&mut self, to: u64) {
         self.advance_or_restart(to, false);
     }
 
-    /// As [`Node::advance`], but no further than the next restart of the part, before its core has run an instruction.
-    /// Answers whether it restarted.
+    /// Runs as [`Node::advance`] does, but at most to the next restart of the part, before its core has executed an
+    /// instruction. Returns whether the part restarted.
     pub fn advance_to_restart(&mut self, to: u64) -> bool {
         self.advance_or_restart(to, true)
     }
@@ -135,7 +135,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Tells the side what the core has run so far, and whether it rests.
+    /// Notes what the core has run so far, and whether it is at rest.
     fn note_idle(&mut self) {
         let Self { core, side, powered, exit, .. } = self;
         let rests = core.is_asleep() || core.is_halted() || core.locked_up() || core.is_hung();
@@ -143,7 +143,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Whether the core loops on one instruction that it does not leave by itself, with interrupts masked or in the
-    /// handler of an exception: what firmware does that has stopped itself for good.
+    /// handler of an exception. A firmware that has stopped itself for good does so.
     #[must_use]
     pub fn stopped_itself(&self) -> bool {
         let [primask, faultmask] = [Register::Primask, Register::Faultmask].map(|mask| self.core.register(mask) != 0);

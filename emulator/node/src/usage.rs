@@ -1,26 +1,26 @@
-//! How long a core was awake, and what its interrupt lines did.
+//! How long a core was awake, and the changes of its interrupt lines.
 
 use cortex_m4::Cost;
 
 use super::{Board, Node};
 
-/// A watched interrupt line changing its level.
+/// A change of the level of a watched interrupt line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineEdge {
-    /// The instant the model drove it, in virtual nanoseconds.
+    /// The instant at which the model changed it, in virtual nanoseconds.
     pub at: u64,
-    /// The line, as the vector table numbers interrupts.
+    /// The number of the line, as the vector table numbers interrupts.
     pub line: u16,
-    /// Whether it rose.
+    /// Whether the line rose.
     pub high: bool,
 }
 
 /// How long a core was awake.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Virtual nanoseconds the core executed instructions.
+    /// The virtual nanoseconds in which the core executed instructions.
     pub awake: u64,
-    /// Virtual nanoseconds in all.
+    /// The virtual nanoseconds in all.
     pub total: u64,
 }
 
@@ -31,7 +31,7 @@ impl Usage {
         if self.total == 0 { 0.0 } else { self.awake as f64 / self.total as f64 }
     }
 
-    /// What was used since `before`.
+    /// The usage since `before`.
     #[must_use]
     pub fn since(self, before: Self) -> Self {
         Self { awake: self.awake - before.awake, total: self.total - before.total }
@@ -39,14 +39,14 @@ impl Usage {
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Records every change of interrupt line `line` from now on, for [`Node::take_edges`].
+    /// Records every change of the interrupt line `line` from now on, for [`Node::take_edges`].
     pub fn watch_line(&mut self, line: u16) {
         if self.side.watched.iter().all(|&(watched, _)| watched != line) {
             self.side.watched.push((line, false));
         }
     }
 
-    /// The changes of watched lines since last asked, in order.
+    /// Takes the changes of watched lines since the last call, in order.
     pub fn take_edges(&mut self) -> Vec<LineEdge> {
         std::mem::take(&mut self.side.edges)
     }
@@ -59,7 +59,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         Usage { awake: ns + self.side.scaled(since), total: self.now() }
     }
 
-    /// Instructions the core executed since power-on.
+    /// The number of instructions that the core executed since power-on.
     #[must_use]
     pub fn instructions(&self) -> u64 {
         self.core.retired()

@@ -1,6 +1,6 @@
-//! The two different microcontrollers in lock-step: an STM32F429 sends a block over SPI1 by DMA, the nRF52840's SPIS
-//! receives it by EasyDMA, and each core hears of the end by an interrupt: the sender's DMA stream, the receiver's END,
-//! and the receiver's answer on a pin, which the sender takes by EXTI.
+//! Tests of two different microcontrollers in lock-step. An STM32F429 sends a block over SPI1 by DMA, and the
+//! nRF52840's SPIS receives it by EasyDMA. Each core is interrupted at the end: the sender by its DMA stream, and the
+//! receiver by END. The receiver then answers on a pin, which interrupts the sender by EXTI.
 
 mod thumb;
 
@@ -13,7 +13,7 @@ use thumb::{COUNTER, EXTI, GPIOA, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, fi
 const BLOCK: u32 = 0x2000_1000;
 const BYTES: u32 = 64;
 
-/// What happens on the cable between the two.
+/// An event on the cable between the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clocked {
     Select,
@@ -21,7 +21,7 @@ enum Clocked {
     Deselect,
 }
 
-/// The far end of the sender's SPI is a cable: everything that happens on it, with its instant.
+/// The cable at the far end of the sender's SPI. It records everything that happens on it, with its instant.
 #[derive(Clone, Debug, Default)]
 struct Sender {
     crossed: Vec<(u64, Clocked)>,
@@ -77,7 +77,7 @@ impl Board for Receiver {
     }
 }
 
-/// The wire's delay back to the sender, in ns.
+/// The delay of the wire back to the sender, in ns.
 const BACK: u64 = 1_000;
 
 #[derive(Debug, Default)]
@@ -126,8 +126,8 @@ impl Between<Sender, Receiver> for Wires {
     }
 }
 
-/// SPI1 at 2 MHz from the 16 MHz internal oscillator, transmitted by DMA2 stream 3, its end in that stream's interrupt.
-/// A block goes out whenever the receiver says that it is ready.
+/// The sender's firmware: SPI1 at 2 MHz from the 16 MHz internal oscillator, with DMA2 stream 3, whose interrupt comes
+/// at the end. It sends a block whenever the receiver says that it is ready.
 fn sending() -> emulator_node::Firmware {
     const DMA2: u32 = 0x4002_6400;
     const STREAM3: u32 = DMA2 + 0x10 + 0x18 * 3;
@@ -140,7 +140,7 @@ fn sending() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14).exti3_on_pa3();
     main.store(RCC + 0x30, 1 | 1 << 3 | 1 << 22).store(GPIOD + 0x18, 1 << 14).store(GPIOD, 1 << 28);
-    // SCK and MOSI: alternate function 5 on PA5 and PA7.
+    // SCK and MOSI are alternate function 5 on PA5 and PA7.
     main.store(GPIOA + 0x20, 5 << 20 | 5 << 28).store(GPIOA, 0xA800_0000 | 2 << 10 | 2 << 14);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14);
     for word in 0..BYTES / 4 {
@@ -149,7 +149,7 @@ fn sending() -> emulator_node::Firmware {
     main.store(STREAM3 + 0x08, SPI1 + 0x0C).store(STREAM3 + 0x0C, BLOCK);
     main.store(SPI1 + 0x04, 2).store(SPI1, 1 << 9 | 1 << 8 | 1 << 6 | 2 << 3 | 1 << 2).enable(59);
     main.idle();
-    // The stream is done when its last byte is in the SPI: wait for TXE and not BSY before CS rises.
+    // The stream has ended when its last byte is in the SPI. CS may rise only with TXE set and BSY clear.
     let mut done = Thumb::at(HANDLER);
     done.store(DMA2 + 0x08, 0x3D << 22).wait_for(SPI1 + 0x08, 1);
     let again = done.here();
@@ -162,7 +162,8 @@ fn sending() -> emulator_node::Firmware {
     firmware("sending", &main, &[(59, &done), (9, &answered)])
 }
 
-/// SPIS1 into the block; a pulse on P1.05 says that it is ready, at first and after each END.
+/// The receiver's firmware: SPIS1 receives into the block. A pulse on P1.05 says that it is ready, at first and after
+/// each END.
 fn receiving() -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;
@@ -176,7 +177,7 @@ fn receiving() -> emulator_node::Firmware {
     main.store(SPIS1 + 0x544, BLOCK + 0x100).store(SPIS1 + 0x548, BYTES);
     main.store(SPIS1 + 0x200, 1 << 2).store(SPIS1 + 0x304, 1 << 1).store(SPIS1 + 0x500, 2).enable(4);
     main.store(SPIS1 + 0x24, 1).wait_for(SPIS1 + 0x128, 0).store(SPIS1 + 0x128, 0).store(SPIS1 + 0x28, 1);
-    // The sender's core starts on its slow oscillator: let it come to its idle loop first.
+    // The sender's core starts on its slow oscillator, so the receiver waits until the sender is in its idle loop.
     main.mov(0, 4_000);
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
@@ -210,7 +211,7 @@ fn two_parts_exchange_a_block_by_dma_and_interrupts() {
     assert_eq!(block.as_slice(), sent);
     let answered = pair.a.word(u64::from(COUNTER)).unwrap();
     let received = pair.b.word(u64::from(COUNTER)).unwrap();
-    // A block is 64 bytes of 4 us; the two handlers and the wire add a few microseconds.
+    // A block is 64 bytes of 4 us. The two handlers and the wire add a few microseconds.
     assert!((15..=20).contains(&answered), "{answered} answers");
     assert!(received + 1 == answered || received == answered, "{received} blocks for {answered} answers");
     assert!(pair.between.bytes.starts_with(&sent));

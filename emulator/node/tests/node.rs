@@ -1,4 +1,5 @@
-//! Nodes on firmware written in the test itself: a few instructions, so that what must happen is plain to see.
+//! Tests of nodes with firmware that is written in the test itself, in a few instructions, so that the expected
+//! behaviour is easy to see.
 
 mod player;
 mod thumb;
@@ -21,7 +22,7 @@ fn counter<B: Board>(node: &mut Node<B>) -> u32 {
     node.word(u64::from(COUNTER)).unwrap()
 }
 
-/// Counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
+/// Firmware that counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
 fn ticking() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.tim2_every(160_000).idle();
@@ -46,8 +47,8 @@ fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// A loop on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal, each timed by TIM2, which counts
-/// the same clock.
+/// A loop runs on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal. TIM2, which has the same
+/// clock, measures each.
 #[test]
 fn the_core_follows_its_clock_tree() {
     const TURNS: u32 = 10_000;
@@ -57,7 +58,7 @@ fn the_core_follows_its_clock_tree() {
     let lap = |main: &mut Thumb, to: u32| {
         main.store(TIM2 + 0x24, 0).mov(0, TURNS);
         let again = main.here();
-        // SUBS r0, #1; BNE again
+        // The loop is: SUBS r0, #1; BNE to it.
         main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
         main.mov(2, TIM2 + 0x24).ldr(1, 2, 0).mov(2, to).str(1, 2, 0);
     };
@@ -68,17 +69,17 @@ fn the_core_follows_its_clock_tree() {
     let mut node = bare(&firmware("clock tree", &main, &[]));
     node.advance(20 * MS);
     let turns = [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap());
-    // Two narrow instructions a turn, a cycle each, whatever the rate: cycles are what the timer counts.
+    // A turn has two narrow instructions of a cycle each. The timer counts cycles, so the rate does not matter.
     for cycles in turns {
         assert!(cycles.abs_diff(TURNS * 2) <= 20, "{turns:?}");
     }
-    // 20 000 cycles at 16 MHz, then at 8 MHz.
+    // The core is awake for 20 000 cycles at 16 MHz, then at 8 MHz.
     let awake = node.usage().awake;
     assert!(awake.abs_diff(1_250_000 + 2_500_000) <= 20_000, "{awake}");
     assert_eq!(node.take_findings(), []);
 }
 
-/// An nRF52840 starts its crystal and sleeps; 0.36 ms later the crystal's rate becomes the core's.
+/// An nRF52840 starts its crystal and sleeps. 0.36 ms later the crystal's rate becomes the core's.
 #[test]
 fn a_core_that_slept_while_its_clock_changed_was_not_awake_and_may_restart_at_once() {
     let mut main = Thumb::at(0x400);
@@ -88,7 +89,7 @@ fn a_core_that_slept_while_its_clock_changed_was_not_awake_and_may_restart_at_on
     node.advance(900_000);
     let awake = node.usage().awake;
     assert!((1..1_000).contains(&awake), "{awake}");
-    // Back to the internal oscillator, after fewer cycles awake than the core has slept.
+    // The core returns to the internal oscillator, after fewer awake cycles than it has slept.
     node.hang();
     node.restart(FromOutside::Pin);
     node.advance(1_800_000);
@@ -96,7 +97,7 @@ fn a_core_that_slept_while_its_clock_changed_was_not_awake_and_may_restart_at_on
     assert!((2 * awake..2 * awake + 500).contains(&again), "{awake}, then {again}");
 }
 
-/// TIM2 on HSE itself, 8 MHz: 10 ms is 80 000 ticks.
+/// Firmware with TIM2 on HSE itself, 8 MHz: 10 ms are 80 000 ticks.
 fn ticking_on_hse() -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 0x08, 1).tim2_every(80_000).idle();
@@ -284,7 +285,7 @@ impl Between<Player, Player> for Wires {
     }
 }
 
-/// Answers each rising edge of PA3 with a pulse on PD14. One of the two serves: it pulses once at its start.
+/// A board that answers each rising edge of PA3 with a pulse on PD14. The one that serves pulses once at its start.
 fn player(serves: bool) -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28);
@@ -319,8 +320,8 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are
-    // 93 or 94 ns, and a wake-up rounds to the next.
+    // An answer takes the handler's instructions up to its store, and the wire's delay in one direction. Instructions
+    // take 93 or 94 ns, and a wake-up rounds to the next one.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
     let spread = |answers: &[(usize, &u64)]| {
@@ -352,7 +353,7 @@ fn a_one_way_link_needs_no_lookahead_back() {
     assert_eq!((counter(&mut pair.a), counter(&mut pair.b)), (0, 1));
 }
 
-/// [`Wires`] with the way back cut.
+/// The wires of [`Wires`] without the way back.
 struct OneWay(Wires);
 
 impl Between<Player, Player> for OneWay {
@@ -396,9 +397,10 @@ fn flash_keeps_what_the_firmware_programs_and_erases() {
     assert_eq!(node.word(u64::from(erased)), Some(0xFFFF_FFFF));
 }
 
-// ---- the DPR's part
+// The following tests use the DPR's part.
 
-/// SPIS1 on P1.01 to P1.04 answers 0x11 0x22 out of RAM until TIMER1 takes it through PPI, 25 ms after its start.
+/// Firmware in which SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1 takes it through PPI, 25 ms after
+/// its start.
 fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const TIMER1: u32 = 0x4000_9000;
@@ -436,7 +438,7 @@ fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     thumb::firmware_at(0, "expiring", &main, &[])
 }
 
-/// The part with its SSI on P1.01 to P1.04.
+/// Makes the part with its SSI on P1.01 to P1.04.
 fn nrf(settings: Settings, firmware: &emulator_node::Firmware) -> Node<Bare<Nrf52840>> {
     let pin = |number| Pin::new(1, number);
     let mut node = Node::new(Nrf52840::new(settings), Bare::new(), firmware).unwrap();
@@ -458,7 +460,7 @@ fn transact(node: &mut Node<Bare<Nrf52840>>) -> [u8; 2] {
 
 #[test]
 fn what_an_spis_answers_expires_in_hardware_whatever_the_processor_does() {
-    // Hung with interrupts masked (CPSID i), and asleep.
+    // The core hangs with interrupts masked (CPSID i), or sleeps.
     let hung = |main: &mut Thumb| {
         main.raw(&[0xB672]);
         let here = main.here();

@@ -1,4 +1,4 @@
-//! A part without its supply: what the board, the clock and the firmware show of it.
+//! Tests of a part without its supply: what the board, the clock and the firmware show of it.
 
 mod player;
 mod thumb;
@@ -12,7 +12,7 @@ use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// Drives PD14 high, counts updates of TIM2, every 10 ms, and rising edges of PA3, and sleeps between.
+/// A firmware that drives PD14 high, counts updates of TIM2 (every 10 ms) and rising edges of PA3, and sleeps between.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).store(GPIOD + 0x18, 1 << 14).tim2_every(160_000).idle();
@@ -27,7 +27,7 @@ fn word<B: Board>(node: &mut Node<B>, address: u32) -> u32 {
     node.word(u64::from(address)).unwrap()
 }
 
-/// Runs to `to`, through everything that leaves the board, and answers the levels of its wire out.
+/// Runs to `to`, through everything that leaves the board, and returns the levels of its wire out.
 fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
     let mut edges = node.board_mut(Player::take_edges);
     while node.now() < to {
@@ -73,7 +73,7 @@ fn a_part_whose_supply_comes_on_starts_as_at_power_on_with_the_seeds_noise_in_it
     assert_eq!((word(&mut other, COUNTER), word(&mut other, COUNTER + 4)), (noise, hits), "noise is the seed's");
     assert!(noise != 2 && noise != 0);
 
-    // It begins anew: the first edge is its own, 10 ms to each update, and it hears its pins.
+    // The firmware begins anew: the first edge is its own, updates take 10 ms each, and it reacts to its pins.
     let edges = run(&mut node, 100 * MS);
     assert!(edges.len() == 1 && edges[0].1 && edges[0].0 > 75 * MS, "{edges:?}");
     assert_eq!(word(&mut node, COUNTER), noise.wrapping_add(2));
@@ -123,7 +123,7 @@ fn power_cycles_give_the_same_state_however_the_time_is_cut() {
     assert_eq!(cycled(100 * MS), cycled(MS / 3));
 }
 
-/// At 8 MHz from the crystal a cycle is 125 ns; without its supply the part falls back to its 16 MHz oscillator.
+/// At 8 MHz from the crystal a cycle is 125 ns. Without its supply the part returns to its 16 MHz oscillator.
 #[test]
 fn a_part_loses_its_supply_and_gets_it_back_at_the_instants_it_is_told_whatever_its_clock_was() {
     let mut main = Thumb::at(MAIN);
@@ -149,7 +149,7 @@ fn a_part_loses_its_supply_and_gets_it_back_at_the_instants_it_is_told_whatever_
 fn a_watchdog_does_not_run_without_the_supply_and_the_part_knows_no_reason_afterwards() {
     const WDT: u32 = 0x4001_0000;
     let mut main = Thumb::at(0x400);
-    // 100 ms of 32768 Hz.
+    // The watchdog's time is 100 ms of 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1).idle();
     let image = thumb::firmware_at(0, "watched", &main, &[]);
     let mut node: Node<Bare<Nrf52840>> = Node::new(Nrf52840::new(Settings::default()), Bare::new(), &image).unwrap();

@@ -1,4 +1,4 @@
-//! Two boards of which one only speaks: the relay's two threads against the same boards in lock-step on one.
+//! Tests of two boards of which one only sends: the relay on two threads against the same boards in lock-step on one.
 
 mod player;
 mod thumb;
@@ -10,7 +10,7 @@ use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
-/// Pulses PD14 at each update of TIM2, every 0.7 ms: across the pieces of time that the relay works in.
+/// A board that pulses PD14 at each update of TIM2, every 0.7 ms, which is across the relay's pieces of time.
 fn beacon() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
@@ -19,7 +19,7 @@ fn beacon() -> Node<Player> {
     Player::with(&firmware("beacon", &main, &[(28, &tick)]))
 }
 
-/// Counts the rising edges of PA3, and answers each on PD14, which nobody hears.
+/// A board that counts the rising edges of PA3, and answers each on PD14, whose wire leads nowhere.
 fn counter() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
@@ -28,7 +28,7 @@ fn counter() -> Node<Player> {
     Player::with(&firmware("counter", &main, &[(9, &hit)]))
 }
 
-/// The beacon's pin.
+/// The upstream end, which takes the edges of the beacon's pin.
 #[derive(Debug, Default)]
 struct Speaker {
     notes: u64,
@@ -48,7 +48,7 @@ impl Upstream<Player> for Speaker {
     }
 }
 
-/// The wire to the counter's pin.
+/// The downstream end, which drives the counter's pin.
 #[derive(Debug, Default)]
 struct Listener {
     coming: VecDeque<(u64, bool)>,
@@ -88,7 +88,7 @@ fn relay() -> Relay<Player, Player, Speaker, Listener> {
     Relay { a: beacon(), b: counter(), upstream: Speaker::default(), downstream: Listener::default() }
 }
 
-/// The same wire for [`Pair`].
+/// The same wire for a [`Pair`].
 #[derive(Debug, Default)]
 struct Wire {
     arrived: Vec<(u64, bool)>,
@@ -152,7 +152,7 @@ fn the_caller_hears_of_every_step_and_of_everything_noted_by_the_end() {
     assert!(relay.upstream.notes >= 25);
 }
 
-/// Ten seconds are far more than the lead: the first board's thread must stop, too, although nobody takes what it says.
+/// Ten seconds are far more than the lead. The first board's thread must stop too, although nobody takes what it sends.
 #[test]
 fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     let mut relay = relay();
@@ -163,7 +163,7 @@ fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());
 }
 
-/// What stands beside the beacon: an actor that is due at `acts_at`, and what it says of it, each late by so much.
+/// An actor beside the beacon, which is due at `acts_at`. It states that instant late by `late_by`.
 #[derive(Debug)]
 struct Tardy {
     acts_at: u64,
@@ -180,7 +180,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // Only now does the actor say when it was to act.
+        // The actor states only now when it had to act.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }
@@ -245,7 +245,8 @@ fn an_actor_beside_the_second_board_that_acts_after_its_instant_is_a_finding() {
     }
 }
 
-/// The beacon's pin, each message with an instant that lies so far back that the counter is past it.
+/// An upstream end that takes the edges of the beacon's pin, with an instant so far back that the counter is already
+/// past it.
 #[derive(Debug, Default)]
 struct Backdated(u64);
 

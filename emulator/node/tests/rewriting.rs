@@ -1,5 +1,5 @@
-//! Firmware that writes the code it executes, in flash and in RAM, as a boot loader does: what is executed is what was
-//! written last, and a flash that works holds the core that executes from it.
+//! Tests of firmware that writes the code that it executes, in flash and in RAM, as a boot loader does. The core must
+//! execute what was written last, and a busy flash must stall a core that executes from it.
 
 mod thumb;
 
@@ -12,21 +12,21 @@ use thumb::{COUNTER, MAIN, Thumb, firmware, firmware_at};
 
 const MS: u64 = 1_000_000;
 
-/// Where the function is that is written anew, in RAM.
+/// The address in RAM of the function that is rewritten.
 const IN_RAM: u32 = 0x2000_1000;
 
-/// `movs r0, #value; bx lr` as one word.
+/// The instructions `movs r0, #value; bx lr` as one word.
 const fn function(value: u32) -> u32 {
     0x4770_2000 | value
 }
 
-/// Calls the function at `at` and stores what it returns at `to`.
+/// Appends code that calls the function at `at` and stores what it returns at `to`.
 fn call(main: &mut Thumb, at: u32, to: u32) {
-    // BLX r2; then r0 to memory.
+    // The code is BLX r2, and then a store of r0.
     main.mov(2, at | 1).raw(&[0x4790]).mov(1, to).str(0, 1, 0);
 }
 
-/// What the two calls returned, after `ms` of `part` with `main`.
+/// Returns what the two calls returned, after `part` ran `image` for `ms`.
 fn returned<P: Part, C: Cost>(part: P, image: &emulator_node::Firmware, ms: u64) -> [u32; 2] {
     let mut node: Node<Bare<P>, C> = Node::new(part, Bare::new(), image).unwrap();
     node.advance(ms * MS);
@@ -41,7 +41,7 @@ mod nrf {
     const NVMC_ERASEPAGE: u32 = 0x4001_E508;
     const PAGE: u32 = 0x1000;
 
-    /// Writes a function into flash, calls it, erases its page, writes another, calls that.
+    /// Firmware that writes a function into flash, calls it, erases its page, writes another function, and calls that.
     fn image() -> emulator_node::Firmware {
         let mut main = Thumb::at(0x400);
         main.store(NVMC_CONFIG, 1).store(PAGE, function(1));
@@ -63,7 +63,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(90), [1, 2]);
     }
 
-    /// 85 ms (PS 4.3, t_ERASEPAGE) of an internal oscillator that is up to 1.5 % fast.
+    /// An erase takes 85 ms (PS 4.3, t_ERASEPAGE) of an internal oscillator that is up to 1.5 % fast.
     #[test]
     fn the_core_stands_still_while_its_flash_is_erased() {
         assert_eq!(after::<Fast>(83), [1, 0]);
@@ -71,7 +71,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(83), [1, 0]);
     }
 
-    /// The crystal's rate becomes the core's 0.36 ms after it was started, within the erase.
+    /// The crystal's rate becomes the core's 0.36 ms after its start, which is within the erase.
     #[test]
     fn an_oscillator_that_starts_meanwhile_does_not_cut_an_erase_short() {
         let mut main = Thumb::at(0x400);
@@ -98,17 +98,18 @@ mod stm32 {
     const SR: u32 = 0x4002_3C0C;
     const CR: u32 = 0x4002_3C10;
     const SECTOR_1: u32 = 0x0800_4000;
-    /// CR.PSIZE: words.
+    /// The value of CR.PSIZE for words.
     const WORDS: u32 = 2 << 8;
 
-    /// Reads SR until BSY is clear.
+    /// Appends code that reads SR until BSY is clear.
     fn settle(main: &mut Thumb) {
         main.mov(0, SR);
         let again = main.here();
         main.ldr(1, 0, 0).test(1, 16).branch_if(thumb::If::CarrySet, again);
     }
 
-    /// Writes a function into flash, calls it, erases its sector, writes another, calls that (RM0090 3.6).
+    /// Firmware that writes a function into flash, calls it, erases its sector, writes another function, and calls that
+    /// (RM0090 3.6).
     fn image() -> emulator_node::Firmware {
         let mut main = Thumb::at(MAIN);
         main.store(KEYR, 0x4567_0123).store(KEYR, 0xCDEF_89AB);
@@ -135,7 +136,7 @@ mod stm32 {
         assert_eq!(after::<Pessimistic>(600), [1, 2]);
     }
 
-    /// 250 ms for a sector of 16 KiB (DS9405, flash memory programming).
+    /// The erase takes 250 ms for a sector of 16 KiB (DS9405, flash memory programming).
     #[test]
     fn the_core_stands_still_while_its_flash_is_erased() {
         assert_eq!(after::<Fast>(249), [1, 0]);
@@ -152,11 +153,11 @@ mod stm32 {
     }
 }
 
-/// Writes a function into RAM, calls it, writes another in its place, calls that.
+/// Firmware that writes a function into RAM, calls it, writes another in its place, and calls that.
 fn in_ram(base: u32, image: impl Fn(&Thumb) -> emulator_node::Firmware) -> emulator_node::Firmware {
     let mut main = Thumb::at(base);
     for (value, to) in [(1, COUNTER), (2, COUNTER + 4)] {
-        // DSB; ISB: what was stored is what is fetched (ARM ARM A3.7.3).
+        // The code has DSB and ISB after the store, so that the core fetches what was stored (ARM ARM A3.7.3).
         main.store(IN_RAM, function(value)).raw(&[0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F]);
         call(&mut main, IN_RAM, to);
     }

@@ -1,4 +1,4 @@
-//! What an instance makes happen beyond its own registers, and what it found.
+//! The effects of an instance beyond its own registers, and its findings.
 
 use std::collections::VecDeque;
 
@@ -7,88 +7,89 @@ use emulator_part::{Cycle, Finding, FindingKind, I2cEvent, Pad, UartFrame};
 use crate::SpisEvent;
 use crate::pin::Pin;
 
-/// A peripheral ID, which is also the number of its interrupt where it has one (PS 6.1).
+/// A peripheral ID, which is also the number of the peripheral's interrupt where it has one (PS 6.1).
 pub(crate) type Id = usize;
 
-/// P0 and P1, which have no ID of their own.
+/// A made-up ID for P0 and P1, which have none in the part.
 pub(crate) const GPIO: Id = 0x30;
-/// COMP and LPCOMP.
+/// The ID of COMP and LPCOMP.
 pub(crate) const COMP: Id = 0x13;
 
-/// What a peripheral makes happen beyond its own registers.
+/// An effect of a peripheral beyond its own registers.
 #[derive(Clone, Debug)]
 pub(crate) enum Act {
-    /// The event register at this address was set: the PPI hears it.
+    /// The event register at this address was set, which is passed to the PPI.
     Event(u32),
     /// The task register at this address is triggered.
     Task(u32),
-    /// A peripheral takes a pin over and drives it (`Some`), or gives it back to GPIO (`None`).
+    /// A peripheral takes a pin over and drives it (`Some`), or returns it to GPIO (`None`).
     Hold { pin: Pin, level: Option<bool> },
     /// A pad changed its level.
     Level { pin: Pin, level: bool },
-    /// What the part does to a pad changed.
+    /// The part drives or pulls a pad in another way than before.
     Pad { pin: Pin, pad: Pad },
-    /// A channel of GPIOTE starts to watch its pin.
+    /// A channel of GPIOTE starts to watch its pin, and needs the pin's level.
     Sample { channel: usize },
     /// The DETECT signal rose (PS 6.9).
     Detect,
-    /// The controller of the serial block `id` has clocked one byte, as it travels on the wire, begun at `begins`.
+    /// The SPI controller of the serial block `id` has clocked one byte, which began at `begins`. `mosi` has the bits
+    /// in the order of the wire.
     Exchange { id: Id, mosi: u8, begins: Cycle },
     /// The two-wire controller of the serial block `id` acts on its bus.
     TwoWire { id: Id, event: I2cEvent },
-    /// A frame left on `pin`.
+    /// A UART frame was sent on `pin`.
     Sent { pin: Pin, frame: UartFrame },
-    /// The converter wants the voltages of its inputs.
+    /// The SAADC needs the voltages of its inputs.
     Convert,
-    /// The comparator wants the voltages of its inputs.
+    /// The comparator needs the voltages of its inputs.
     Compare,
-    /// An SPIS let the outside see something of its semaphore.
+    /// The semaphore of an SPIS changed, or a transaction ended, which is recorded for the outside.
     Spis { id: Id, event: SpisEvent },
-    /// The clock controller changed a source.
+    /// The clock controller changed the source of a clock.
     Clock(Source),
-    /// The watchdog wants LFCLK to run.
+    /// The watchdog needs LFCLK to run.
     DemandLfclk,
     /// The part restarts.
     Restart,
     /// The part enters System OFF.
     Off,
-    /// The flash controller holds the core until then.
+    /// The flash controller stalls the core until this cycle.
     Stall(Cycle),
 }
 
-/// A change of a clock's source, and the error it has from here.
+/// The new source of a clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// HFINT.
+    /// HFCLK comes from HFINT.
     HighInternal,
-    /// HFXO.
+    /// HFCLK comes from HFXO.
     HighCrystal,
-    /// LFCLK from the RC oscillator.
+    /// LFCLK comes from the RC oscillator.
     LowRc,
-    /// LFCLK from the crystal.
+    /// LFCLK comes from the crystal.
     LowCrystal,
-    /// LFCLK synthesised from HFCLK.
+    /// LFCLK is synthesised from HFCLK.
     LowSynthesised,
-    /// No LFCLK.
+    /// LFCLK has stopped.
     LowStopped,
 }
 
-/// Findings that are kept, so that a firmware in a loop does not fill the host's memory.
+/// The maximum number of findings that are kept, so that firmware in a loop does not fill the host's memory.
 const MOST: usize = 200;
 
-/// What the instances hand to the interconnect.
+/// What the instances pass to the interconnect.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outbox {
     pub(crate) acts: VecDeque<Act>,
     pub(crate) findings: Vec<Finding>,
-    /// What each finding is known by: the same again only counts, and nothing is formatted.
+    /// The key of each finding. A repeated finding is only counted and not formatted again.
     known: Vec<(FindingKind, &'static str, &'static str)>,
-    /// The instruction whose access is being carried out.
+    /// The address of the instruction whose access is being carried out.
     pub(crate) pc: Option<u32>,
 }
 
 impl Outbox {
-    /// Notes `what` at `place`, with the first value that goes with it; the same again only counts.
+    /// Reports `what` at `place`, with the value that went with its first occurrence. Repetitions are only counted.
     #[cold]
     pub(crate) fn find(&mut self, at: Cycle, kind: FindingKind, place: &'static str, what: &'static str, value: u32) {
         if let Some(n) = self.known.iter().position(|known| *known == (kind, place, what)) {

@@ -1,4 +1,4 @@
-//! SAADC (PS 6.23), and COMP and LPCOMP, which share a block (6.5, 6.13).
+//! SAADC (PS 6.23), and COMP and LPCOMP, which share a block (PS 6.5, 6.13).
 //!
 //! | covered | PS |
 //! |---|---|
@@ -9,17 +9,17 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the resistor ladder, noise, offset and settling of the SAADC | a voltage is read as it is |
+//! | the resistor ladder, noise, offset and settling of the SAADC | the model reads the exact voltage |
 //! | the instant of each channel in a scan | all channels are converted and reported at the scan's end |
 //! | hysteresis of COMP and LPCOMP, current source, LPCOMP as a wake-up from System OFF | reported where it is set |
 //!
-//! A comparator looks at its input every [`LOOK`] cycles while it runs (the part does all the time).
+//! A running comparator checks its input every [`LOOK`] cycles. The real part compares all the time.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
 use emulator_part::Cycle;
 
-/// AIN0 to AIN7 (PS 7.1): P0.02 to P0.05 and P0.28 to P0.31.
+/// The pin of AIN0 to AIN7 (PS 7.1): P0.02 to P0.05 and P0.28 to P0.31.
 fn analog_input(n: u32) -> Option<Pin> {
     match n {
         0..=3 => Some(Pin::of(0, 2 + n)),
@@ -36,14 +36,15 @@ const CALIBRATEDONE: u32 = 4;
 const STOPPED: u32 = 5;
 const LIMITH: u32 = 6;
 
-/// Conversion after acquisition (PS 6.23: tCONV, 2 µs at most), and the calibration of the offset (assumed).
+/// The cycles of a conversion after acquisition (PS 6.23: tCONV, 2 µs at most), and of the offset calibration
+/// (assumed).
 const CONVERSION: u64 = cycles(2_000);
 const CALIBRATION: u64 = cycles(100_000);
 
-/// PSELP, PSELN, CONFIG, LIMIT.
+/// The registers PSELP, PSELN, CONFIG and LIMIT of a channel.
 type Channel = [u32; 4];
 
-/// SAADC.
+/// The SAADC.
 #[derive(Clone, Debug)]
 pub(crate) struct Saadc {
     block: Block,
@@ -53,15 +54,15 @@ pub(crate) struct Saadc {
     resolution: u32,
     oversample: u32,
     samplerate: u32,
-    /// PTR, MAXCNT, AMOUNT.
+    /// The registers PTR, MAXCNT and AMOUNT.
     result: [u32; 3],
-    /// Where the next result goes, and how many fit, while a buffer was started.
+    /// While a buffer is started: the address of the next result, and how many more results fit.
     buffer: Option<(u32, u32)>,
-    /// Samples taken for a result that is oversampled, and their sum.
+    /// The number of samples taken for an oversampled result, and their sum.
     taken: (u32, i64),
     converts_at: Option<Cycle>,
     calibrated_at: Option<Cycle>,
-    /// The internal timer runs.
+    /// Whether the internal timer runs.
     timed: bool,
 }
 
@@ -109,18 +110,18 @@ impl Saadc {
         self.converts_at = Some(cx.now + time);
     }
 
-    /// The voltage at what a PSEL register names, in microvolts.
+    /// The voltage at the input that a PSEL register selects, in microvolts.
     fn volts(&self, psel: u32, input: &impl Fn(Pin) -> i32) -> i64 {
         i64::from(match psel & 0x1F {
             0 => 0,
             9 => self.supply,
-            // VDDHDIV5, with VDDH at VDD.
+            // The input VDDHDIV5 is a fifth of VDDH, which equals VDD here.
             0xD => self.supply / 5,
             n => analog_input(n - 1).map_or(0, input),
         })
     }
 
-    /// Converts every channel.
+    /// Converts every enabled channel.
     pub(crate) fn convert(&mut self, input: impl Fn(Pin) -> i32, cx: &mut Cx<'_>) {
         let bits = 8 + 2 * self.resolution.min(3);
         for (n, [positive, negative, config, limit]) in (0_u32..).zip(self.channels) {
@@ -249,7 +250,7 @@ impl Instance for Saadc {
         if self.converts_at.take_if(|at| *at <= now).is_some() {
             cx.act(Act::Convert);
             if self.timed && self.buffer.is_some() {
-                // 16 MHz / CC; never faster than a conversion.
+                // The timer's period is CC cycles of 16 MHz, but never shorter than a conversion.
                 let period = u64::from(self.samplerate & 0x7FF) * crate::clocks::CYCLES_PER_TICK;
                 self.converts_at = Some(now + period.max(CONVERSION));
             }
@@ -261,13 +262,13 @@ impl Instance for Saadc {
     }
 }
 
-/// How often a comparator looks at its input, in cycles: 10 µs.
+/// How often a comparator checks its input, in cycles: every 10 µs.
 const LOOK: u64 = cycles(10_000);
-/// From START to READY (PS 6.5: tINT_REF.START, 50 µs typical; 6.13: 140 µs).
+/// The cycles from START to READY (PS 6.5: tINT_REF.START, 50 µs typical; PS 6.13: 140 µs).
 const COMP_START: u64 = cycles(50_000);
 const LPCOMP_START: u64 = cycles(140_000);
 
-/// Hysteresis in microvolts, from threshold to threshold (PS 6.5: VDIFFHYST, 30 mV; 6.13: HYST, 50 mV).
+/// The hysteresis in microvolts, from one threshold to the other (PS 6.5: VDIFFHYST, 30 mV; PS 6.13: HYST, 50 mV).
 const COMP_HYSTERESIS: i64 = 30_000;
 const LPCOMP_HYSTERESIS: i64 = 50_000;
 
@@ -276,13 +277,13 @@ const DOWN: u32 = 1;
 const UP: u32 = 2;
 const CROSS: u32 = 3;
 
-/// COMP and LPCOMP.
+/// COMP or LPCOMP.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparator {
     block: Block,
     supply: i32,
     enable: u32,
-    /// PSEL, REFSEL, EXTREFSEL, ANADETECT, TH, MODE, HYST, ISOURCE.
+    /// The registers PSEL, REFSEL, EXTREFSEL, ANADETECT, TH, MODE, HYST and ISOURCE.
     plain: [(u32, u32); 8],
     result: u32,
     above: bool,
@@ -308,12 +309,12 @@ impl Comparator {
         self.plain.iter().find(|(at, _)| *at == offset).map_or(0, |(_, value)| *value)
     }
 
-    /// The thresholds upwards and downwards, in microvolts.
+    /// The thresholds for a rising and for a falling input, in microvolts.
     fn thresholds(&self, input: &impl Fn(Pin) -> i32) -> (i64, i64) {
         let (supply, select) = (i64::from(self.supply), self.plain(0x508) & 0xF);
         let external = || analog_input(self.plain(0x50C) & 7).map_or(0, |pin| i64::from(input(pin)));
         if self.enable == 1 {
-            // LPCOMP: eighths and odd sixteenths of the supply, or an external reference.
+            // LPCOMP compares with eighths or odd sixteenths of the supply, or with an external reference.
             let threshold = match select {
                 0..=6 => supply * (i64::from(select) + 1) / 8,
                 7 => external(),
@@ -330,7 +331,8 @@ impl Comparator {
             _ => external(),
         };
         if self.plain(0x534) >> 8 & 1 != 0 {
-            // Differential: against the reference itself. Single-ended, TH.UP and TH.DOWN are the hysteresis.
+            // In differential mode COMP compares with the reference itself. In single-ended mode, TH.UP and TH.DOWN set
+            // the hysteresis.
             let half = if self.plain(0x538) & 1 != 0 { COMP_HYSTERESIS / 2 } else { 0 };
             return (reference + half, reference - half);
         }
@@ -338,7 +340,7 @@ impl Comparator {
         (threshold(self.plain(0x530) >> 8), threshold(self.plain(0x530)))
     }
 
-    /// Looks at the input.
+    /// Compares the input with the thresholds.
     pub(crate) fn look(&mut self, input: impl Fn(Pin) -> i32, cx: &mut Cx<'_>) {
         let volts = analog_input(self.plain(0x504) & 7).map_or(0, |pin| i64::from(input(pin)));
         let (up, down) = self.thresholds(&input);
@@ -357,12 +359,12 @@ impl Comparator {
         }
     }
 
-    /// Whether it looks at its input in System OFF as well, which LPCOMP alone does (PS 5.3).
+    /// Whether the comparator also works in System OFF, as only LPCOMP does (PS 5.3).
     pub(crate) fn looks_in_system_off(&self) -> bool {
         self.enable == 1 && self.look_at.is_some()
     }
 
-    /// Whether the event at `address` is the one that raises ANADETECT, which ends System OFF (PS 6.13).
+    /// Whether the event at `address` raises ANADETECT, which ends System OFF (PS 6.13).
     pub(crate) fn detects_by(&self, address: u32) -> bool {
         let event = match self.plain(0x520) & 3 {
             0 => CROSS,
@@ -372,7 +374,7 @@ impl Comparator {
         address == crate::instance::address_of(crate::instance::COMP) + crate::instance::event(event)
     }
 
-    /// READY's shortcuts: to SAMPLE, to STOP.
+    /// Applies READY's shortcuts to SAMPLE and to STOP.
     fn stop_by(&mut self, sample: u32, stop: u32, _: &Cx<'_>) {
         if self.block.short(sample) {
             self.result = u32::from(self.above);

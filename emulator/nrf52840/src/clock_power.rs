@@ -9,18 +9,18 @@
 //! | SLEEPENTER, SLEEPEXIT | 5.3 |
 //! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, DCDCEN, RAM\[n\].POWER as registers | 5.3, 5.3 |
 //! | POFCON with POFWARN, of VDD | 5.3 |
-//! | APPROTECT.FORCEPROTECT, which only ever closes, and APPROTECT.DISABLE, which share this address space | 4.8 |
+//! | APPROTECT.FORCEPROTECT, which can only close, and APPROTECT.DISABLE, which share this address space | 4.8 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | POFCON.THRESHOLDVDDH, and that POFWARN keeps the NVMC from writing | VDDH is VDD here; nothing here writes flash |
+//! | POFCON.THRESHOLDVDDH, and POFWARN keeping the NVMC from writing | VDDH is VDD; no firmware here writes flash |
 //! | USB regulator events | USBD is not modelled |
-//! | debounce of HFXO | part of the start-up time, which is a setting; `None`: it never starts |
+//! | debounce of HFXO | it is part of the start-up time, a setting in which `None` means no start at all |
 use crate::Settings;
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, Source, index};
 
-/// Events by number.
+/// The numbers of the events.
 const HFCLKSTARTED: u32 = 0;
 const LFCLKSTARTED: u32 = 1;
 const POFWARN: u32 = 2;
@@ -31,27 +31,28 @@ const CTSTOPPED: u32 = 11;
 const SLEEPENTER: u32 = 5;
 const SLEEPEXIT: u32 = 6;
 
-/// Power-fail comparator.
+/// The offset of the power-fail comparator's register.
 const POFCON: u32 = 0x510;
-/// Access port protection: written 0 it closes the debug port until the next reset; nothing written opens it again.
+/// The offset of the access port protection register with which firmware closes the debug port, by writing 0. Only the
+/// next reset opens it again.
 const APPROTECT_FORCEPROTECT: u32 = 0x550;
-/// Access port protection: [`SW_DISABLE`] opens the software's half.
+/// The offset of the access port protection register in which [`SW_DISABLE`] opens the software's half.
 const APPROTECT_DISABLE: u32 = 0x558;
 const SW_DISABLE: u32 = 0x5A;
 
-/// From LFCLKSTART to LFCLKSTARTED with the RC oscillator, in cycles (PS 5.4: 600 µs).
+/// The cycles from LFCLKSTART to LFCLKSTARTED with the RC oscillator (PS 5.4: 600 µs).
 const LFRC_STARTUP: u64 = cycles(600_000);
-/// Length of a calibration, in cycles (PS 5.4: 16 ms typical).
+/// The length of a calibration in cycles (PS 5.4: 16 ms typical).
 const CALIBRATION: u64 = cycles(16_000_000);
-/// The calibration timer counts quarters of a second, in LFCLK ticks.
+/// The unit of the calibration timer in LFCLK ticks: a quarter of a second.
 const CTIV_TICKS: u64 = 8192;
 
-/// RAM blocks 0 to 8, each {POWER, POWERSET, POWERCLR}.
+/// The number of RAM blocks, 0 to 8. Each has the registers POWER, POWERSET and POWERCLR.
 const RAM_BLOCKS: u32 = 9;
-/// RAM\[n\].POWER after reset: every section on in System ON, none retained in System OFF.
+/// RAM\[n\].POWER after a reset: every section is on in System ON, and none is retained in System OFF.
 const RAM_POWER_RESET: u32 = 0xFFFF;
 
-/// The sources of LFCLK as LFCLKSRC numbers them.
+/// The sources of LFCLK, as LFCLKSRC numbers them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Low {
     Rc = 0,
@@ -59,21 +60,21 @@ enum Low {
     Synthesised = 2,
 }
 
-/// Both peripherals.
+/// The state of both peripherals.
 #[derive(Clone, Debug)]
 pub(crate) struct ClockPower {
     block: Block,
-    /// Core cycles; `None` where the crystal never starts.
+    /// The start-up time of HFXO in core cycles; `None` where the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
-    /// HFXO was started and not stopped, and since when it is stable.
+    /// Whether HFXO was started and not stopped, and the cycle from which it is stable.
     hf_run: bool,
     hf_stable: bool,
     hf_due: Option<u64>,
     source: u32,
     copy: u32,
     lf_run: bool,
-    /// What LFCLK comes from now.
+    /// The present source of LFCLK.
     lf: Option<Low>,
     lf_due: Option<u64>,
     calibration_due: Option<u64>,
@@ -81,13 +82,13 @@ pub(crate) struct ClockPower {
     ct_due: Option<u64>,
     pub(crate) reset_reason: u32,
     retained: [u32; 2],
-    /// Registers that only hold what is written: offset, value, writable bits.
+    /// Registers that only store what is written: offset, value, writable bits.
     plain: [(u32, u32, u32); 8],
     ram: [u32; RAM_BLOCKS as usize],
     microvolts: u32,
-    /// The power-fail comparator says so.
+    /// Whether the power-fail comparator says that the supply is low.
     low: bool,
-    /// POFWARN was raised since this was last asked.
+    /// Whether POFWARN was raised since the last check.
     pub(crate) warned: bool,
 }
 
@@ -127,7 +128,7 @@ impl ClockPower {
         }
     }
 
-    /// The part restarted for `reason`; `gentle` is a reset that leaves the retained registers.
+    /// Sets the registers after a restart for `reason`. A `gentle` reset keeps the retained registers.
     pub(crate) fn restarted(&mut self, before: &Self, reason: u32, gentle: bool) {
         self.reset_reason = before.reset_reason | reason;
         if gentle {
@@ -135,20 +136,20 @@ impl ClockPower {
         }
     }
 
-    /// A restart leaves the supply as it was.
+    /// Keeps the state of the supply over a restart.
     pub(crate) fn keep_supply(&mut self, before: &Self) {
         self.microvolts = before.microvolts;
     }
 
-    /// The supply changes.
+    /// Changes the supply.
     pub(crate) fn supply(&mut self, microvolts: u32, cx: &mut Cx<'_>) {
         self.microvolts = microvolts;
         self.watch_supply(cx);
     }
 
-    /// The power-fail comparator: POFWARN when the supply falls below the threshold, and when it is below as the
-    /// comparator is switched on or set higher (PS 5.3.3). Accuracy 5 %, hysteresis 50 mV (PS 5.3.8); here it is as
-    /// late as that allows.
+    /// Updates the power-fail comparator. It raises POFWARN when the supply falls below the threshold, and when the
+    /// supply is below it as the comparator is switched on or the threshold raised (PS 5.3.3). The part has an accuracy
+    /// of 5 % and a hysteresis of 50 mV (PS 5.3.8); the model reacts as late as these allow.
     fn watch_supply(&mut self, cx: &mut Cx<'_>) {
         const LOWEST: u32 = 4;
         let pofcon = self.plain(POFCON);
@@ -166,7 +167,7 @@ impl ClockPower {
         self.plain.iter().find(|(at, ..)| *at == offset).map_or(0, |(_, value, _)| *value)
     }
 
-    /// The crystal takes so long to start from its next start on.
+    /// Sets how long the crystal takes to start, from its next start on.
     pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.hfxo_startup = startup_ns.map(cycles);
     }
@@ -175,22 +176,22 @@ impl ClockPower {
         self.hf_stable
     }
 
-    /// Whether the software's half of the access port protection stands open.
+    /// Whether the software's half of the access port protection is open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.plain(APPROTECT_DISABLE) == SW_DISABLE && self.plain(APPROTECT_FORCEPROTECT) != 0
     }
 
-    /// Whether `section` of RAM block `block` keeps its contents through System OFF.
+    /// Whether `section` of the RAM block `block` keeps its contents through System OFF.
     pub(crate) fn retains(&self, block: usize, section: usize) -> bool {
         self.ram[block] >> (16 + section) & 1 != 0
     }
 
-    /// The core sleeps or woke.
+    /// Raises the event of the core's falling asleep or waking.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.block.raise(if asleep { SLEEPENTER } else { SLEEPEXIT }, cx);
     }
 
-    /// LFCLK goes on running through a reset because the watchdog does.
+    /// Keeps LFCLK running through a reset, because the watchdog runs on.
     pub(crate) fn keep_lfclk(&mut self) {
         self.lf = Some(Low::Rc);
     }
@@ -203,7 +204,7 @@ impl ClockPower {
         }
     }
 
-    /// LFCLK comes from `source` from here.
+    /// Makes `source` the source of LFCLK from now on.
     fn feed(&mut self, source: Option<Low>, cx: &mut Cx<'_>) {
         self.lf = source;
         cx.act(Act::Clock(match source {
@@ -220,7 +221,7 @@ impl Instance for ClockPower {
 
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
         match offset {
-            // HFCLKSTART. Started again, it says so again.
+            // HFCLKSTART raises its event again even if HFXO already runs.
             0x000 => {
                 self.hf_run = true;
                 let startup = if self.hf_stable { Some(0) } else { self.hfxo_startup };
@@ -230,7 +231,7 @@ impl Instance for ClockPower {
                 (self.hf_run, self.hf_stable, self.hf_due) = (false, false, None);
                 cx.act(Act::Clock(Source::HighInternal));
             }
-            // LFCLKSTART. Until the crystal has started, the RC oscillator feeds LFCLK (PS 5.4).
+            // Until the crystal has started, the RC oscillator is the source of LFCLK (PS 5.4).
             0x008 => {
                 self.copy = self.source;
                 let startup = match self.wanted() {
@@ -263,7 +264,7 @@ impl Instance for ClockPower {
                 self.ct_due = None;
                 self.block.raise(CTSTOPPED, cx);
             }
-            // CONSTLAT, LOWPWR: what they change is the latency of a wake-up, which is none here.
+            // CONSTLAT and LOWPWR only change the latency of a wake-up, which is zero here.
             0x078 | 0x07C => {}
             _ => return false,
         }
@@ -274,12 +275,12 @@ impl Instance for ClockPower {
         Some(match offset {
             0x400 => self.reset_reason,
             0x408 => u32::from(self.hf_run),
-            // HFCLK always runs; SRC says from what.
+            // HFCLK always runs. SRC tells its source.
             0x40C => 1 << 16 | u32::from(self.hf_stable),
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),
             0x41C => self.copy,
-            // RAMSTATUS, deprecated. USBREGSTATUS: no VBUS. MAINREGSTATUS: normal voltage.
+            // RAMSTATUS is deprecated. USBREGSTATUS shows no VBUS, and MAINREGSTATUS normal voltage.
             0x428 | 0x438 | 0x640 => 0,
             0x500 => 0,
             0x518 => self.source,
@@ -298,7 +299,7 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
-            // Whoever closed it cannot open it before the next reset.
+            // Firmware that has closed the debug port cannot open it before the next reset.
             APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 if value & 1 != 0 => cx.act(Act::Off),
             0x500 => {}
@@ -366,7 +367,7 @@ impl Instance for ClockPower {
 }
 
 impl ClockPower {
-    /// The watchdog needs LFCLK and starts the RC oscillator where nothing runs (PS 6.36).
+    /// Starts the RC oscillator for the watchdog, which needs LFCLK, if no source runs (PS 6.36).
     pub(crate) fn demand_lfclk(&mut self, cx: &mut Cx<'_>) {
         if self.lf.is_none() {
             self.feed(Some(Low::Rc), cx);

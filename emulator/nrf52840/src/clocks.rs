@@ -3,65 +3,65 @@
 //! | covered | PS |
 //! |---|---|
 //! | the core at 64 MHz and PCLK16M at a quarter of it, in phase; both from HFINT until HFXO has started | 5.4 |
-//! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its error | 5.4 |
+//! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its own error | 5.4 |
 //!
-//! HFINT and HFXO feed the core as well, so a cycle is as long as their error makes it, and PCLK16M is four cycles of
-//! the core whatever feeds them. LFCLK is an oscillator of its own: its rate in cycles is a ratio that changes whenever
-//! either source does. Counts are computed in integers from where it last changed, so nothing drifts.
+//! HFINT and HFXO also clock the core. The error of their rate is therefore in the length of a core cycle, and PCLK16M
+//! is always four core cycles. LFCLK has its own oscillator: its rate in core cycles is a ratio that changes whenever
+//! either source changes. Counts are computed in integers from the last such change, so no error accumulates.
 //!
-//! Left out: temperature and ageing (an error is a constant of the run).
+//! Left out: temperature and ageing. An error is constant over a run.
 use emulator_part::Cycle;
 
-/// Cycles of the core in one of PCLK16M.
+/// The core cycles in one cycle of PCLK16M.
 pub(crate) const CYCLES_PER_TICK: u64 = 4;
 
-/// Cycles of the core in `ns` nanoseconds of an exact clock, rounded up.
+/// The core cycles in `ns` nanoseconds of an exact clock, rounded up.
 pub(crate) const fn cycles(ns: u64) -> u64 {
     (ns as u128 * 64).div_ceil(1000) as u64
 }
 
-/// PCLK16M.
+/// The clock PCLK16M.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pclk16m;
 
 impl Pclk16m {
-    /// The ticks counted by `at`.
+    /// The number of ticks at the cycle `at`.
     #[inline]
     pub(crate) const fn ticks(self, at: Cycle) -> u64 {
         at / CYCLES_PER_TICK
     }
 
-    /// The cycle at which `tick` has been counted.
+    /// The cycle at which the count reaches `tick`.
     #[inline]
     pub(crate) const fn instant(self, tick: u64) -> Cycle {
         tick * CYCLES_PER_TICK
     }
 }
 
-/// LFCLK, counting since it last changed its rate.
+/// The clock LFCLK, which counts on from the last change of its rate.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lfclk {
     lf_ppb: i64,
     hf_ppb: i64,
-    /// The cycle, and the count there.
+    /// The cycle of the last change of rate, and the count at it.
     anchor: (Cycle, u64),
-    /// How far it was into the next tick there, in 1 / [`Lfclk::den`] of one.
+    /// The part of the next tick that had passed at that cycle, in units of 1 / [`Lfclk::den`] tick.
     phase: u128,
 }
 
-/// A billion and `ppb` more.
+/// One billion plus `ppb`.
 fn scale(ppb: i64) -> u64 {
     1_000_000_000_u64.wrapping_add_signed(ppb)
 }
 
 impl Lfclk {
-    /// One that starts at `at`, `lf_ppb` fast where the core's clock is `hf_ppb` fast.
+    /// Makes a clock that starts at `at`. It is fast by `lf_ppb`, and the core's clock by `hf_ppb`.
     pub(crate) fn new(lf_ppb: i64, hf_ppb: i64, at: Cycle) -> Self {
         assert!(lf_ppb.unsigned_abs() < 500_000_000, "an error of {lf_ppb} ppb is no clock");
         Self { lf_ppb, hf_ppb, anchor: (at, 0), phase: 0 }
     }
 
-    /// Ticks per cycle are `num / den`: 32768 / 64 000 000 is 8 / 15625.
+    /// The numerator of the ticks per core cycle, `num / den`: 32768 / 64 000 000 is 8 / 15625.
     fn num(&self) -> u128 {
         8 * u128::from(scale(self.lf_ppb))
     }
@@ -74,18 +74,18 @@ impl Lfclk {
         self.phase + u128::from(at.saturating_sub(self.anchor.0)) * self.num()
     }
 
-    /// The ticks counted by `at`, which is not before the last change of rate.
+    /// The number of ticks at the cycle `at`, which must not be before the last change of rate.
     pub(crate) fn ticks(&self, at: Cycle) -> u64 {
         self.anchor.1 + (self.run(at) / self.den()) as u64
     }
 
-    /// The first cycle at which `tick` has been counted.
+    /// The first cycle at which the count has reached `tick`.
     pub(crate) fn instant(&self, tick: u64) -> Cycle {
         let ticks = u128::from(tick.saturating_sub(self.anchor.1));
         self.anchor.0 + (ticks * self.den()).saturating_sub(self.phase).div_ceil(self.num()) as u64
     }
 
-    /// Goes on counting with other errors from `at`.
+    /// Changes the errors of the clocks at `at` and counts on.
     pub(crate) fn retune(&mut self, at: Cycle, lf_ppb: i64, hf_ppb: i64) {
         let (den, phase) = (self.den(), self.run(at) % self.den());
         self.anchor = (at, self.ticks(at));
@@ -98,14 +98,14 @@ impl Lfclk {
     }
 }
 
-/// Both clocks as the peripherals see them.
+/// Both clocks, as the peripherals use them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Clocks {
-    /// PCLK16M.
+    /// The clock PCLK16M.
     pub(crate) hf: Pclk16m,
-    /// How much faster than 64 MHz the core's clock is.
+    /// How much faster than 64 MHz the core's clock is, in parts per billion.
     pub(crate) hf_ppb: i64,
-    /// LFCLK while it runs.
+    /// The clock LFCLK while it runs.
     pub(crate) lf: Option<Lfclk>,
 }
 
@@ -149,7 +149,7 @@ mod tests {
         let at = clock.instant(1_000);
         clock.retune(at, 0, 15_000_000);
         assert_eq!(clock.ticks(at), 1_000);
-        // The core is faster now, and a tick takes more of its cycles.
+        // The core is now faster, so a tick takes more core cycles.
         assert_eq!(clock.instant(1_000 + 32_768) - at, 64_000_000 * 1_015 / 1_000);
     }
 }

@@ -14,7 +14,7 @@ const ENDECB: u32 = 0;
 const ERRORECB: u32 = 1;
 const BLOCK_TIME: u64 = cycles(7_200);
 
-/// The peripheral.
+/// The ECB peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ecb {
     block: Block,
@@ -72,12 +72,12 @@ impl Instance for Ecb {
     }
 }
 
-/// Multiplies by x in the field of AES (FIPS 197, 4.2.1).
+/// Multiplies by x in the finite field of AES (FIPS 197, 4.2.1).
 const fn double(byte: u8) -> u8 {
     byte << 1 ^ if byte & 0x80 != 0 { 0x1B } else { 0 }
 }
 
-/// The S-box (FIPS 197, 5.1.1), from powers of 3 and of its inverse.
+/// The S-box (FIPS 197, 5.1.1), computed from powers of 3 and of its inverse.
 const SBOX: [u8; 256] = {
     let mut sbox = [0; 256];
     let (mut power, mut inverse) = (1_u8, 1_u8);
@@ -100,7 +100,7 @@ const SBOX: [u8; 256] = {
     sbox
 };
 
-/// AES-128 (FIPS 197).
+/// Encrypts one block with AES-128 (FIPS 197).
 pub(crate) fn encrypt(key: &[u8; 16], clear: &[u8; 16]) -> [u8; 16] {
     let mut round_key = *key;
     let mut state = *clear;

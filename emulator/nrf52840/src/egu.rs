@@ -1,9 +1,9 @@
-//! EGU: 16 tasks that each raise an event, for interrupts and PPI chains in software (PS 6.8).
+//! EGU: 16 tasks, each of which raises an event, for interrupts and PPI chains that software triggers (PS 6.8).
 //!
 //! Covered: TRIGGER[0..16], TRIGGERED[0..16], INTEN. Nothing is left out.
 use crate::instance::{Block, Cx, Instance, index};
 
-/// One instance.
+/// One EGU instance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Egu {
     block: Block,

@@ -3,47 +3,48 @@
 //! | covered | PS |
 //! |---|---|
 //! | OUT, OUTSET, OUTCLR, DIR, DIRSET, DIRCLR, PIN_CNF with its direction in both places | 6.9 |
-//! | IN of a pin whose input buffer is connected; 0 of one whose is not | 6.9 |
+//! | IN of a pin with a connected input buffer; a pin without reads 0 | 6.9 |
 //! | pull resistors; DRIVE with its open-drain and open-source settings | 6.9 |
 //! | SENSE, LATCH, DETECT and LDETECT across both ports | 6.9 |
 //! | a pin taken over by a peripheral | 6.9 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | drive strength, slew | a level is high or low |
-//! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS says otherwise | NFCT is not modelled and the pins are free |
+//! | drive strength, slew rate | a level is either high or low |
+//! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS frees them | NFCT is not modelled, and the pins are free |
 //! | the waveform of a serial peripheral | frames cross at their own instants; only chip selects move as pins |
 //!
-//! A peripheral that reads a pin sees it through the same input buffer as IN does: of a pin whose buffer PIN_CNF
-//! disconnects it reads 0 (assumed; the PS asks for the buffer only by the direction "Input" in the table of pins of
-//! each peripheral, and Nordic's drivers connect it).
+//! A peripheral reads a pin through the same input buffer as IN does. It reads 0 from a pin whose buffer PIN_CNF
+//! disconnects. This is an assumption: the PS asks for the buffer only by the direction "Input" in the table of pins of
+//! each peripheral, and Nordic's drivers connect it.
 use crate::act::{Act, Outbox};
 use crate::pin::Pin;
 use emulator_part::{Cycle, FindingKind, Pad};
 
 const INPUT_DISCONNECT: u32 = 1 << 1;
-/// PIN_CNF after reset: input buffer disconnected.
+/// PIN_CNF after a reset: the input buffer is disconnected.
 const PIN_CNF_RESET: u32 = INPUT_DISCONNECT;
-/// The bits PIN_CNF has: DIR, INPUT, PULL, DRIVE, SENSE.
+/// The bits of PIN_CNF: DIR, INPUT, PULL, DRIVE, SENSE.
 const PIN_CNF_MASK: u32 = 0x0003_070F;
-/// Pins of each port.
+/// The pins that exist in each port.
 const PORT_PINS: [u32; 2] = [0xFFFF_FFFF, 0x0000_FFFF];
 
-/// Both ports.
+/// The state of both ports.
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     out: [u32; 2],
     latch: [u32; 2],
     ldetect: [bool; 2],
     cnf: [[u32; 32]; 2],
-    /// Of PIN_CNF, by port: outputs, connected input buffers, pins that sense high and low.
+    /// Masks from PIN_CNF, for each port: outputs, connected input buffers, pins that sense high, and pins that sense
+    /// low.
     dir: [u32; 2],
     connected: [u32; 2],
     senses_high: [u32; 2],
     senses_low: [u32; 2],
-    /// What drives a pin from outside the part.
+    /// The level that the outside drives onto each pin.
     outside: [Option<bool>; 64],
-    /// What a peripheral that took the pin over drives.
+    /// The level that a peripheral drives onto a pin that it took over.
     held: [Option<bool>; 64],
     levels: [u32; 2],
     pads: [Pad; 64],
@@ -78,7 +79,7 @@ impl Gpio {
         self.levels[port] >> n & 1 != 0
     }
 
-    /// Whether GPIO has the pin as an output.
+    /// Whether GPIO configures the pin as an output.
     #[inline]
     pub(crate) fn is_output(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();
@@ -92,18 +93,18 @@ impl Gpio {
         self.connected[port] >> n & 1 != 0
     }
 
-    /// What a peripheral reads of the pin.
+    /// The level that a peripheral reads from the pin.
     #[inline]
     pub(crate) fn input(&self, pin: Pin) -> bool {
         self.is_connected(pin) && self.level(pin)
     }
 
-    /// Whether something meets its SENSE criterion.
+    /// Whether any pin meets its SENSE criterion.
     pub(crate) fn detects(&self) -> bool {
         self.detect
     }
 
-    /// What the part itself drives, if it does: a peripheral's level first, else OUT as DRIVE lets it through.
+    /// The level that the part itself drives, if it does: a peripheral's level, or else OUT as DRIVE allows.
     fn inside(&self, pin: Pin) -> Option<bool> {
         let (port, n) = pin.place();
         self.held[pin.index()].or_else(|| {
@@ -121,7 +122,7 @@ impl Gpio {
         self.outside[pin.index()].is_some()
     }
 
-    /// Resolves the pad, tells whoever listens when it moved, and senses it.
+    /// Computes the level of the pad, reports a change of it, and updates what the pin senses.
     fn settle(&mut self, pin: Pin, now: Cycle, out: &mut Outbox) {
         let (port, n) = pin.place();
         let (inside, outside) = (self.inside(pin), self.outside[pin.index()]);
@@ -149,7 +150,7 @@ impl Gpio {
         self.sense(out);
     }
 
-    /// LATCH takes up what is sensed, and DETECT follows.
+    /// Sets LATCH from the sensing pins, and updates DETECT.
     #[inline]
     fn sense(&mut self, out: &mut Outbox) {
         let mut detect = false;
@@ -216,7 +217,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // Writing 1 clears, unless the pin still meets its criterion; DETECT from LATCH drops for that moment.
+                // Writing 1 clears a latch, unless the pin still meets its criterion. DETECT from LATCH falls for that
+                // moment.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;
@@ -249,14 +251,14 @@ impl Gpio {
         }
     }
 
-    /// Every register back at its reset value; what drives the pins from outside goes on doing so.
+    /// Resets every register. The outside still drives its pins.
     pub(crate) fn restart(&mut self, now: Cycle, out: &mut Outbox) {
         let Self { outside, levels, pads, .. } = *self;
         *self = Self { outside, levels, pads, ..Self::default() };
         self.settle_all(now, out);
     }
 
-    /// Peripherals let go of every pin; GPIO's own registers stay.
+    /// Ends the driving of pins by peripherals. GPIO's own registers stay.
     pub(crate) fn let_go(&mut self, now: Cycle, out: &mut Outbox) {
         self.held = [None; 64];
         self.settle_all(now, out);
@@ -271,7 +273,7 @@ impl Gpio {
     }
 }
 
-/// The port an offset belongs to, and the offset as port 0 has it.
+/// The port to which an offset belongs, and the equivalent offset in port 0.
 #[inline]
 fn port_of(offset: u32) -> (usize, u32) {
     if (0x804..0xA80).contains(&offset) { (1, offset - 0x300) } else { (0, offset) }

@@ -7,16 +7,16 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the difference between the accurate and the low-power source of IN | both see an edge at its own instant |
+//! | the difference between the accurate and the low-power source of IN | both detect an edge at its own instant |
 //! | two channels in task mode on one pin | undefined in PS 6.10; reported |
 use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
 
 const CHANNELS: u32 = 8;
-/// The bits CONFIG has: MODE, PSEL, PORT, POLARITY, OUTINIT.
+/// The bits of CONFIG: MODE, PSEL, PORT, POLARITY, OUTINIT.
 const CONFIG_MASK: u32 = 0x0013_3F03;
 
-/// The peripheral.
+/// The GPIOTE peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gpiote {
     block: Block,
@@ -40,13 +40,13 @@ impl Gpiote {
         }
     }
 
-    /// Whether a channel in event mode has `pin`.
+    /// Whether a channel in event mode watches `pin`.
     #[inline]
     pub(crate) fn watches(&self, pin: Pin) -> bool {
         self.config.iter().any(|&config| config & 3 == 1 && pin_of(config) == Some(pin))
     }
 
-    /// A pad moved to `level`.
+    /// Handles a change of a pad to `level`.
     pub(crate) fn pad(&mut self, pin: Pin, level: bool, cx: &mut Cx<'_>) {
         for channel in 0..CHANNELS as usize {
             let config = self.config[channel];
@@ -61,7 +61,7 @@ impl Gpiote {
         }
     }
 
-    /// DETECT rose.
+    /// Raises PORT after a rise of DETECT.
     pub(crate) fn port(&mut self, cx: &mut Cx<'_>) {
         self.block.raise(31, cx);
     }
@@ -118,7 +118,7 @@ impl Instance for Gpiote {
                 }
                 self.drive(channel, next >> 20 & 1 != 0, cx);
             }
-            // An edge counts from the level the pad has here.
+            // The channel's first edge is a change from the present level of the pad.
             1 => cx.act(Act::Sample { channel }),
             _ => {}
         }
@@ -127,7 +127,7 @@ impl Instance for Gpiote {
 }
 
 impl Gpiote {
-    /// The level the pad has as a channel starts to watch it.
+    /// Gives a channel the level of its pad as it starts to watch it.
     pub(crate) fn sample(&mut self, channel: usize, level: impl Fn(Pin) -> bool) {
         if let Some(pin) = pin_of(self.config[channel]) {
             self.level[channel] = level(pin);

@@ -1,27 +1,28 @@
-//! What every peripheral of the part has in common (PS 6.1, *Peripheral interface*).
+//! What all peripherals of the part have in common (PS 6.1, *Peripheral interface*).
 //!
 //! A peripheral is a block of registers at its ID × 0x1000: tasks below 0x100, events from 0x100 (bit *n* of INTEN is
-//! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds those,
-//! and the interconnect serves them for everyone; an [`Instance`] adds its own tasks and registers.
+//! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds these
+//! common registers, and the interconnect serves them for all instances. An [`Instance`] adds its own tasks and
+//! registers.
 //!
-//! An instance never reaches another. It says what happens ([`Act`]) and the interconnect carries it, in order and at
-//! the same instant: an event to the PPI, a level to a pin, a byte to the outside. Memory and the levels of the pins it
-//! has at hand ([`Cx`]).
+//! An instance never calls another. It reports what happens as an [`Act`], and the interconnect delivers it, in order
+//! and at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance accesses memory
+//! and the levels of pins directly, through its [`Cx`].
 pub(crate) use crate::act::{Act, COMP, GPIO, Id, Outbox, Source};
 use crate::clocks::Clocks;
 use crate::gpio::Gpio;
 use crate::memory::Memory;
 use emulator_part::{Cycle, FindingKind};
 
-/// What an instance is handed with every call.
+/// The context that an instance gets with each call.
 pub(crate) struct Cx<'a> {
-    /// The cycle.
+    /// The cycle of the call.
     pub(crate) now: Cycle,
     pub(crate) clocks: &'a Clocks,
     pub(crate) memory: &'a mut Memory,
     pub(crate) pins: &'a Gpio,
     pub(crate) out: &'a mut Outbox,
-    /// The instance called.
+    /// The ID of the called instance.
     pub(crate) id: Id,
     pub(crate) name: &'static str,
 }
@@ -32,13 +33,13 @@ impl Cx<'_> {
         self.out.acts.push_back(act);
     }
 
-    /// PCLK16M ticks by now.
+    /// The number of PCLK16M ticks until now.
     #[inline]
     pub(crate) fn hf(&self) -> u64 {
         self.clocks.hf.ticks(self.now)
     }
 
-    /// EasyDMA reads a byte; `None`, reported, where it does not reach.
+    /// Reads a byte by EasyDMA. Where EasyDMA does not reach, the access is reported and returns `None`.
     pub(crate) fn dma_read(&mut self, address: u32) -> Option<u8> {
         let byte = self.memory.dma_read(address);
         if byte.is_none() {
@@ -47,7 +48,7 @@ impl Cx<'_> {
         byte
     }
 
-    /// EasyDMA writes a byte; nothing, reported, where it does not reach.
+    /// Writes a byte by EasyDMA. Where EasyDMA does not reach, the access is reported and does nothing.
     pub(crate) fn dma_write(&mut self, address: u32, value: u8) {
         if !self.memory.dma_write(address, value) {
             self.found(FindingKind::Unreachable, "EasyDMA writes outside data RAM, at", address);
@@ -58,23 +59,23 @@ impl Cx<'_> {
         self.out.find(self.now, kind, self.name, what, value);
     }
 
-    /// The firmware did what the specification forbids or leaves undefined.
+    /// Reports that the firmware did what the specification forbids or leaves undefined.
     pub(crate) fn misuse(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Misuse, what, value);
     }
 
-    /// The firmware reached something this model does not have.
+    /// Reports that the firmware used something that this model does not have.
     pub(crate) fn unmodelled(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Unmodelled, what, value);
     }
 
-    /// The firmware did something an anomaly of the silicon spoils.
+    /// Reports that the firmware did something that an anomaly of the silicon spoils.
     pub(crate) fn anomaly(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Erratum, what, value);
     }
 }
 
-/// The registers every peripheral has: events, interrupt enable, shortcuts.
+/// The registers that all peripherals have: events, interrupt enable, shortcuts.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct Block {
     pub(crate) events: u32,
@@ -82,7 +83,7 @@ pub(crate) struct Block {
     pub(crate) shorts: u32,
 }
 
-/// Where event `n` of a block is.
+/// The offset of event `n` in a block.
 pub(crate) const fn event(n: u32) -> u32 {
     0x100 + 4 * n
 }
@@ -107,53 +108,53 @@ pub(crate) const fn address_of(id: Id) -> u32 {
     if id == GPIO { 0x5000_0000 } else { 0x4000_0000 + ((id as u32) << 12) }
 }
 
-/// A peripheral.
+/// One instance of a peripheral.
 pub(crate) trait Instance {
     /// The common registers.
     fn block(&mut self) -> &mut Block;
-    /// The common registers, to look at.
+    /// The common registers, for reading.
     fn block_ref(&self) -> &Block;
-    /// Triggers the task at `offset`; `false` where there is none modelled.
+    /// Triggers the task at `offset`. Returns `false` if no such task is modelled.
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
         let _ = (offset, cx);
         false
     }
-    /// What a register of its own reads at `now`, or `None` where it is not modelled.
+    /// Reads one of the instance's own registers at `now`. Returns `None` if it is not modelled.
     fn read(&self, offset: u32, now: Cycle, clocks: &Clocks) -> Option<u32> {
         let _ = (offset, now, clocks);
         None
     }
-    /// The core read a register of its own, for those that this changes.
+    /// Tells the instance that the core read one of its own registers, for registers that a read changes.
     #[inline]
     fn was_read(&mut self, offset: u32, cx: &mut Cx<'_>) {
         let _ = (offset, cx);
     }
-    /// A write to a register of its own; `false` where it is not modelled.
+    /// Writes one of the instance's own registers. Returns `false` if it is not modelled.
     fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
         let _ = (offset, value, cx);
         false
     }
-    /// SHORTS, INTEN or a clock changed: what it has scheduled may move.
+    /// Tells the instance that SHORTS, INTEN or a clock changed, so that its next event may move.
     #[inline]
     fn configured(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// The next cycle at which something happens inside.
+    /// The next cycle at which something happens in the instance.
     #[inline]
     fn next(&self) -> Option<Cycle> {
         None
     }
-    /// That cycle has come.
+    /// Carries out what is due, since that cycle has come.
     #[inline]
     fn due(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// Whether EasyDMA is moving something for it.
+    /// Whether EasyDMA is moving data for the instance.
     #[inline]
     fn moves(&self) -> bool {
         false
     }
-    /// The level of its interrupt: any event set and enabled.
+    /// The level of the instance's interrupt, which is high while any event is both set and enabled.
     #[inline]
     fn line(&self) -> bool {
         let block = self.block_ref();
@@ -161,7 +162,7 @@ pub(crate) trait Instance {
     }
 }
 
-/// Writes the two methods of [`Instance`] that hand out a field called `block`.
+/// Writes the two methods of [`Instance`] that return the field `block`.
 macro_rules! block {
     () => {
         #[inline]
@@ -176,7 +177,8 @@ macro_rules! block {
 }
 pub(crate) use block;
 
-/// The index in an array of registers of `count`, `stride` bytes apart from `base`, where `offset` is one of them.
+/// The index of the register at `offset` in an array of `count` registers that begins at `base`, `stride` bytes apart.
+/// `None` if `offset` is not in the array.
 #[inline]
 pub(crate) fn index(offset: u32, base: u32, stride: u32, count: u32) -> Option<usize> {
     let past = offset.checked_sub(base)?;

@@ -1,4 +1,4 @@
-//! The nRF52840 without its core as a [`Part`], from the nRF52840 Product Specification v1.7 ("PS" in what follows).
+//! The nRF52840 without its core as a [`Part`], from the nRF52840 Product Specification v1.7 (here called "PS").
 //!
 //! | module | covers | PS |
 //! |---|---|---|
@@ -15,22 +15,22 @@
 //! | `analog` | SAADC; COMP and LPCOMP | 6.23, 6.5, 6.13 |
 //! | `pwm`, `qdec` | PWM0–3; QDEC | 6.17, 6.18 |
 //!
-//! What is left out, and how it shows:
+//! What is left out, and how firmware sees it:
 //!
-//! | left out | what a firmware that uses it sees |
+//! | left out | what firmware that uses it sees |
 //! |---|---|
 //! | RADIO, NFCT, AAR, PDM, MWU, I2S, USBD, QSPI, CryptoCell | reset values; a [`Finding`] at its first use |
 //! | ACL, the legacy SPI and TWI | a [`Finding`] |
-//! | an offset inside a block that no register covers | reads 0, drops the write; a [`Finding`] |
-//! | an address no block covers | a bus fault, and a [`Finding`] |
-//! | current; anything that goes wrong between the lowest voltage, 1.7 V, and the brown-out reset | – |
+//! | an offset inside a block at which there is no register | reads return 0, writes do nothing; a [`Finding`] |
+//! | an address outside every block | a bus fault, and a [`Finding`] |
+//! | current; failures between the lowest voltage, 1.7 V, and the brown-out reset | – |
 //!
-//! Inside, the part is one interconnect (`soc`) with one typed instance per block. A write to any block is carried out
-//! with everything it sets off – event, PPI channel, task, pin, EasyDMA – in the order it happens and at the cycle of
-//! the write, which is what PPI's zero CPU latency means (PS 6.16: one PCLK16M cycle, here none).
+//! Inside, the part is one interconnect (`soc`) with one typed instance per block. The part carries out a write to any
+//! block together with everything that it sets off – event, PPI channel, task, pin, EasyDMA – in the order in which it
+//! happens, and at the cycle of the write. PPI's zero CPU latency means this (PS 6.16: one PCLK16M cycle, here none).
 //!
-//! In System OFF the core's cycles go on being counted, and [`Signals::stalled_until`] holds the core until the reset
-//! that ends it.
+//! In System OFF the core's cycles are still counted, and [`Signals::stalled_until`] holds the core until the reset
+//! that ends System OFF.
 //!
 //! ```
 //! use cortex_m4::{Access, Purpose, Width};
@@ -82,36 +82,38 @@ use memory::{FLASH_BYTES, RAM_BASE, RAM_BYTES};
 pub use soc::CtrlRequest;
 use soc::Soc;
 
-/// The core clock, in Hz, where its source is exact.
+/// The rate of the core clock in Hz, for an exact source.
 pub const CORE_HZ: u64 = 64_000_000;
 
-/// What differs from board to board and from run to run.
+/// The settings that differ from board to board and from run to run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Settings {
-    /// Error of the 32 MHz crystal, in parts per billion: core clock, TIMER, SPIM and UARTE.
+    /// The error of the 32 MHz crystal, in parts per billion (ppb). It affects the core clock, TIMER, SPIM and UARTE.
     pub hfxo_ppb: i64,
-    /// Error of the internal oscillator that stands in until HFXO has started, in ppb (PS 5.4: ±1.5 % typical).
+    /// The error of the internal oscillator, which is used until HFXO has started, in ppb (PS 5.4: ±1.5 % typical).
     pub hfint_ppb: i64,
-    /// Error of the 32.768 kHz crystal, in ppb.
+    /// The error of the 32.768 kHz crystal, in ppb.
     pub lfxo_ppb: i64,
-    /// Error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
+    /// The error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
     pub lfrc_ppb: i64,
-    /// From HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` where the crystal never starts.
+    /// The time from HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` where the crystal never
+    /// starts.
     pub hfxo_startup_ns: Option<u64>,
-    /// From LFCLKSTART to LFCLKSTARTED with the crystal, in ns of a core clock without error (PS 5.4: 0.25 s typical).
+    /// The time from LFCLKSTART to LFCLKSTARTED with the crystal, in ns of a core clock without error (PS 5.4: 0.25 s
+    /// typical).
     pub lfxo_startup_ns: u64,
-    /// What RNG's numbers follow from.
+    /// The seed of RNG's numbers.
     pub seed: u64,
-    /// FICR.DEVICEID.
+    /// The value of FICR.DEVICEID.
     pub device_id: u64,
-    /// FICR.DEVICEADDR, 48 bits.
+    /// The value of FICR.DEVICEADDR, 48 bits.
     pub device_address: u64,
-    /// FICR.INFO.VARIANT: the last two letters of the package variant and the build code, in ASCII. It decides whether
-    /// the part has hardened access port protection, which build codes Fxx and later have.
+    /// FICR.INFO.VARIANT: the last two letters of the package variant, and the build code, in ASCII. Build codes Fxx
+    /// and later have hardened access port protection.
     pub build_code: [u8; 4],
-    /// What TEMP measures, in quarter degrees Celsius.
+    /// The temperature that TEMP measures, in quarter degrees Celsius.
     pub temperature_quarters: i32,
-    /// The supply, which an SAADC and a comparator can measure, in microvolts.
+    /// The supply voltage, which an SAADC and a comparator can measure, in microvolts.
     pub supply_microvolts: i32,
 }
 
@@ -134,83 +136,82 @@ impl Default for Settings {
     }
 }
 
-/// The part's pins that a controller outside is wired to, for an SPIS.
+/// The part's pins to which an outside SPI controller is wired, for an SPIS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SsiWires {
-    /// Clock.
+    /// The clock.
     pub sck: Pin,
-    /// Controller out.
+    /// The output of the controller.
     pub mosi: Pin,
-    /// Controller in.
+    /// The input of the controller.
     pub miso: Pin,
-    /// Chip select, active low.
+    /// The chip select, active low.
     pub csn: Pin,
 }
 
-/// What an SPIS shows of its semaphore (PS 6.26).
+/// A change of an SPIS's semaphore or of its transaction (PS 6.26).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpisEvent {
-    /// The CPU took the semaphore: a select is not answered until it releases it.
+    /// The CPU took the semaphore: until it releases it, the SPIS answers no select.
     Held,
-    /// The CPU gave the semaphore back.
+    /// The CPU released the semaphore.
     Released,
-    /// The semaphore is free and no transaction is under way any more: the next select is answered.
+    /// The semaphore is free and no transaction is under way any more, so the SPIS answers the next select.
     Ready,
-    /// CSN fell while the CPU held the semaphore: this transaction reads DEF throughout and is dropped.
+    /// CSN fell while the CPU held the semaphore: this transaction reads DEF throughout, and its data is dropped.
     Busy,
-    /// A granted transaction ended with this many bytes received and sent.
+    /// A granted transaction ended.
     End {
-        /// RXD.AMOUNT.
+        /// The number of received bytes, RXD.AMOUNT.
         rx: u32,
-        /// TXD.AMOUNT.
+        /// The number of sent bytes, TXD.AMOUNT.
         tx: u32,
     },
 }
 
-/// One watchdog reset, which a run may want to see apart from the others.
+/// One watchdog reset, which a run may count apart from other resets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WatchdogReset {
-    /// When.
+    /// The cycle of the reset.
     pub at: Cycle,
 }
 
-/// The part.
+/// The nRF52840 without its core.
 #[derive(Clone, Debug)]
 pub struct Nrf52840 {
     soc: Soc,
 }
 
 impl Nrf52840 {
-    /// A part that has just been powered, with erased flash and UICR and nothing on its pins.
+    /// Makes a part that has just been powered, with erased flash and UICR, and with nothing on its pins.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         Self { soc: Soc::new(settings) }
     }
 
-    /// What the part was made with.
+    /// The settings with which the part was made.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.soc.settings
     }
 
-    /// A controller outside is wired to these pins: an SPIS exchanges bytes with it over those of them that its PSEL
+    /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes with it over those of them that its PSEL
     /// registers select.
     pub fn wire_ssi(&mut self, wires: SsiWires) {
         self.soc.ssi = Some(wires);
     }
 
-    /// The SSI's controller pulls the chip select `csn` low. The SPIS on that pin arbitrates its semaphore here, at the
-    /// falling edge, and for the whole transaction. A pin that nobody has driven yet rests high, as the pull-up of a
-    /// chip select has it.
+    /// Makes the SSI's controller pull the chip select `csn` low. The SPIS on that pin arbitrates its semaphore at this
+    /// falling edge, for the whole transaction. A pin that nobody has driven yet is high, as if pulled up.
     pub fn ssi_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         if let Some(pin) = pin::Pin::outside(csn) {
             self.soc.ssi_select(at, pin, outside);
         }
     }
 
-    /// The SSI's controller clocks one byte into the selected SPIS, in `mode`, and gets one back. `at` is the byte's
-    /// last edge, at which `mosi` is complete; what MISO carried was loaded at the end of the byte before. `None` where
-    /// no selected SPIS drives MISO.
+    /// Makes the SSI's controller clock one byte into the selected SPIS, in `mode`, and returns the byte that came
+    /// back. `at` is the byte's last edge, at which `mosi` is complete. The byte on MISO was loaded at the end of the
+    /// byte before. Returns `None` if no selected SPIS drives MISO.
     pub fn ssi_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
         self.soc.ssi_clock(at, mosi, mode, outside)
     }
@@ -222,10 +223,10 @@ impl Nrf52840 {
         self.soc.ssi_quiet()
     }
 
-    /// As [`Nrf52840::ssi_clock`] for bytes that were clocked one after the other, called when the last of them has
-    /// ended: the first ended at `first`, and each next `byte_time` 2⁻¹⁶ cycles later. Memory is as it is now. No more
-    /// than [`Nrf52840::ssi_quiet`] of them, or an event comes late. `false` where no selected SPIS drove MISO: `miso`
-    /// then holds 0xFF.
+    /// Does what [`Nrf52840::ssi_clock`] does, for several bytes that were clocked one after the other. It is called
+    /// when the last of them has ended. The first ended at `first`, and each further byte `byte_time` 2⁻¹⁶ cycles
+    /// later. Memory is used in its present state. There must be no more bytes than [`Nrf52840::ssi_quiet`], or an
+    /// event comes late. Returns `false` if no selected SPIS drove MISO: `miso` then holds 0xFF.
     pub fn ssi_exchange<O: Outside>(
         &mut self,
         first: Cycle,
@@ -238,25 +239,25 @@ impl Nrf52840 {
         self.soc.ssi_exchange(first, byte_time, mode, mosi, miso, outside)
     }
 
-    /// The SSI's controller lets the chip select `csn` rise: the transaction ends.
+    /// Makes the SSI's controller raise the chip select `csn`, which ends the transaction.
     pub fn ssi_deselect<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         self.drive(at, csn, Some(true), outside);
     }
 
-    /// What the SPIS instances showed since this was last asked: when, which (0 to 2), what.
+    /// Takes the events of the SPIS instances since the last call: the cycle, the instance (0 to 2), and the event.
     pub fn take_spis_events(&mut self) -> Vec<(Cycle, usize, SpisEvent)> {
         std::mem::take(&mut self.soc.spis_events)
     }
 
-    /// For each [`SpisEvent::Ready`] since this was last asked: when, and what the TXD buffer held, which is what a
-    /// transaction that began then would have read.
+    /// Takes, for each [`SpisEvent::Ready`] since the last call, its cycle and the contents of the TXD buffer at that
+    /// time, which a transaction that began then would have read.
     pub fn take_spis_offers(&mut self) -> Vec<(Cycle, Vec<u8>)> {
         std::mem::take(&mut self.soc.spis_offers)
     }
 
-    /// An I2C controller outside acts on the bus of `scl` and `sda`; what it did ended at `at`. `None` while the TWIS
-    /// on these pins holds SCL low: the controller waits, and does the same again later. A bus without a TWIS answers
-    /// as an empty one.
+    /// Makes an outside I2C controller act on the bus of `scl` and `sda`; its action ended at `at`. Returns `None`
+    /// while the TWIS on these pins holds SCL low: the controller waits and repeats the action later. A bus without a
+    /// TWIS answers like an empty one.
     pub fn two_wire<O: Outside>(
         &mut self,
         at: Cycle,
@@ -271,24 +272,24 @@ impl Nrf52840 {
         }
     }
 
-    /// What a debugger that comes now finds on a part with hardened access port protection (nRF52840 revision 3 on),
-    /// given the word of UICR.APPROTECT as it was at the last reset, when the part takes it up: the debug port is open
-    /// while UICR.APPROTECT and APPROTECT.DISABLE both say 0x5A and nothing was written to APPROTECT.FORCEPROTECT (PS
-    /// 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF there, and every reset closes the software's
-    /// half, so a firmware that writes neither is locked.
+    /// Whether a debugger that attaches now finds the debug port open, on a part with hardened access port protection
+    /// (nRF52840 revision 3 on). `uicr_approtect` is the word of UICR.APPROTECT at the last reset, at which the part
+    /// takes it up. The port is open while UICR.APPROTECT and APPROTECT.DISABLE both hold 0x5A and nothing was written
+    /// to APPROTECT.FORCEPROTECT (PS 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF there, and every
+    /// reset closes the software's half, so a part whose firmware writes neither is locked.
     #[must_use]
     pub fn debug_port_open(&self, uicr_approtect: u32) -> bool {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()
     }
 
-    /// Whether a debugger that is there now reaches memory and core through the AHB-AP: access port protection, as
-    /// UICR, the firmware and CTRL-AP have made it since the last reset that took UICR up (PS 4.8).
+    /// Whether an attached debugger can access memory and core through the AHB-AP now. That depends on UICR, the
+    /// firmware and CTRL-AP since the last reset at which the part took UICR up (PS 4.8).
     #[must_use]
     pub fn access_port_open(&self) -> bool {
         self.soc.access_port_open()
     }
 
-    /// A register of CTRL-AP, by its address. The word of one that is not there is 0.
+    /// Reads a register of CTRL-AP by its address. A register that does not exist reads as 0.
     #[must_use]
     pub fn ctrl_ap_read(&self, register: u8) -> u32 {
         self.soc.ctrl_ap_read(register)
@@ -299,30 +300,31 @@ impl Nrf52840 {
         self.soc.ctrl_ap_write(register, value, at)
     }
 
-    /// CTRL-AP goes on to `to`: what it was told to erase is erased when its time has come. To be called as time
-    /// passes, whenever a debugger is there.
+    /// Advances CTRL-AP to `to`: an erase that was begun ends when its time has come. To be called as time passes,
+    /// while a debugger is attached.
     pub fn ctrl_ap_advance(&mut self, to: Cycle) {
         self.soc.ctrl_ap_advance(to);
     }
 
-    /// From now on the 32 MHz crystal takes so long to start, ns; `None`: it never starts. One that runs goes on.
+    /// Sets how long the 32 MHz crystal takes to start, in ns, from its next start on; with `None` it never starts. A
+    /// running crystal goes on.
     pub fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.soc.set_hfxo_startup(startup_ns);
     }
 
-    /// Whether the 32 MHz crystal would start, or runs.
+    /// Whether the 32 MHz crystal runs or could start.
     #[must_use]
     pub fn has_hfxo(&self) -> bool {
         self.soc.has_hfxo()
     }
 
-    /// RESETREAS, as the firmware has left it.
+    /// The value of RESETREAS, as the firmware left it.
     #[must_use]
     pub fn reset_reason(&self) -> u32 {
         self.soc.reset_reason()
     }
 
-    /// Every watchdog reset of this run.
+    /// All watchdog resets of this run.
     #[must_use]
     pub fn watchdog_resets(&self) -> &[WatchdogReset] {
         &self.soc.watchdog_resets
@@ -340,7 +342,7 @@ impl Part for Nrf52840 {
             lines: soc::INTERRUPT_LINES,
             priority_bits: 3,
             vector_table: 0,
-            // No reference clock, and no calibration value (PS 4.1: SysTick counts the core clock).
+            // There is neither a reference clock nor a calibration value (PS 4.1: SysTick counts the core clock).
             systick_calibration: 1 << 31,
             systick_reference: 0,
             mpu_regions: 8,
@@ -353,7 +355,7 @@ impl Part for Nrf52840 {
         if ram < RAM_BYTES {
             return self.soc.memory.ram.read(ram, access.width).ok_or(BusError);
         }
-        // A copy, so that an access to RAM is never put together in the host's memory.
+        // The access is copied, so that the compiler does not build one in the host's memory for each access to RAM.
         self.soc.read(&{ *access }, outside)
     }
 
@@ -370,7 +372,7 @@ impl Part for Nrf52840 {
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let memory = &self.soc.memory;
         let ram = memory.ram.read_aligned(address.wrapping_sub(RAM_BASE), width);
-        // Flash is from address 0 on, and nothing holds a read of it.
+        // Flash begins at address 0, and no read of it has to wait.
         ram.or_else(|| memory.flash.read_aligned(address, width))
     }
 
@@ -424,9 +426,10 @@ impl Part for Nrf52840 {
         &mut self.soc.signals
     }
 
-    /// From the PS: flash takes 2 wait states without the instruction cache and 3 on a miss of it, RAM none (4.1,
-    /// *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: one cycle where EasyDMA may be at the same
-    /// RAM; 1 to 6 cycles through the bridge to the peripheral bus; none to 1 to GPIO, which is on the AHB.
+    /// The wait states of an access. From the PS: flash takes 2 wait states without the instruction cache and 3 on a
+    /// cache miss, and RAM takes none (4.1, *Electrical specification*, W_FLASH, W_FLASHCACHE, W_RAM). Assumed: one
+    /// cycle where EasyDMA may be at the same RAM, 1 to 6 cycles through the bridge to the peripheral bus, and 0 to 1
+    /// to GPIO, which is on the AHB.
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
         match bound {
             Bound::Best => u32::from((0x4000_0000..0x5000_0000).contains(&access.address)),
@@ -438,8 +441,9 @@ impl Part for Nrf52840 {
         Clock { hz: CORE_HZ, ppb: self.soc.hf_ppb() }
     }
 
-    /// As PS 5.3, *Reset behavior*, has it. What is to survive a power-on is the caller's to say: memory is left alone,
-    /// but for RAM that was not retained through System OFF, which reads 0xA5 throughout after [`Reset::Wakeup`].
+    /// Resets the part as PS 5.3, *Reset behavior*, says. The reset leaves memory alone, so the caller decides what
+    /// survives a power-on. The exception is RAM that was not retained through System OFF: after [`Reset::Wakeup`] it
+    /// reads 0xA5 throughout.
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.soc.restart(at, cause, outside);
     }

@@ -2,33 +2,33 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | flash and RAM at their addresses; RAM once more as code RAM | 4.2 |
+//! | flash and RAM at their addresses; the same RAM also as code RAM | 4.2 |
 //! | FICR: CODEPAGESIZE, CODESIZE, INFO.PART, PACKAGE, RAM, FLASH of an nRF52840-QIAA | 4.4 |
 //! | FICR: INFO.VARIANT, DEVICEID, DEVICEADDR, DEVICEADDRTYPE, from the settings; ER, IR, PRODTEST, TEMP | 4.4 |
 //! | the words at 0x1000_0130 and 0x1000_0134: part and revision | – |
 //! | the component identification at 0xF000_0FD0 to 0xF000_0FFF | – |
 //!
 //! No specification names the words at 0x1000_0130 and 0x1000_0134, nor those at 0xF000_0FE0. Nordic's start-up code
-//! reads them to know the revision (nrfx, `mdk/nrf52_erratas.h`; in older versions `system_nrf52840.c`, which looks at
-//! the low byte of 0xF000_0FE0, the low nibble of 0xF000_0FE4 and the high nibbles of 0xF000_0FE8 and 0xF000_0FEC).
-//! The nibbles that it does not look at are CoreSight's encoding of Nordic's JEP106 number 0x244 (assumed).
+//! reads them to find the revision (nrfx, `mdk/nrf52_erratas.h`). In older versions, `system_nrf52840.c` checks the low
+//! byte of 0xF000_0FE0, the low nibble of 0xF000_0FE4, and the high nibbles of 0xF000_0FE8 and 0xF000_0FEC. The other
+//! nibbles are assumed to be CoreSight's encoding of Nordic's JEP106 number 0x244.
 //!
-//! UICR holds what the image or the firmware put there. PSELRESET, NFCPINS and REGOUT0 change nothing here: the reset
-//! pin, the NFC antenna and the supply are outside the model. What APPROTECT means to a debugger is
-//! [`crate::Nrf52840::debug_port_open`].
+//! UICR holds what the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here: the reset pin,
+//! the NFC antenna and the voltage regulators are outside the model. [`crate::Nrf52840::debug_port_open`] explains the
+//! effect of APPROTECT on a debugger.
 use crate::Settings;
 use cortex_m4::Width;
 use emulator_part::{Flash, Ram};
 
-/// Flash: 1 MiB in 256 pages of 4 KiB (PS 4.3).
+/// The size of flash: 1 MiB in 256 pages of 4 KiB (PS 4.3).
 pub(crate) const FLASH_BYTES: u32 = 1 << 20;
-/// Data RAM: 256 KiB, which is all that EasyDMA reaches (PS 4.6).
+/// The size of data RAM: 256 KiB, which is all that EasyDMA reaches (PS 4.6).
 pub(crate) const RAM_BYTES: u32 = 256 << 10;
-/// Where data RAM starts.
+/// The first address of data RAM.
 pub(crate) const RAM_BASE: u32 = 0x2000_0000;
-/// Where the same RAM answers as code RAM (PS 4.2).
+/// The first address of the same RAM as code RAM (PS 4.2).
 pub(crate) const CODE_RAM_BASE: u32 = 0x0080_0000;
-/// Where FICR and UICR start, and the size of each.
+/// The first addresses of FICR and UICR, and the size of each.
 pub(crate) const FICR_BASE: u32 = 0x1000_0000;
 pub(crate) const UICR_BASE: u32 = 0x1000_1000;
 pub(crate) const PAGE: u32 = 4096;
@@ -40,20 +40,20 @@ pub(crate) struct Memory {
     pub(crate) uicr: Flash,
     pub(crate) ficr: Flash,
     pub(crate) ram: Ram,
-    /// Flash was programmed or erased since the core was last told.
+    /// Whether flash was programmed or erased and the core has not been informed yet.
     pub(crate) code_changed: bool,
-    /// The AHB slaves of the RAM that EasyDMA has reached, a bit each (see [`slave`]).
+    /// The AHB slaves of the RAM that EasyDMA has accessed, one bit each (see [`slave`]).
     dma_slaves: u16,
 }
 
-/// The AHB slave that the RAM at `offset` belongs to: RAM0 to RAM7 have two sections of 4 KiB each, RAM8 has the rest
-/// (PS 4.2, memory layout).
+/// The AHB slave of the RAM at `offset`: RAM0 to RAM7 have two sections of 4 KiB each, and RAM8 has the rest (PS 4.2,
+/// memory layout).
 #[inline]
 const fn slave(offset: u32) -> u16 {
     if offset < 0x1_0000 { 1 << (offset >> 13) } else { 1 << 8 }
 }
 
-/// Where an address is.
+/// A memory and an offset in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
     Flash(u32),
@@ -62,7 +62,7 @@ pub(crate) enum Place {
     Uicr(u32),
 }
 
-/// The place of an address that is memory.
+/// Finds the memory at an address, if there is one.
 #[inline]
 pub(crate) fn place(address: u32) -> Option<Place> {
     let ram = address.wrapping_sub(RAM_BASE);
@@ -118,7 +118,7 @@ impl Memory {
         bytes.get_mut(from as usize..(from as usize).checked_add(size)?)
     }
 
-    /// Clears the bits of a word of flash or UICR that `value` has clear.
+    /// Programs a word of flash or UICR: clears the bits that `value` has clear.
     pub(crate) fn program(&mut self, address: u32, value: u32) {
         if let Some(word) = self.slice_mut(address, 4) {
             let had = u32::from_le_bytes([word[0], word[1], word[2], word[3]]);
@@ -126,14 +126,14 @@ impl Memory {
         }
     }
 
-    /// Sets every bit of a stretch of flash or UICR.
+    /// Erases a range of flash or UICR: sets all its bits.
     pub(crate) fn erase(&mut self, address: u32, size: u32) {
         if let Some(bytes) = self.slice_mut(address, size as usize) {
             bytes.fill(0xFF);
         }
     }
 
-    /// The offset in RAM that EasyDMA reaches at `address` (PS 4.6: data RAM only).
+    /// The offset in RAM that EasyDMA accesses at `address` (PS 4.6: data RAM only).
     #[inline]
     fn dma(address: u32) -> Option<usize> {
         let offset = address.wrapping_sub(RAM_BASE);
@@ -154,14 +154,15 @@ impl Memory {
         self.ram.write(offset as u32, Width::Byte, u32::from(value))
     }
 
-    /// Whether EasyDMA has ever reached the AHB slave of the RAM at `address`, so that the processor may meet it there.
+    /// Whether EasyDMA has ever accessed the AHB slave of the RAM at `address`, so that the processor may have to wait
+    /// for it there.
     #[inline]
     pub(crate) fn may_meet_dma(&self, address: u32) -> bool {
         matches!(place(address), Some(Place::Ram(offset)) if self.dma_slaves & slave(offset) != 0)
     }
 }
 
-/// The revision of the part, as Nordic's start-up code numbers it: 3 has build code Fxx or later.
+/// The revision of the part as Nordic's start-up code numbers it. Revision 3 has build code Fxx or later.
 fn revision(settings: &Settings) -> u32 {
     if settings.build_code[2] >= b'F' { 3 } else { 2 }
 }
@@ -210,7 +211,7 @@ fn ficr(settings: &Settings) -> Flash {
     for (at, value) in words {
         put(at, value);
     }
-    // ER and IR: 128 random bits each, of which no firmware may expect anything.
+    // ER and IR have 128 random bits each, on which no firmware may rely.
     let mut state = id;
     for word in 0..8 {
         state = state.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
@@ -219,7 +220,7 @@ fn ficr(settings: &Settings) -> Flash {
     ficr
 }
 
-/// The component identification, 0xF000_0FD0 to 0xF000_0FFF.
+/// The component identification at 0xF000_0FD0 to 0xF000_0FFF.
 pub(crate) fn identification(address: u32, settings: &Settings) -> Option<u32> {
     Some(match address {
         0xF000_0FD0 => 0x02,

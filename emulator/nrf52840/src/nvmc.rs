@@ -2,19 +2,20 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT for as long as they take | 4.3 |
+//! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT, low while an operation lasts | 4.3 |
 //! | ERASEPAGE and its older names, ERASEALL, ERASEUICR, partial page erase | 4.3 |
-//! | a write without WEN, or narrower than a word: a bus fault | 4.3 |
+//! | a write without WEN, or narrower than a word, which is a bus fault | 4.3 |
 //! | the core halting while flash is busy, where it executes from flash | 4.3 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | the core halting when it reaches for flash from code in RAM | it reads what is new; begun again: reported |
-//! | the limit of two writes to a word, and of erase cycles | no firmware here comes near |
+//! | stalling a core that accesses flash from code in RAM | it reads the new data; a second operation is reported |
+//! | the limits of two writes to a word, and of erase cycles | no firmware here comes near |
 //! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is reported |
-//! | ACL | its registers are reported |
+//! | ACL | use of its registers is reported |
 //!
-//! Times are the specification's maxima: 41 µs a word, 85 ms a page, 169 ms for everything (PS 4.3).
+//! Operations take the specification's maximum times: 41 µs for a word, 85 ms for a page, 169 ms for everything (PS
+//! 4.3).
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance};
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
@@ -23,18 +24,18 @@ const WRITE: u64 = cycles(41_000);
 const ERASE_PAGE: u64 = cycles(85_000_000);
 const ERASE_ALL: u64 = cycles(169_000_000);
 
-/// CONFIG.WEN.
+/// The value of CONFIG.WEN that enables writes.
 const WRITE_ENABLED: u32 = 1;
 const ERASE_ENABLED: u32 = 2;
 
-/// The peripheral.
+/// The NVMC peripheral.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nvmc {
     block: Block,
     config: u32,
     cache: u32,
     partial_ms: u32,
-    /// A page under partial erase, and the time it has had.
+    /// The page under partial erase, and the erase time that it has had.
     partial: Option<(u32, u64)>,
     busy_until: u64,
 }
@@ -45,7 +46,7 @@ impl Nvmc {
         self.cache & 1 != 0
     }
 
-    /// A store of the firmware's into flash or UICR. `false` is a bus fault.
+    /// Carries out a store of the firmware into flash or UICR. `false` is a bus fault.
     pub(crate) fn store(&mut self, address: u32, word: bool, value: u32, cx: &mut Cx<'_>) -> bool {
         if self.config & 3 != WRITE_ENABLED {
             cx.misuse("a write to flash without CONFIG.WEN, at", address);
@@ -60,7 +61,7 @@ impl Nvmc {
         true
     }
 
-    /// Flash is busy for `time` cycles more, and so is a core that executes from it.
+    /// Keeps flash busy for `time` cycles more, and stalls a core that executes from it.
     fn occupy(&mut self, time: u64, cx: &mut Cx<'_>) {
         if cx.now < self.busy_until {
             cx.misuse("begun while flash is still busy, cycles", (self.busy_until - cx.now) as u32);
@@ -121,7 +122,7 @@ impl Instance for Nvmc {
                         self.occupy(ERASE_PAGE, cx);
                         cx.memory.erase(UICR_BASE, PAGE);
                     }
-                    // A page is erased once its parts add up to a whole erase.
+                    // A page is erased when its partial erases add up to a whole one.
                     0x518 => {
                         let ms = if self.partial_ms == 0 { 10 } else { self.partial_ms };
                         let part = cycles(u64::from(ms) * 1_000_000);

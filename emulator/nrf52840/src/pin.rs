@@ -1,4 +1,4 @@
-//! Pins as the part numbers them itself.
+//! Pins as the part numbers them.
 use emulator_part as part;
 
 /// A pin: P0.00 to P0.31 are 0 to 31, P1.00 to P1.15 are 32 to 47, as PSEL numbers them.
@@ -6,26 +6,26 @@ use emulator_part as part;
 pub(crate) struct Pin(u8);
 
 impl Pin {
-    /// The pin a PSEL register names, or `None` where it is disconnected or names none.
+    /// The pin that a PSEL register selects, or `None` if it is disconnected or selects no existing pin.
     #[inline]
     pub(crate) fn selected(psel: u32) -> Option<Self> {
         let pin = (psel & 0x3F) as u8;
         (psel & 1 << 31 == 0 && pin < 48).then_some(Self(pin))
     }
 
-    /// The pin the bench names, or `None` where the part has none such.
+    /// The part's pin for a pin of the bench, or `None` if the part has no such pin.
     pub(crate) fn outside(pin: part::Pin) -> Option<Self> {
         let exists = matches!((pin.port, pin.number), (0, 0..=31) | (1, 0..=15));
         exists.then_some(Self(pin.port << 5 | pin.number))
     }
 
-    /// The pin as the bench names it.
+    /// The bench's name for the pin.
     #[inline]
     pub(crate) const fn named(self) -> part::Pin {
         part::Pin::new(self.0 >> 5, self.0 & 31)
     }
 
-    /// The port, 0 or 1, and the pin in it.
+    /// The port (0 or 1) and the pin's number in it.
     #[inline]
     pub(crate) const fn place(self) -> (usize, u32) {
         ((self.0 >> 5) as usize, self.0 as u32 & 31)

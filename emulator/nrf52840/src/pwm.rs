@@ -4,13 +4,13 @@
 //! |---|---|
 //! | SEQSTART, NEXTSTEP, STOP; STOPPED, SEQSTARTED, SEQEND, PWMPERIODEND, LOOPSDONE, and the shortcuts | 6.17 |
 //! | up and up-and-down counting, PRESCALER, COUNTERTOP | 6.17 |
-//! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA takes a step as its period begins | 6.17 |
+//! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA reads a step as its period begins | 6.17 |
 //! | the polarity bit; each edge at its own tick on the pins of PSEL.OUT | 6.17 |
 //!
-//! The PS wants the pins as outputs (6.17, *Pin configuration*); one that GPIO does not have as an output is not
-//! driven, and reported. Once a sequence is over the last step goes on until STOP (PS 6.17).
+//! The PS wants the pins to be outputs (6.17, *Pin configuration*). A pin that GPIO does not configure as an output is
+//! not driven, and is reported. Once a sequence is over, its last step goes on until STOP (PS 6.17).
 //!
-//! Left out: changes of COUNTERTOP, MODE and PRESCALER within a period: they are taken as the next one begins.
+//! Left out: changes of COUNTERTOP, MODE and PRESCALER within a period. They take effect as the next one begins.
 use crate::clocks::{CYCLES_PER_TICK, Clocks};
 use crate::instance::{Act, Block, Cx, Instance, address_of, index};
 use crate::pin::Pin;
@@ -22,18 +22,18 @@ const SEQEND: u32 = 4;
 const PWMPERIODEND: u32 = 6;
 const LOOPSDONE: u32 = 7;
 
-/// A sequence that is played.
+/// A sequence that is being played.
 #[derive(Clone, Copy, Debug)]
 struct Play {
     sequence: usize,
-    /// The next value in RAM.
+    /// The address of the next value in RAM.
     at: u32,
-    /// Periods until the next step, and whether the last value has been loaded.
+    /// The number of periods until the next step, and whether the last value has been loaded.
     periods: u32,
     over: bool,
 }
 
-/// One instance.
+/// One PWM instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Pwm {
     block: Block,
@@ -43,17 +43,17 @@ pub(crate) struct Pwm {
     prescaler: u32,
     decoder: u32,
     loops: u32,
-    /// PTR, CNT, REFRESH, ENDDELAY of each sequence.
+    /// The registers PTR, CNT, REFRESH and ENDDELAY of each sequence.
     sequences: [[u32; 4]; 2],
     psel: [u32; 4],
     play: Option<Play>,
     loops_left: u32,
     stopping: bool,
-    /// NEXTSTEP came.
+    /// Whether NEXTSTEP was triggered.
     step: bool,
     compare: [u16; 4],
     levels: [bool; 4],
-    /// When the period under way began, and the cycles of one count and of the whole.
+    /// The cycle at which the period under way began, the cycles of one count, and the counts of the whole period.
     began: Cycle,
     count: u64,
     top: u64,
@@ -154,7 +154,7 @@ impl Pwm {
         }
     }
 
-    /// What is played as a period begins.
+    /// Goes on to the next step, if one is due, as a period begins.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };
@@ -171,7 +171,7 @@ impl Pwm {
             self.load(cx);
             return;
         }
-        // The sequence is over, with its delay.
+        // The sequence and its end delay are over.
         let sequence = play.sequence;
         self.play = None;
         if self.loops_left == 0 {
@@ -208,13 +208,15 @@ impl Pwm {
         self.arm(cx);
     }
 
-    /// The count of a channel's edges within a period: the first one, and in up-and-down counting the second.
+    /// The counts at which a channel has its edges within a period: the first edge, and in up-and-down counting the
+    /// second.
     fn edges(&self, channel: usize) -> [u64; 2] {
         let compare = u64::from(self.compare[channel] & 0x7FFF).min(self.top);
         if self.up_and_down() { [compare, 2 * self.top - compare] } else { [compare, self.top] }
     }
 
-    /// Levels as they are now: polarity 0 begins low and rises at the compare value, polarity 1 the other way round.
+    /// Sets the present levels: with polarity 0 a pin begins low and rises at the compare value, and with polarity 1 it
+    /// is the other way round.
     fn set_pins(&mut self, cx: &mut Cx<'_>) {
         let count = (cx.now - self.began) / self.count;
         for channel in 0..4 {
@@ -295,7 +297,7 @@ impl Instance for Pwm {
             0x514 => self.loops = value & 0xFFFF,
             0x520..0x530 | 0x540..0x550 => {
                 let field = offset as usize / 4 % 4;
-                // PTR has 32 bits, CNT 15, REFRESH and ENDDELAY 24.
+                // PTR has 32 bits, CNT 15, and REFRESH and ENDDELAY 24.
                 let mask = [u32::MAX, 0x7FFF, 0x00FF_FFFF, 0x00FF_FFFF][field];
                 self.sequences[usize::from(offset >= 0x540)][field] = value & mask;
             }

@@ -7,7 +7,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the debounce filter | a pin here does not bounce; DBFEN holds what is written |
+//! | the debounce filter | pins do not bounce here; DBFEN stores what is written |
 //! | the LED | its pin is not driven |
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, address_of};
@@ -20,22 +20,22 @@ const ACCOF: u32 = 2;
 const DBLRDY: u32 = 3;
 const STOPPED: u32 = 4;
 
-/// The shortest sample period: 128 µs.
+/// The shortest sample period in cycles: 128 µs.
 const PERIOD: u64 = cycles(128_000);
-/// ACC and ACCDBL count no further.
+/// The limit at which ACC and ACCDBL stop counting.
 const ACC_LIMIT: i32 = 1023;
 const DOUBLE_LIMIT: u32 = 15;
 
-/// The peripheral.
+/// The QDEC peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Qdec {
     block: Block,
     enable: u32,
     period: u32,
     report: u32,
-    /// LED, A, B.
+    /// The pin selectors of LED, A and B.
     psel: [u32; 3],
-    /// LEDPOL, DBFEN, LEDPRE.
+    /// The registers LEDPOL, DBFEN and LEDPRE.
     plain: [u32; 3],
     sample: i32,
     acc: i32,
@@ -69,7 +69,7 @@ impl Default for Qdec {
 }
 
 impl Qdec {
-    /// A in bit 1, B in bit 0.
+    /// The levels of the phases: A in bit 1, B in bit 0.
     fn phases(&self, cx: &Cx<'_>) -> u32 {
         let level = |n: usize| u32::from(Pin::selected(self.psel[n]).is_some_and(|pin| cx.pins.input(pin)));
         level(1) << 1 | level(2)
@@ -178,7 +178,7 @@ impl Instance for Qdec {
         self.arm(cx);
         let (was, now) = (self.state, self.phases(cx));
         self.state = now;
-        // The order of the phases forwards is 00, 10, 11, 01 (PS 6.18: A leads B).
+        // Forwards, the phases have the order 00, 10, 11, 01 (PS 6.18: A leads B).
         const PLACE: [i32; 4] = [0, 3, 1, 2];
         self.sample = match (PLACE[now as usize] - PLACE[was as usize]).rem_euclid(4) {
             0 => 0,

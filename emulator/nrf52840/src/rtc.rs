@@ -3,13 +3,13 @@
 //! | covered | PS |
 //! |---|---|
 //! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22 |
-//! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN has it | 6.22 |
-//! | a compare register written with the count it has, or the next one, does not match this time round | 6.22 |
+//! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
+//! | a compare register that is written with the present count or the next one does not match this time | 6.22 |
 //!
-//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more and lets CC = COUNTER + 1
-//! match sometimes; here it never does, and is reported, because a firmware must not rely on it.
+//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more, and there CC = COUNTER + 1
+//! matches sometimes. Here it never matches, and it is reported, because firmware must not rely on it.
 //!
-//! Left out: the jitter of tasks triggered by the CPU against LFCLK (PS 6.22).
+//! Left out: the jitter of tasks that the CPU triggers, against LFCLK (PS 6.22).
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
@@ -17,10 +17,10 @@ const TICK: u32 = 0;
 const OVRFLW: u32 = 1;
 const COMPARE: u32 = 16;
 const MASK: u32 = 0x00FF_FFFF;
-/// What TRIGOVRFLW puts into the counter.
+/// The value that TRIGOVRFLW puts into the counter.
 const NEAR_OVERFLOW: u32 = 0x00FF_FFF0;
 
-/// One instance.
+/// One RTC instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Rtc {
     block: Block,
@@ -29,18 +29,18 @@ pub(crate) struct Rtc {
     prescaler: u32,
     cc: [u32; 4],
     compares: usize,
-    /// Compare registers that miss the match ahead of them, because they were written too late for it.
+    /// The compare registers that were written too late for the match ahead of them, and so miss it.
     late: u32,
-    /// What the counter held at `base`, a tick of LFCLK.
+    /// The counter's value at `base`, which is a tick of LFCLK.
     held: u32,
     base: u64,
-    /// LFCLK ran when last looked at.
+    /// Whether LFCLK ran at the last check.
     clocked: bool,
     next: Option<u64>,
 }
 
 impl Rtc {
-    /// One with `compares` compare registers: 3, or 4.
+    /// Makes an RTC with `compares` compare registers: 3 or 4.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),
@@ -61,7 +61,7 @@ impl Rtc {
         u64::from(self.prescaler) + 1
     }
 
-    /// Counts since `base`.
+    /// The number of counts since `base`.
     fn elapsed(&self, now: u64, clocks: &Clocks) -> u64 {
         match clocks.lf {
             Some(lf) if self.running && self.clocked => lf.ticks(now).saturating_sub(self.base) / self.step(),
@@ -97,15 +97,15 @@ impl Rtc {
         });
     }
 
-    /// Carries out what is due now before a task or a write of the same instant, which would look for the next from
-    /// here.
+    /// Carries out what is due now, before a task or a write at the same instant. These look for the next event from
+    /// the present count on and would skip it.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
         }
     }
 
-    /// Counts on from the tick under way.
+    /// Sets the counter to `count`, from which it counts on with the tick under way.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
         self.late = 0;
@@ -178,7 +178,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK stopped, and its ticks with it, or started anew from none.
+            // LFCLK stopped and with it its ticks, or LFCLK started and its ticks count from zero again.
             self.load(self.held, cx);
         }
         self.arm(cx);

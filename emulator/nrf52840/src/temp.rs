@@ -1,18 +1,18 @@
 //! TEMP: the die temperature (PS 6.28).
 //!
-//! Covered: START, STOP, DATARDY 36 µs after START, TEMP in quarter degrees, the calibration registers as registers.
-//! Left out: what the calibration does to the reading; the temperature is a setting and read as it is.
+//! Covered: START, STOP, DATARDY 36 µs after START, TEMP in quarter degrees, and the calibration registers as storage.
+//! Left out: the effect of the calibration on the reading. The temperature is a setting, and TEMP reads it unchanged.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Block, Cx, Instance, index};
 
-/// From START to DATARDY, in cycles (PS 6.28, tTEMP: 36 µs).
+/// The time from START to DATARDY, in cycles (PS 6.28, tTEMP: 36 µs).
 const MEASUREMENT: u64 = cycles(36_000);
-/// A0 to A5, B0 to B5 and T0 to T4 after reset.
+/// The reset values of A0 to A5, B0 to B5 and T0 to T4.
 const CALIBRATION: [u32; 17] = [
     0x326, 0x348, 0x3AA, 0x40E, 0x4BD, 0x5A3, 0x3FEF, 0x3FBE, 0x3FBE, 0x12, 0x124, 0x27C, 0xE2, 0x00, 0x19, 0x3C, 0x50,
 ];
 
-/// The peripheral.
+/// The TEMP peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Temp {
     block: Block,
@@ -28,7 +28,7 @@ impl Temp {
     }
 }
 
-/// Which calibration register an offset is.
+/// The index of the calibration register at an offset.
 fn calibration(offset: u32) -> Option<usize> {
     index(offset, 0x520, 4, 6)
         .or_else(|| index(offset, 0x540, 4, 6).map(|n| 6 + n))

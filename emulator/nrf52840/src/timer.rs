@@ -1,4 +1,4 @@
-//! TIMER: 16 MHz timer and counter (PS 6.30).
+//! TIMER: a 16 MHz timer and counter (PS 6.30).
 //!
 //! | covered | PS |
 //! |---|---|
@@ -6,19 +6,19 @@
 //! | COMPARE at the exact tick, with CLEAR and STOP shortcuts | 6.30 |
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
-//! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after
-//! the counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of
-//! a task or of a write comes before it: neither takes it back.
+//! A compare register matches when the counter *becomes* equal to it. A register that is written with the present count
+//! therefore matches only after the counter has wrapped. With the CLEAR shortcut the period is CC ticks. A match that
+//! is due at the instant of a task or a write comes first, and neither cancels it.
 //!
-//! Left out: the PCLK1M saving of PRESCALER above 4, and the one-cycle resynchronisation of START, which is taken at
-//! the PCLK16M tick under way.
+//! Left out: the power saving of PCLK1M with PRESCALER above 4, and the resynchronisation of START by one cycle. START
+//! takes effect at the PCLK16M tick under way.
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
-/// The first COMPARE event.
+/// The number of the first COMPARE event.
 const COMPARE: u32 = 16;
 
-/// One instance.
+/// One TIMER instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Timer {
     block: Block,
@@ -28,15 +28,15 @@ pub(crate) struct Timer {
     prescaler: u32,
     cc: [u32; 6],
     compares: usize,
-    /// What the counter held at `base`, a tick of PCLK16M.
+    /// The counter's value at `base`, which is a tick of PCLK16M.
     held: u32,
     base: u64,
-    /// The next match: its instant, and its tick of PCLK16M.
+    /// The next match: its cycle, and its tick of PCLK16M.
     next: Option<(u64, u64)>,
 }
 
 impl Timer {
-    /// One with `compares` compare registers: 4, or 6.
+    /// Makes a TIMER with `compares` compare registers: 4 or 6.
     pub(crate) fn new(compares: usize) -> Self {
         Self {
             block: Block::default(),
@@ -65,7 +65,7 @@ impl Timer {
         self.running && self.mode & 3 == 0
     }
 
-    /// Prescaled ticks since `base`.
+    /// The number of prescaled ticks since `base`.
     fn elapsed(&self, tick: u64) -> u64 {
         if self.counts_ticks() { tick.saturating_sub(self.base) >> self.prescaler.min(9) } else { 0 }
     }
@@ -74,7 +74,8 @@ impl Timer {
         self.held.wrapping_add(self.elapsed(tick) as u32) & self.mask()
     }
 
-    /// Banks what was counted, with the prescaler where it stands, before something changes how it goes on.
+    /// Moves `base` to the present tick, with the count and the prescaler as they are, before a change of how the
+    /// counter goes on.
     fn rebase(&mut self, cx: &Cx<'_>) {
         let tick = cx.hf();
         self.held = self.count(tick);
@@ -99,7 +100,7 @@ impl Timer {
         self.arm_after(cx.hf(), cx);
     }
 
-    /// The counter has just become `count`, at `tick`: whoever compares equal says so.
+    /// Raises the events of the compare registers that equal `count`, which the counter has just reached at `tick`.
     fn matched(&mut self, count: u32, tick: u64, cx: &mut Cx<'_>) {
         let mask = self.mask();
         let (mut clear, mut stop) = (false, false);
@@ -121,8 +122,8 @@ impl Timer {
         }
     }
 
-    /// Carries out every match that is due by now. A task or a write that comes at the same instant finds the counter
-    /// already equal, and would otherwise look for the next match from there: this one would be lost.
+    /// Carries out every match that is due by now, before a task or a write at the same instant. These find the counter
+    /// already equal and look for the next match from there, so the present match would be lost.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

@@ -2,23 +2,23 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | START once and for all; CRV, RREN and CONFIG locked by it | 6.36 |
-//! | RR[0..8] with 0x6E524635, REQSTATUS, a reload when every enabled one has been written | 6.36 |
-//! | time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
-//! | CONFIG.SLEEP, CONFIG.HALT: running on or pausing while the core sleeps, or is halted by a debugger | 6.36 |
-//! | running on through a soft reset and a lockup | 5.3 |
+//! | START, which cannot be undone; CRV, RREN and CONFIG, which START locks | 6.36 |
+//! | RR[0..8] with 0x6E524635, REQSTATUS; a reload when all enabled ones have been written | 6.36 |
+//! | the time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
+//! | CONFIG.SLEEP, CONFIG.HALT: counting or pausing while the core sleeps or a debugger halts it | 6.36 |
+//! | counting on through a soft reset and a lockup | 5.3 |
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, index};
 
-/// What a reload request register wants to read.
+/// The value that reloads when it is written to a reload request register.
 const RELOAD: u32 = 0x6E52_4635;
-/// LFCLK ticks from TIMEOUT to the reset.
+/// The number of LFCLK ticks from TIMEOUT to the reset.
 const GRACE: u64 = 2;
-/// CONFIG: the counter runs on while the core sleeps, while a debugger halts it.
+/// Bits of CONFIG: the counter runs on while the core sleeps, and while a debugger halts it.
 const SLEEP_RUN: u32 = 1;
 const HALT_RUN: u32 = 1 << 3;
 
-/// The peripheral.
+/// The WDT peripheral.
 #[derive(Clone, Debug)]
 pub(crate) struct Wdt {
     block: Block,
@@ -27,10 +27,10 @@ pub(crate) struct Wdt {
     crv: u32,
     rren: u32,
     config: u32,
-    /// Enabled reload requests not yet made.
+    /// The enabled reload requests that were not made yet.
     requests: u32,
     timed_out: bool,
-    /// The LFCLK tick at which it was paused.
+    /// The LFCLK tick at which the counter was paused.
     paused: Option<u64>,
     asleep: bool,
     halted: bool,
@@ -70,13 +70,13 @@ impl Wdt {
         };
     }
 
-    /// The core sleeps or woke.
+    /// Tells the watchdog that the core fell asleep or woke.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.asleep = asleep;
         self.pause(cx);
     }
 
-    /// A debugger halted the core, or lets it go on.
+    /// Tells the watchdog that a debugger halted the core or resumed it.
     pub(crate) fn halts(&mut self, halted: bool, cx: &mut Cx<'_>) {
         self.halted = halted;
         self.pause(cx);
@@ -86,7 +86,7 @@ impl Wdt {
         self.asleep && self.config & SLEEP_RUN == 0 || self.halted && self.config & HALT_RUN == 0
     }
 
-    /// The counter stands still while the core does what CONFIG says that it shall stand still for.
+    /// Pauses or resumes the counter, as CONFIG says for the core's state.
     fn pause(&mut self, cx: &mut Cx<'_>) {
         let tick = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
         if self.pauses() && self.running() {

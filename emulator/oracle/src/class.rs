@@ -1,4 +1,4 @@
-//! The classes of cases, and how a case of each is made.
+//! The classes of test cases, and how a case of each is made.
 
 use crate::{
     flow,
@@ -8,44 +8,45 @@ use crate::{
     template::{Template, instance},
 };
 
-/// What the cases of a class exercise.
+/// A class of cases, by what they exercise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// 16-bit instructions on registers.
+    /// The cases execute 16-bit instructions on registers.
     Narrow,
-    /// 32-bit data processing with immediates.
+    /// The cases execute 32-bit data processing with immediates.
     Immediate,
-    /// 32-bit data processing with shifted registers.
+    /// The cases execute 32-bit data processing with shifted registers.
     Shifted,
-    /// Bit fields, extension, reversal, counting, MSR and MRS of the flags.
+    /// The cases execute bit fields, extension, reversal, counting, and MSR and MRS of the flags.
     Fields,
-    /// Saturation and parallel arithmetic.
+    /// The cases execute saturation and parallel arithmetic.
     Parallel,
-    /// Multiplication and division.
+    /// The cases execute multiplication and division.
     Multiply,
-    /// IT blocks.
+    /// The cases execute IT blocks.
     It,
-    /// Branches.
+    /// The cases execute branches.
     Branch,
-    /// Loads and stores of one register.
+    /// The cases execute loads and stores of one register.
     Single,
-    /// Loads and stores of several registers.
+    /// The cases execute loads and stores of several registers.
     Multiple,
-    /// Exclusive accesses.
+    /// The cases execute exclusive accesses.
     Exclusive,
-    /// Bit-band accesses.
+    /// The cases execute bit-band accesses.
     BitBand,
-    /// Faults of instructions, and SVC.
+    /// The cases execute instructions that fault, and SVC.
     Fault,
-    /// FP arithmetic.
+    /// The cases execute FP arithmetic.
     FpArithmetic,
-    /// FP comparison and conversion.
+    /// The cases execute FP comparison and conversion.
     FpConvert,
-    /// FP moves.
+    /// The cases execute FP moves.
     FpMove,
-    /// FP loads and stores.
+    /// The cases execute FP loads and stores.
     FpMemory,
-    /// Interrupts that pend each other: priorities, groups, masks, tail-chaining, lazy FP state, IT blocks.
+    /// The cases have interrupts that pend each other: priorities, groups, masks, tail-chaining, lazy FP state, IT
+    /// blocks.
     Interrupt,
 }
 
@@ -72,7 +73,7 @@ impl Class {
         Self::Interrupt,
     ];
 
-    /// The name on a command line and in a recording.
+    /// The name of the class on a command line and in a recording.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -97,13 +98,13 @@ impl Class {
         }
     }
 
-    /// The class of that name.
+    /// The class with the given name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|class| class.name() == name)
     }
 
-    /// Case `number` of this class, to be executed at `address`: the same for the same seed.
+    /// Makes case `number` of this class, to be executed at `address`. The same seed always gives the same case.
     #[must_use]
     pub fn case(self, seed: u64, number: u64, address: u32) -> Case {
         let mut random = Random::new(seed, (self as u64) << 40 | number);
@@ -121,7 +122,7 @@ impl Class {
             for s in &mut case.s {
                 *s = random.float();
             }
-            // AHP, DN, FZ and the rounding mode, the flags once in a while
+            // The random bits are AHP, DN, FZ and the rounding mode, and sometimes the flags.
             case.fpscr = random.bits() & random.pick(&[0x00C0_0000, 0x07C0_0000, 0x03C0_0000, 0xF7C0_009F]);
             for register in case.r.iter_mut().take(6) {
                 *register = random.float();
@@ -156,13 +157,13 @@ impl Class {
     }
 }
 
-/// One to eight instructions out of `table`.
+/// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // few registers, so that instructions meet each other's results
+    // Few registers are used, so that instructions read each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);
-    // every template has an instance: one low and one high register at least
+    // At least one low and one high register are there, so that every template has an instance.
     registers.extend([random.below(8), 8 + random.below(5)]);
     for _ in 0..1 + random.below(8) {
         instance(&random.pick(table), random, &registers).append(&mut case.code);

@@ -1,8 +1,8 @@
-//! What differs between two results of a case, in words.
+//! The differences between two results of a case, in words.
 
 use crate::image::{Case, RESULT_WORDS, code_address};
 
-/// The name of word `index` of a result.
+/// The name of the word `index` of a result.
 fn name(index: usize) -> String {
     match index {
         0..=11 => format!("r{}", index + 1),
@@ -22,7 +22,7 @@ fn name(index: usize) -> String {
     }
 }
 
-/// The case's instructions, and each word that differs, or `None` where none does.
+/// The case's instructions and each word that differs, or `None` where the results are equal.
 #[must_use]
 pub fn difference(index: usize, case: &Case, reference: &[u32], ours: &[u32]) -> Option<String> {
     assert_eq!((reference.len(), ours.len()), (RESULT_WORDS, RESULT_WORDS));

@@ -1,6 +1,7 @@
-//! What encodings mean, by LLVM's disassembler.
+//! A comparison of what encodings mean with LLVM's disassembler.
 //!
-//! Compared: every 16-bit encoding, and for every first halfword of a 32-bit encoding [`SECONDS`] second halfwords.
+//! The comparison covers every 16-bit encoding, and [`SECONDS`] second halfwords for every first halfword of a 32-bit
+//! encoding.
 
 use std::{
     collections::HashMap,
@@ -12,13 +13,13 @@ use anyhow::{Context, ensure};
 
 use crate::random::Random;
 
-/// Second halfwords for each first.
+/// The number of second halfwords for each first one.
 pub const SECONDS: usize = 16;
 
-/// One encoding; `second` is 0 where `first` is all of it.
+/// One encoding, of which `second` is 0 if `first` is complete.
 pub type Encoding = (u16, u16);
 
-/// The encodings that are compared, always the same.
+/// The encodings that are compared, which are always the same.
 #[must_use]
 pub fn encodings() -> Vec<Encoding> {
     let mut random = Random::new(0, 0);
@@ -26,7 +27,7 @@ pub fn encodings() -> Vec<Encoding> {
     for first in 0xE800..=0xFFFF {
         for _ in 0..SECONDS {
             let mut second = random.bits() as u16;
-            // registers 13 and 15, and fields that should be zero or one, are rare among random bits
+            // The registers 13 and 15, and fields that should be zero or one, are rare among random bits.
             for nibble in 0..4 {
                 match random.below(8) {
                     0 => second |= 0xF << (4 * nibble),
@@ -41,15 +42,15 @@ pub fn encodings() -> Vec<Encoding> {
     encodings
 }
 
-/// Bytes from one encoding to the next in the object file: NOPs between them keep an IT and an encoding that is not
-/// known from changing how the next is read.
+/// The bytes from one encoding to the next in the object file. NOPs between them keep an IT, or an unknown encoding,
+/// from changing how the next encoding is read.
 const SLOT: usize = 12;
 
-/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`; empty where there is no instruction.
+/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`. It is empty where there is no instruction.
 ///
 /// # Errors
 ///
-/// The disassembler is not installed or failed.
+/// Returns an error if the disassembler is not installed or failed.
 pub fn reference(encodings: &[Encoding], directory: &Path) -> anyhow::Result<Vec<String>> {
     std::fs::create_dir_all(directory)?;
     let mut code = Vec::new();
@@ -84,7 +85,7 @@ pub fn reference(encodings: &[Encoding], directory: &Path) -> anyhow::Result<Vec
         .collect()
 }
 
-/// The disassembler of the toolchain's component llvm-tools.
+/// Finds the disassembler of the toolchain's component llvm-tools.
 fn disassembler() -> anyhow::Result<PathBuf> {
     let output = Command::new("rustc").args(["--print", "sysroot"]).output()?;
     let libraries = PathBuf::from(String::from_utf8(output.stdout)?.trim()).join("lib/rustlib");
@@ -97,7 +98,7 @@ fn disassembler() -> anyhow::Result<PathBuf> {
     anyhow::bail!("no llvm-objdump below {}: `rustup component add llvm-tools`", libraries.display())
 }
 
-/// A relocatable ELF with `code` as its Thumb `.text`.
+/// Makes a relocatable ELF file with `code` as its Thumb `.text`.
 fn object(code: &[u8]) -> Vec<u8> {
     let names = b"\0.text\0.symtab\0.strtab\0";
     let strings = b"\0$t\0";
@@ -110,7 +111,7 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf.resize(16, 0);
     let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
     let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
-    // ET_REL, EM_ARM
+    // The values are ET_REL and EM_ARM.
     half(&mut elf, 1);
     half(&mut elf, 40);
     for value in [1, 0, 0, headers_at, 0x0500_0000] {
@@ -120,7 +121,7 @@ fn object(code: &[u8]) -> Vec<u8> {
         half(&mut elf, value);
     }
     elf.extend(code);
-    // the null symbol, then $t at 0 in section 1
+    // The symbols are the null symbol, then $t at 0 in section 1.
     elf.extend([0; 16]);
     for value in [1, 0, 0] {
         word(&mut elf, value);
@@ -143,20 +144,20 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf
 }
 
-/// What our decoder and LLVM make of one encoding.
+/// Whether our decoder and LLVM accept one encoding as an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Both know no instruction.
+    /// Neither has an instruction.
     Neither = 0,
-    /// Both know an instruction; for a coprocessor that is absent, ours is the fault for that.
+    /// Both have an instruction. For an absent coprocessor, ours is the fault for that.
     Both = 1,
-    /// LLVM knows an instruction, ours is undefined: what the manual calls UNPREDICTABLE.
+    /// LLVM has an instruction, and ours is undefined, which the manual calls UNPREDICTABLE.
     OursUndefined = 2,
-    /// LLVM knows no instruction, ours executes: unallocated hints, and MSR of a register that does not exist.
+    /// LLVM has no instruction, and ours executes one: an unallocated hint, or MSR of a register that does not exist.
     OursExecutes = 3,
 }
 
-/// The verdict on an encoding of which LLVM knows an instruction or not.
+/// The verdict on an encoding; `known` says whether LLVM has an instruction.
 #[must_use]
 pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
     let undefined = cortex_m4::describe(0, first, second).1 == "Fault(Undefined)";
@@ -168,14 +169,14 @@ pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
     }
 }
 
-/// What came of the comparison with LLVM.
+/// The result of the comparison with LLVM.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Encodings of each [`Verdict`].
+    /// The number of encodings of each [`Verdict`].
     pub counts: [usize; 4],
-    /// Both know an instruction, and the registers in it differ: encoding, LLVM's text, ours.
+    /// The encodings for which both have an instruction with different registers: the encoding, LLVM's text, and ours.
     pub registers_differ: Vec<String>,
-    /// Two bits for each of [`encodings`], the first in the lowest.
+    /// The verdicts with two bits for each of [`encodings`], the first in the lowest bits.
     pub verdicts: Vec<u8>,
 }
 
@@ -183,7 +184,7 @@ pub struct Report {
 ///
 /// # Errors
 ///
-/// The disassembler is not installed or failed.
+/// Returns an error if the disassembler is not installed or failed.
 pub fn compare(directory: &Path) -> anyhow::Result<Report> {
     let encodings = encodings();
     let texts = reference(&encodings, directory)?;
@@ -201,7 +202,8 @@ pub fn compare(directory: &Path) -> anyhow::Result<Report> {
     Ok(report)
 }
 
-/// The core registers in LLVM's text, as a set. The program counter does not count: ours is part of an address.
+/// The core registers in LLVM's text, as a set. The program counter does not count, since our text has it as a part of
+/// an address.
 fn their_registers(text: &str) -> u16 {
     let text = text.split('@').next().unwrap_or_default();
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).skip(1);

@@ -1,4 +1,5 @@
-//! Branches and IT blocks, ARM ARM A5.2.5, A5.2.6, A5.3.4, A7.7.38; faults of single instructions.
+//! Cases with branches and IT blocks, ARM ARM A5.2.5, A5.2.6, A5.3.4, A7.7.38, and cases with faults of single
+//! instructions.
 
 use crate::{
     image::{Case, WINDOW},
@@ -8,11 +9,11 @@ use crate::{
     thumb::{Code, branch_wide},
 };
 
-/// IT with one to four instructions.
+/// Appends an IT with one to four instructions.
 pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     let condition = random.below(14);
     let count = 1 + random.below(4);
-    // one bit of then/else for each instruction after the first, then the stop bit
+    // The mask has one bit (then or else) for each instruction after the first, then the stop bit.
     let mask = ((random.bits() & 0xF) >> (5 - count) << 1 | 1) << (4 - count) & 0xF;
     Instruction::Narrow((0xBF00 | condition << 4 | mask) as u16).append(&mut case.code);
     for _ in 0..count {
@@ -21,7 +22,7 @@ pub(crate) fn it_block(case: &mut Case, random: &mut Random) {
     }
 }
 
-/// Registers that hold no address here.
+/// The registers that hold no address in these cases.
 const DATA: [u32; 8] = [0, 1, 2, 3, 4, 8, 9, 12];
 
 fn filler(code: &mut Code, random: &mut Random) {
@@ -33,11 +34,11 @@ fn filler(code: &mut Code, random: &mut Random) {
     }
 }
 
-/// A branch over some instructions, taken or not, in each of the ways there are.
+/// Appends a branch over some instructions, taken or not, in one of all its forms.
 pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     let mut code = Code::at(address);
     if random.once_in(2) {
-        code.narrow(0xBF00); // NOP: branches at either half of a word
+        code.narrow(0xBF00); // NOP, so that branches are at either half of a word
     }
     if random.once_in(2) {
         filler(&mut code, random);
@@ -46,7 +47,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     filler(&mut skipped, random);
     let length = 2 * skipped.halves.len() as u32;
     let condition = random.below(14);
-    // r5 to r7 are the registers of the branches
+    // Branches use the registers r5 to r7.
     let register = 5 + random.below(3);
     let set = |case: &mut Case, value: u32| case.r[register as usize] = value;
     match random.below(16) {
@@ -70,15 +71,16 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.wide(branch_wide(length) | 0xD000);
         }
         8 => {
-            // BX, BLX; once in a while without the Thumb bit, which faults at the target: UFSR.INVSTATE (ARM ARM
-            // B1.5.14). QEMU reports UFSR.UNALIGNED instead where the target is no word's address: not generated.
+            // BX and BLX sometimes have no Thumb bit, which faults at the target with UFSR.INVSTATE (ARM ARM B1.5.14).
+            // QEMU reports UFSR.UNALIGNED instead if the target's address is no multiple of four, so such cases are not
+            // generated.
             let target = code.here() + 2 + length;
             let thumb = u32::from(target & 2 != 0 || !random.once_in(8));
             set(case, target | thumb);
             code.narrow(0x4700 | random.below(2) << 7 | register << 3);
         }
         9 => {
-            // MOV pc: bit 0 is ignored
+            // MOV pc ignores bit 0.
             set(case, (code.here() + 2 + length) | random.below(2));
             code.narrow(0x4687 | register << 3);
         }
@@ -87,7 +89,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.narrow(0x4487 | register << 3);
         }
         11 => {
-            // TBB, TBH with four entries after the instruction
+            // TBB and TBH have four entries after the instruction.
             let (wide, index) = (random.below(2), random.below(4));
             set(case, index);
             code.wide(0xE8DF_F000 | wide << 4 | register);
@@ -100,7 +102,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             }
         }
         12 => {
-            // POP and LDM of pc, LDR to pc: the target is in the window
+            // POP and LDM of pc, and LDR to pc, read the target from the window.
             let at = random.below(16);
             let form = random.below(5);
             let size = if form == 0 { 2 } else { 4 };
@@ -110,7 +112,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             match form {
                 0 => code.narrow(0xBD00),
                 1 => {
-                    // LDM r, {r0, pc}: the target is the second word
+                    // In LDM r, {r0, pc}, the target is the second word.
                     case.window.swap(at as usize, at as usize + 1);
                     code.wide(0xE890_8001 | register << 16 | random.below(2) << 21)
                 }
@@ -124,7 +126,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             };
         }
         13 => {
-            // the last of an IT block
+            // The branch is the last instruction of an IT block.
             code.narrow(0xBF08 | condition << 4);
             match random.below(3) {
                 0 => code.narrow(0xE000 | ((length - 2) / 2)),
@@ -136,7 +138,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             };
         }
         14 => {
-            // backwards: SUBS, BNE
+            // The branch goes backwards: SUBS, BNE.
             set(case, 1 + random.below(6));
             let back = code.here();
             filler(&mut code, random);
@@ -145,7 +147,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
             code.narrow(0xD100 | (offset >> 1) & 0xFF);
         }
         _ => {
-            // LDR pc, literal: the literal follows, aligned
+            // In LDR pc with a literal, the literal follows, aligned to a word.
             if !code.here().is_multiple_of(4) {
                 code.narrow(0xBF00);
             }
@@ -159,19 +161,19 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     case.code.extend(code.halves);
 }
 
-/// Instructions that fault, and SVC.
+/// Appends an instruction that faults, or SVC.
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
-    // in an IT block at times
+    // Sometimes the instruction is in an IT block.
     let it = random.once_in(3);
     let kind = random.below(12);
-    // CPSID i: SVC and other faults escalate to HardFault
+    // After CPSID i, SVC and other faults escalate to HardFault.
     if random.once_in(4) {
         halves.push(0xB672);
     }
     if it {
-        // two instructions where a barrier comes first
+        // The IT block has two instructions if a barrier comes first.
         halves.push((0xBF00 | random.below(14) << 4 | if kind == 3 { 4 } else { 8 }) as u16);
     }
     let (d, n, m) = (random.pick(&DATA), 5 + random.below(2), random.pick(&DATA));
@@ -183,9 +185,8 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
         3 => {
             case.r[n as usize] = 0;
             case.ccr |= 0x10;
-            // A barrier first: QEMU loses what was written to registers before a trapped division in the same block
-            // (its helper
-            // of the division is declared not to need the registers)
+            // A barrier comes first, since QEMU loses register writes before a trapped division in the same block (its
+            // division helper is declared not to need the registers).
             Instruction::Wide(0xF3BF_8F6F).append(&mut halves);
             Instruction::Wide(random.pick(&[0xFB90_F0F0, 0xFBB0_F0F0]) | m << 16 | d << 8 | n)
         }
@@ -207,10 +208,10 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
             case.r[n as usize] = wild;
             Instruction::Wide(random.pick(&[0xE890_000F, 0xE9D0_0100, 0xED90_0A00, 0xECB0_0A04]) | n << 16)
         }
-        // coprocessors that are absent
+        // The instructions here are of coprocessors that are absent.
         9 => Instruction::Wide(0xEE00_0010 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | d << 12),
         10 => Instruction::Wide(0xEC90_0000 | random.pick(&[0_u32, 1, 5, 7, 8, 9, 12, 15]) << 8 | n << 16),
-        // double precision: undefined on FPv4-SP
+        // The instructions here are of double precision, which is undefined on FPv4-SP.
         _ => Instruction::Wide(random.pick(&[0xEE30_0B00, 0xEE20_0B00, 0xEEB1_0BC0, 0xEEB7_0AC0, 0xEEBD_0BC0])),
     };
     faulting.append(&mut halves);
@@ -218,14 +219,14 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     case.code.extend(halves);
 }
 
-/// Interrupts 0 to 7, PendSV and SysTick with random priorities, some pending at first, which pend others in turn. At
-/// first BASEPRI is raised; it is lowered in an IT block, and after it.
+/// Makes a case of interrupts 0 to 7, PendSV and SysTick with random priorities. Some are pending at first, and these
+/// pend others in turn. BASEPRI is raised at first; it is lowered in an IT block, and again after it.
 pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
-    // few levels, so that some are equal
+    // There are few levels, so that some priorities are equal.
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
-    // the words of exceptions 14 to 23: numbers 14, 15 and 0 to 7
+    // The window has words for the exceptions 14 to 23, whose numbers there are 14, 15 and 0 to 7.
     for number in [0, 1, 2, 3, 4, 5, 6, 7, 14, 15] {
         if random.once_in(2) {
             let pend = random.bits() & random.bits() & random.bits() & 0x1400_00FF;
@@ -248,11 +249,11 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     case.r[11] = 0;
     let mut code = Code::at(0);
     code.narrow(0xB672); // CPSID i
-    // ISER, IPR0, IPR1, SHPR3, AIRCR
+    // The stores go to ISER, IPR0, IPR1, SHPR3 and AIRCR.
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB
-    // IT with four instructions; the first lowers BASEPRI at most in part
+    // The IT block has four instructions, of which the first may lower BASEPRI in part.
     let condition = random.below(14);
     code.narrow(0xBF00 | condition << 4 | random.below(8) << 1 | 1);
     code.wide(0xF38A_8811); // MSR BASEPRI, r10

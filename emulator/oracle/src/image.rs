@@ -1,4 +1,4 @@
-//! The guest image: the code that loads each case's state, executes the case, and stores the state after it.
+//! The guest image: code that loads each case's state, executes the case, and stores the resulting state.
 //!
 //! | Address | What |
 //! |---|---|
@@ -9,69 +9,70 @@
 //! | 0x2000_8000 | the memory window that is part of a case's state |
 //! | 0x2100_0000 | the results, [`RESULT_WORDS`] words each |
 //!
-//! It fits QEMU's machine `mps2-an386`, and needs nothing of a part but memory. A case runs in thread mode, privileged,
-//! on the process stack. A fault or `SVC` is recorded and ends the case. Interrupts write what
+//! The image fits QEMU's machine `mps2-an386`, and needs only memory of the part. A case runs in thread mode,
+//! privileged, on the process stack. A fault or `SVC` is recorded and ends the case. The interrupt handler logs what
 //! happens into the window.
 
 use crate::thumb::Code;
 
-/// Where the cases begin.
+/// The address of the first case.
 pub const CASES: u32 = 0x1000;
-/// Bytes of a case.
+/// The number of bytes of a case.
 pub const STRIDE: u32 = 448;
-/// The most cases in one image: the boards' 4 MiB at address 0 hold no more.
+/// The maximum number of cases in one image, since the board has 4 MiB at address 0.
 pub const MOST_CASES: usize = 8192;
-/// The memory window.
+/// The address of the memory window.
 pub const WINDOW: u32 = 0x2000_8000;
-/// Words of the memory window.
+/// The number of words in the memory window.
 pub const WINDOW_WORDS: usize = 32;
-/// Where the results are.
+/// The address of the results.
 pub const RESULTS: u32 = 0x2100_0000;
-/// Words of one result.
+/// The number of words in one result.
 pub const RESULT_WORDS: usize = 87;
-/// The file that the guest writes its results to.
+/// The file to which the guest writes its results.
 pub const FILE: &str = "results.bin";
 
 const VARIABLES: u32 = 0x2000_0000;
-/// Where, among the variables, the interrupt handler keeps where it writes next.
+/// The offset of the variable that points to the interrupt handler's next log entry.
 const LOG_POINTER: u32 = 64;
-/// The upper half of the window: what the interrupt handler writes.
+/// The address of the interrupt handler's log, which is the upper half of the window.
 const LOG: u32 = WINDOW + 64;
 const STATE_BYTES: u32 = 328;
 const HARNESS: u32 = 0x100;
-/// What the case ends with: LDM of the initial state before it, a branch after it.
+/// The maximum number of halfwords of a case's own code. The rest of its place is for an LDM of the initial state
+/// before it and a branch after it.
 const MOST_CODE: usize = (STRIDE - STATE_BYTES) as usize / 2 - 4;
 
-/// One case: a state, and instructions to execute from it.
+/// One case: an initial state, and the instructions to execute from it.
 #[derive(Clone, Debug, Default)]
 pub struct Case {
-    /// The memory at [`WINDOW`].
+    /// The contents of memory at [`WINDOW`].
     pub window: [u32; WINDOW_WORDS],
-    /// s0 to s31.
+    /// The registers s0 to s31.
     pub s: [u32; 32],
-    /// FPSCR.
+    /// The register FPSCR.
     pub fpscr: u32,
-    /// APSR with GE.
+    /// The APSR with its GE bits.
     pub apsr: u32,
-    /// CCR: the traps of unaligned accesses and of divisions by zero.
+    /// The CCR, with the traps of unaligned accesses and of divisions by zero.
     pub ccr: u32,
     /// The process stack pointer.
     pub sp: u32,
-    /// r14.
+    /// The register r14.
     pub lr: u32,
-    /// r0 to r12.
+    /// The registers r0 to r12.
     pub r: [u32; 13],
-    /// The instructions. They fall out at their end.
+    /// The instructions. Execution continues behind the last one.
     pub code: Vec<u16>,
 }
 
-/// Where the instructions of a case are.
+/// The address of the instructions of a case.
 #[must_use]
 pub fn code_address(index: usize) -> u32 {
     CASES + index as u32 * STRIDE + STATE_BYTES + 4
 }
 
-/// The image of these cases.
+/// Builds the image of these cases.
 #[must_use]
 pub fn build(cases: &[Case]) -> Vec<u8> {
     assert!(cases.len() <= MOST_CASES);
@@ -79,7 +80,7 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
     let epilogue = write_epilogue(&mut harness);
     let start = write_start(&mut harness, cases.len() as u32);
     let fault = write_fault_handler(&mut harness, epilogue);
-    // the epilogue's branch to the next case was written before its target was known
+    // The epilogue's branch to the next case was written before its target was known, and `link` sets it later.
     let prologue = write_prologue(&mut harness);
     let finish = write_finish(&mut harness);
     let interrupt = write_interrupt_handler(&mut harness);
@@ -111,12 +112,12 @@ pub fn build(cases: &[Case]) -> Vec<u8> {
 
 fn write_start(code: &mut Code, cases: u32) -> u32 {
     let start = code.here();
-    // CPACR: full access to CP10 and CP11; SHCSR: the three configurable faults are enabled
+    // CPACR gives full access to CP10 and CP11, and SHCSR enables the three configurable faults.
     for (register, value) in [(0xE000_ED88, 0x00F0_0000), (0xE000_ED24, 7 << 16)] {
         code.constant(0, register).constant(1, value).store(1, 0, 0);
     }
     code.wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // DSB, ISB
-    // MSR PSP, r1; MSR CONTROL, r1: thread mode is on the process stack; ISB
+    // MSR PSP, r1, MSR CONTROL, r1 and ISB put thread mode on the process stack.
     code.constant(1, 0x2000_6000).wide(0xF381_8809);
     code.constant(1, 2).wide(0xF381_8814).wide(0xF3BF_8F6F);
     code.constant(0, VARIABLES);
@@ -124,12 +125,12 @@ fn write_start(code: &mut Code, cases: u32) -> u32 {
         code.constant(1, value).store(1, 0, offset);
     }
     let to_prologue = code.here();
-    // the prologue follows the fault handler: reached through a branch that `link` writes
+    // The prologue comes after the fault handler, so `link` later sets the target of this branch.
     code.branch(to_prologue);
     start
 }
 
-/// Loads the state of the next case.
+/// Writes the code that loads the state of the next case.
 fn write_prologue(code: &mut Code) -> u32 {
     let prologue = code.here();
     code.constant(0, VARIABLES).load(0, 0, 0).constant(1, WINDOW);
@@ -152,16 +153,16 @@ fn write_prologue(code: &mut Code) -> u32 {
     prologue
 }
 
-/// Stores the state and goes on with the next case.
+/// Writes the code that stores the state and continues with the next case.
 fn write_epilogue(code: &mut Code) -> u32 {
     let epilogue = code.here();
-    // r0 is kept at SP + 4000, which no case reaches: no register is free yet
+    // r0 is saved at SP + 4000, which no case accesses, since no register is free yet.
     code.store(0, 13, 4000).constant(0, VARIABLES).load(0, 0, 4);
     code.wide(0xE8A0_5FFE); // STM r0!, {r1-r12, lr}
     code.wide(0xF3EF_8100).wide(0xEEF1_2A10).wide(0xE8A0_0006); // MRS r1, APSR; VMRS r2, FPSCR; STM r0!, {r1, r2}
     code.wide(0xECA0_0A20); // VSTM r0!, {s0-s31}
     code.narrow(0x4669).load(2, 1, 4000); // MOV r1, sp
-    code.constant(3, VARIABLES + 12).wide(0xE893_03F0); // LDM r3, {r4-r9}: what the fault handler wrote
+    code.constant(3, VARIABLES + 12).wide(0xE893_03F0); // LDM r3, {r4-r9}, which the fault handler wrote
     code.wide(0xE8A0_03F6); // STM r0!, {r1, r2, r4-r9}
     code.constant(1, WINDOW);
     for _ in 0..WINDOW_WORDS / 8 {
@@ -175,16 +176,17 @@ fn write_epilogue(code: &mut Code) -> u32 {
     epilogue
 }
 
-/// Records the fault, and returns to the epilogue.
+/// Writes the code that records a fault and returns to the epilogue.
 fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8009).constant(2, VARIABLES); // MRS r0, PSP
     code.load(1, 0, 24).store(1, 2, 24).load(1, 0, 28).store(1, 2, 28);
-    // the return is outside any IT block, in Thumb state; the stack's alignment (bit 9) stays
+    // The return is outside any IT block and in Thumb state. The bit of the stack's alignment (bit 9) stays.
     code.constant(3, 0xF80F_0200).narrow(0x4019).constant(3, 0x0100_0000).narrow(0x4319).store(1, 0, 28);
     code.constant(3, epilogue).store(3, 0, 24);
     code.constant(3, 0xE000_ED28).load(1, 3, 0).store(1, 2, 12);
-    // TST r1, #MMARVALID; BEQ; the address of a memory management fault, likewise of a bus fault
+    // The code is: TST r1, #MMARVALID; BEQ; it stores the address of a memory management fault, and then likewise of a
+    // bus fault.
     code.wide(0xF011_0F80).narrow(0xD003).load(12, 3, 12).store(12, 2, 20);
     code.wide(0xF411_4F00).narrow(0xD003).load(12, 3, 16).store(12, 2, 20);
     code.store(1, 3, 0).load(1, 3, 4).store(1, 2, 16).store(1, 3, 4);
@@ -193,10 +195,10 @@ fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
     handler
 }
 
-/// The handler of PendSV, SysTick and the interrupts: writes who runs with which EXC_RETURN, then does what its word of
-/// the window says, once, and writes who goes on with which BASEPRI. The word of exception n is number n % 16 of the
-/// window: bits 7:0 are interrupts to pend, bits 15:8 go to BASEPRI_MAX, bits 28 and 26 pend PendSV and SysTick, and
-/// bit 31 asks for an FP instruction.
+/// Writes the handler of PendSV, SysTick and the interrupts. The handler logs the active exception with its EXC_RETURN.
+/// Then it does, once, what its word of the window says, and logs the active exception with BASEPRI. The word of
+/// exception n is number n % 16 of the window: bits 7:0 are interrupts to pend, bits 15:8 go to BASEPRI_MAX, bits 28
+/// and 26 pend PendSV and SysTick, and bit 31 asks for an FP instruction.
 fn write_interrupt_handler(code: &mut Code) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8005).wide(0xEA40_200E); // MRS r0, IPSR; ORR r0, r0, lr, LSL #8
@@ -204,12 +206,12 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     code.wide(0xF3EF_8005).wide(0xF000_000F).constant(3, WINDOW); // MRS r0, IPSR; AND r0, r0, #15
     code.wide(0xF853_2020).constant(12, 0).wide(0xF843_C020); // LDR r2, [r3, r0, LSL #2]; STR r12, the same
     code.narrow(0x2A00).narrow(0xDA01).wide(0xEE30_0A20); // CMP r2, #0; BGE; VADD s0, s0, s1
-    code.narrow(0xB672); // CPSID i: all of it takes effect at once
+    code.narrow(0xB672); // CPSID i, so that all of it takes effect at once
     code.constant(3, 0xE000_E200).narrow(0xB2D0).store(0, 3, 0); // UXTB r0, r2; ISPR
     code.constant(12, 5 << 26).wide(0xEA02_000C).constant(3, 0xE000_ED04).store(0, 3, 0); // AND r0, r2, r12; ICSR
     code.wide(0xF3C2_2007).wide(0xF380_8812); // UBFX r0, r2, #8, #8; MSR BASEPRI_MAX, r0
     code.narrow(0xB662).wide(0xF3BF_8F4F).wide(0xF3BF_8F6F); // CPSIE i; DSB; ISB
-    // MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16
+    // The code is: MRS r0, IPSR; MRS r3, BASEPRI; ORR r0, r0, r3, LSL #16.
     code.wide(0xF3EF_8005).wide(0xF3EF_8311).wide(0xEA40_4003);
     code.wide(0xF040_4000); // ORR r0, r0, #0x8000_0000
     write_log(code);
@@ -217,14 +219,14 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     handler
 }
 
-/// Writes r0 to the log, which goes round: mixed with what was there.
+/// Writes code that adds r0 to the log, mixed with the entry that was there. The log wraps around.
 fn write_log(code: &mut Code) {
     code.constant(1, VARIABLES).load(2, 1, LOG_POINTER).load(3, 2, 0);
     code.wide(0xEA80_10F3).store(0, 2, 0); // EOR r0, r0, r3, ROR #7
     code.narrow(0x3204).wide(0xF022_0280).wide(0xF042_0240).store(2, 1, LOG_POINTER); // ADDS #4; BIC #0x80; ORR #0x40
 }
 
-/// Writes the results to [`FILE`] and ends, by semihosting.
+/// Writes the code that writes the results to [`FILE`] and ends the run, by semihosting.
 fn write_finish(code: &mut Code) -> u32 {
     let finish = code.here();
     let block = VARIABLES + 0x100;
@@ -249,7 +251,7 @@ fn write_finish(code: &mut Code) -> u32 {
 }
 
 fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
-    // every branch to itself or to the epilogue is one that waits for its target
+    // A branch to itself or to the epilogue is a placeholder whose target is set here.
     let placeholders: Vec<usize> = (0..code.halves.len() - 1)
         .filter(|&i| {
             let here = code.base + 2 * i as u32;
@@ -259,7 +261,8 @@ fn link(code: &mut Code, epilogue: u32, prologue: u32, finish: u32) {
         })
         .collect();
     assert_eq!(placeholders.len(), 3);
-    // in the order in which they were written: next case, the end, and from the start to the first case
+    // In the order in which they were written, the targets are: the next case, the end, and the first case from the
+    // start.
     for (at, target) in placeholders.into_iter().zip([prologue, finish, prologue]) {
         let mut branch = Code::at(code.base + 2 * at as u32);
         branch.branch(target);

@@ -1,4 +1,4 @@
-//! Encodings that touch nothing but registers and flags, ARM ARM A5.2, A5.3.
+//! Templates of instructions that use nothing but registers and flags, ARM ARM A5.2, A5.3.
 
 use crate::template::{Fields, Template};
 
@@ -6,13 +6,13 @@ fn any(_: &Fields) -> bool {
     true
 }
 
-/// ThumbExpandImm: a byte that is spread out must not be zero.
+/// Whether a modified immediate is defined (ThumbExpandImm): a byte that is replicated must not be zero.
 fn modified(f: &Fields) -> bool {
     let i = f.get('i');
     i >> 10 != 0 || i >> 8 == 0 || i & 0xFF != 0
 }
 
-/// 16 bits: shift, add, subtract, move, compare, data processing, extend, reverse.
+/// 16-bit shifts, additions, subtractions, moves, compares, data processing, extensions and reversals.
 pub(crate) const NARROW: &[Template] = &[
     ("000 00 iiiii MMM DDD", any),
     ("000 01 iiiii MMM DDD", any),
@@ -38,7 +38,7 @@ pub(crate) const NARROW: &[Template] = &[
     ("10111111 00000000", any),
 ];
 
-/// 32 bits: data processing with an immediate.
+/// 32-bit data processing with an immediate.
 pub(crate) const IMMEDIATE: &[Template] = &[
     ("11110i0 0000s NNNN 0iii DDDD iiiiiiii", modified),
     ("11110i0 00001 NNNN 0iii 1111 iiiiiiii", modified),
@@ -58,7 +58,7 @@ pub(crate) const IMMEDIATE: &[Template] = &[
     ("11110i0 1101s 1101 0iii DDDD iiiiiiii", modified),
     ("11110i0 11011 NNNN 0iii 1111 iiiiiiii", modified),
     ("11110i0 1110s NNNN 0iii DDDD iiiiiiii", modified),
-    // ADDW, SUBW, ADR, MOVW, MOVT
+    // The following are ADDW, SUBW, ADR, MOVW and MOVT.
     ("11110i1 00000 NNNN 0iii DDDD iiiiiiii", any),
     ("11110i1 00000 1101 0iii DDDD iiiiiiii", any),
     ("11110i1 00000 1111 0iii DDDD iiiiiiii", any),
@@ -69,7 +69,7 @@ pub(crate) const IMMEDIATE: &[Template] = &[
     ("11110i1 01100 iiii 0iii DDDD iiiiiiii", any),
 ];
 
-/// 32 bits: data processing with a shifted register.
+/// 32-bit data processing with a shifted register.
 pub(crate) const SHIFTED: &[Template] = &[
     ("1110101 0000s NNNN 0iii DDDD iitt MMMM", any),
     ("1110101 00001 NNNN 0iii 1111 iitt MMMM", any),
@@ -94,7 +94,7 @@ pub(crate) const SHIFTED: &[Template] = &[
     ("11111010 0xxs NNNN 1111 DDDD 0000 MMMM", any),
 ];
 
-/// 32 bits: bit fields, extension, reversal, counting; flags by MSR and MRS.
+/// 32-bit bit fields, extension, reversal and counting; MSR and MRS of the flags.
 pub(crate) const FIELDS: &[Template] = &[
     ("1111001101 00 NNNN 0iii DDDD ii0wwwww", |f| f.get('i') + f.get('w') <= 31),
     ("1111001111 00 NNNN 0iii DDDD ii0wwwww", |f| f.get('i') + f.get('w') <= 31),
@@ -108,7 +108,7 @@ pub(crate) const FIELDS: &[Template] = &[
     ("111100111000 NNNN 1000 xx00 00000000", |f| f.get('x') != 0),
 ];
 
-/// 32 bits: saturation, parallel addition and subtraction, SEL.
+/// 32-bit saturation, parallel addition and subtraction, and SEL.
 pub(crate) const PARALLEL: &[Template] = &[
     ("1111001100 t0 NNNN 0iii DDDD ii0wwwww", |f| f.get('t') == 0 || f.get('i') != 0),
     ("1111001110 t0 NNNN 0iii DDDD ii0wwwww", |f| f.get('t') == 0 || f.get('i') != 0),
@@ -121,7 +121,7 @@ pub(crate) const PARALLEL: &[Template] = &[
     ("111110101010 NNNN 1111 DDDD 1000 MMMM", any),
 ];
 
-/// 32 bits: multiplication and division.
+/// 32-bit multiplication and division.
 pub(crate) const MULTIPLY: &[Template] = &[
     ("111110110000 NNNN AAAA DDDD 0000 MMMM", any),
     ("111110110000 NNNN 1111 DDDD 0000 MMMM", any),
@@ -155,9 +155,9 @@ fn two(f: &Fields) -> bool {
     f.get('L') != f.get('H')
 }
 
-/// FPv4-SP: arithmetic, comparison, conversion and moves between s registers.
+/// FPv4-SP arithmetic and moves between s registers.
 pub(crate) const FP_ARITHMETIC: &[Template] = &[
-    // VMLA, VMLS; VNMLA, VNMLS; VMUL, VNMUL; VADD, VSUB; VDIV; VFNMA, VFNMS; VFMA, VFMS
+    // The following are VMLA, VMLS, VNMLA, VNMLS, VMUL, VNMUL, VADD, VSUB, VDIV, VFNMA, VFNMS, VFMA and VFMS.
     ("111011100 d00 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011100 d01 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011100 d10 nnnn dddd 1010 n o m 0 mmmm", any),
@@ -166,37 +166,37 @@ pub(crate) const FP_ARITHMETIC: &[Template] = &[
     ("111011101 d01 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011101 d10 nnnn dddd 1010 n o m 0 mmmm", any),
     ("111011101 d00 nnnn dddd 1010 n 0 m 0 mmmm", any),
-    // VMOV immediate and register, VABS, VNEG, VSQRT
+    // The following are VMOV of an immediate and of a register, VABS, VNEG and VSQRT.
     ("111011101 d11 iiii dddd 1010 0000 iiii", any),
     ("111011101 d11 000x dddd 1010 x1 m 0 mmmm", any),
     ("111011101 d11 000x dddd 1010 x1 m 0 mmmm", any),
     ("111011101 d11 0001 dddd 1010 11 m 0 mmmm", any),
 ];
 
-/// FPv4-SP: comparison and conversion.
+/// FPv4-SP comparison and conversion.
 pub(crate) const FP_CONVERT: &[Template] = &[
-    // VCVTB, VCVTT; VCMP, VCMPE with a register and with zero
+    // The following are VCVTB, VCVTT, and VCMP and VCMPE with a register and with zero.
     ("111011101 d11 001x dddd 1010 t1 m 0 mmmm", any),
     ("111011101 d11 001x dddd 1010 t1 m 0 mmmm", any),
     ("111011101 d11 0100 dddd 1010 e1 m 0 mmmm", any),
     ("111011101 d11 0101 dddd 1010 e1 0 0 0000", any),
-    // VCVT with integers, VCVTR, VCVT with fixed point of 16 and 32 bits
+    // The following are VCVT with integers, VCVTR, and VCVT with fixed point of 16 and 32 bits.
     ("111011101 d11 1000 dddd 1010 x1 m 0 mmmm", any),
     ("111011101 d11 110x dddd 1010 r1 m 0 mmmm", any),
     ("111011101 d11 110x dddd 1010 r1 m 0 mmmm", any),
     ("111011101 d11 1o1u dddd 1010 01 i 0 iiii", |f| fraction(f, 16)),
     ("111011101 d11 1o1u dddd 1010 11 i 0 iiii", |f| fraction(f, 32)),
-    // VMRS to the flags, which makes comparisons visible in APSR as well
+    // VMRS copies the flags to APSR, so that comparisons show there as well.
     ("111011101111 0001 1111 1010 0001 0000", any),
 ];
 
-/// The fraction bits are the size less imm4:i, and not negative. The field's first bit is i.
+/// Whether the number of fraction bits, which is `size` minus imm4:i, is not negative. The field's first bit is i.
 fn fraction(f: &Fields, size: u32) -> bool {
     let i = f.get('i');
     ((i & 0xF) << 1 | i >> 4) <= size
 }
 
-/// FPv4-SP: moves between core registers and s registers, and FPSCR.
+/// FPv4-SP moves between core registers and s registers, and accesses to FPSCR.
 pub(crate) const FP_MOVE: &[Template] = &[
     ("11101110000 o nnnn TTTT 1010 n 0010000", any),
     ("11101110000 o nnnn TTTT 1010 n 0010000", any),

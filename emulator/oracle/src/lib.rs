@@ -1,13 +1,12 @@
-//! Compares the bench's Cortex-M4 with something that is not ours.
+//! Comparisons of the bench's Cortex-M4 with independent implementations.
 //!
-//! | what | with what | where |
+//! | what | compared with | where |
 //! |---|---|---|
 //! | what instructions do | QEMU's `mps2-an386`, on random cases by [`Class`] | [`run`], [`recording`] |
 //! | what encodings mean | LLVM's disassembler | [`decode`] |
 //!
-//! Not compared: time, sleep, debug, what is UNPREDICTABLE. Where QEMU is known to do otherwise than the manual says,
-//! the
-//! generator says so at the place and makes no such case.
+//! Time, sleep, debug and what is UNPREDICTABLE are not compared. Where QEMU is known to differ from the manual, a
+//! comment in the generator says so, and it makes no such case.
 #![forbid(unsafe_code)]
 
 mod class;
@@ -34,27 +33,27 @@ pub use class::Class;
 use image::{Case, MOST_CASES, RESULT_WORDS};
 use recording::{Recorded, Recording};
 
-/// The file of QEMU's results.
+/// The name of the file with QEMU's results.
 pub const EXECUTION: &str = "execution.txt";
-/// The file of LLVM's verdicts.
+/// The name of the file with LLVM's verdicts.
 pub const DECODE: &str = "decode.bin";
-/// Cases of each class that the tests repeat in about a second.
+/// The number of cases of each class that are recorded, which the tests repeat in about a second.
 pub const RECORDED_CASES: usize = 4096;
 
-/// What to compare.
+/// The settings of a comparison.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The classes; all where it is empty.
+    /// The classes to compare; an empty list means all.
     pub classes: Vec<Class>,
-    /// Cases of each class.
+    /// The number of cases of each class.
     pub cases: usize,
-    /// What the cases are made from.
+    /// The seed of the cases.
     pub seed: u64,
-    /// Whether to compare the decoder with LLVM's disassembler too.
+    /// Whether the decoder is also compared with LLVM's disassembler.
     pub decode: bool,
-    /// A directory for recordings: [`EXECUTION`] of QEMU's results, and with `decode` [`DECODE`] of LLVM's. The tests
-    /// of
-    /// `cortex-m4` read them, and take time with their cases: they are recorded with [`RECORDED_CASES`] of each class.
+    /// A directory for recordings: [`EXECUTION`] has QEMU's results and, with `decode`, [`DECODE`] has LLVM's. The
+    /// tests of `cortex-m4` read them and take longer with more cases, so recordings have [`RECORDED_CASES`] of each
+    /// class.
     pub record: Option<PathBuf>,
     /// A directory for the image and QEMU's results.
     pub scratch: PathBuf,
@@ -67,34 +66,34 @@ impl Default for Options {
     }
 }
 
-/// What came of one class.
+/// The result for one class.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The class.
     pub class: Class,
-    /// Cases compared.
+    /// The number of compared cases.
     pub cases: usize,
-    /// Cases that took a fault, on QEMU.
+    /// The number of cases that took a fault on QEMU.
     pub faults: usize,
-    /// Cases whose results differ.
+    /// The number of cases whose results differ.
     pub differing: usize,
-    /// The first few of them, in words.
+    /// The first few of these cases, in words.
     pub examples: Vec<String>,
 }
 
-/// What came of a comparison.
+/// The result of a comparison.
 #[derive(Clone, Debug)]
 pub struct Report {
     /// QEMU's version line.
     pub source: String,
-    /// One for each class.
+    /// One row for each class.
     pub rows: Vec<Row>,
-    /// The decoder, where it was compared.
+    /// The result for the decoder, if it was compared.
     pub decode: Option<decode::Report>,
 }
 
 impl Report {
-    /// Cases that differ, in all classes, and encodings whose registers do.
+    /// The number of cases that differ, in all classes, plus that of encodings whose registers differ.
     #[must_use]
     pub fn differing(&self) -> usize {
         let registers = self.decode.as_ref().map_or(0, |decode| decode.registers_differ.len());
@@ -125,17 +124,17 @@ impl fmt::Display for Report {
     }
 }
 
-/// Cases of `class`, from number `first` on. A case also depends on its place among those of one image.
+/// Makes `count` cases of `class`, from number `first` on. A case also depends on its place in its image.
 #[must_use]
 pub fn cases(class: Class, seed: u64, first: u64, count: usize) -> Vec<Case> {
     (0..count).map(|i| class.case(seed, first + i as u64, image::code_address(i))).collect()
 }
 
-/// QEMU's results of these cases, [`RESULT_WORDS`] words each.
+/// Returns QEMU's results of these cases, [`RESULT_WORDS`] words each.
 ///
 /// # Errors
 ///
-/// QEMU failed, or its file is not as long as expected.
+/// Returns an error if QEMU failed, or if its file has an unexpected length.
 pub fn reference(cases: &[Case], directory: &Path) -> anyhow::Result<Vec<u32>> {
     let bytes = qemu::run(&image::build(cases), image::FILE, directory)?;
     ensure!(bytes.len() == cases.len() * RESULT_WORDS * 4, "{} bytes of results", bytes.len());
@@ -146,7 +145,8 @@ pub fn reference(cases: &[Case], directory: &Path) -> anyhow::Result<Vec<u32>> {
 ///
 /// # Errors
 ///
-/// QEMU is not there or failed, an image did not get to its end on the bench's core, or the recording was not written.
+/// Returns an error if QEMU is missing or failed, if an image did not run to its end on the bench's core, or if the
+/// recording was not written.
 pub fn run(options: &Options) -> anyhow::Result<Report> {
     let complete = options.classes.is_empty() && options.decode && options.cases == RECORDED_CASES;
     ensure!(options.record.is_none() || complete, "a recording has {RECORDED_CASES} cases of all classes, and LLVM's");

@@ -1,4 +1,4 @@
-//! Runs an image on the bench's own core, with memory around it and nothing else.
+//! Runs an image on the bench's own core, with nothing but memory around it.
 
 use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Signals};
 
@@ -9,19 +9,19 @@ const RAM: u32 = 0x2000_0000;
 const RAM_BYTES: usize = 64 << 10;
 const RESULT_BYTES: usize = 4 << 20;
 
-/// Three memories: code at 0, RAM, and room for the results.
+/// The bus of the core with three memories: code at 0, RAM, and room for the results.
 #[derive(Clone, Debug)]
 pub struct Memory {
     code: Vec<u8>,
     ram: Vec<u8>,
     results: Vec<u8>,
     signals: Signals,
-    /// Whether the core may keep what it decoded of the code.
+    /// Whether the core may keep the instructions that it decoded.
     constant: bool,
 }
 
 impl Memory {
-    /// Memory with `image` at address 0.
+    /// Makes memory with `image` at address 0.
     #[must_use]
     pub fn new(image: &[u8], constant: bool) -> Self {
         let mut code = image.to_vec();
@@ -81,7 +81,7 @@ impl Bus for Memory {
     }
 }
 
-/// A core as QEMU's `mps2-an386` has it.
+/// Makes a core with the configuration of QEMU's `mps2-an386`.
 #[must_use]
 pub fn core<C: Cost>() -> Core<C> {
     Core::new(Config {
@@ -98,23 +98,23 @@ pub fn core<C: Cost>() -> Core<C> {
 ///
 /// # Errors
 ///
-/// The image did not get there.
+/// Returns an error if the image did not get there.
 pub fn run_words<C: Cost>(image: &[u8], words: usize, constant: bool) -> anyhow::Result<Vec<u32>> {
     let mut memory = Memory::new(image, constant);
     let mut core = core::<C>();
     core.reset(&mut memory);
-    // far more than the cases take: some 300 instructions each
+    // The limit is far more than the cases take, which is some 300 instructions each.
     let exit = core.run(&mut memory, 2_000_000_000);
     anyhow::ensure!(exit == Exit::HostCall, "{exit:?} at {:#010x}", core.pc());
     let words = memory.results.as_chunks::<4>().0.iter().take(words);
     Ok(words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect())
 }
 
-/// The results of these cases, as [`crate::reference`] has them.
+/// Returns the results of these cases, in the form of [`crate::reference`].
 ///
 /// # Errors
 ///
-/// The image did not get to its end.
+/// Returns an error if the image did not run to its end.
 pub fn results(cases: &[crate::image::Case]) -> anyhow::Result<Vec<u32>> {
     run_words::<Fast>(&crate::image::build(cases), cases.len() * RESULT_WORDS, true)
 }

@@ -1,4 +1,4 @@
-//! Runs an image on QEMU's `mps2-an386` (Cortex-M4F), and takes what it writes by semihosting.
+//! Runs an image on QEMU's `mps2-an386` (Cortex-M4F), and reads the file that it writes by semihosting.
 
 use std::{
     path::Path,
@@ -7,22 +7,22 @@ use std::{
 
 use anyhow::{Context, ensure};
 
-/// QEMU's version line.
+/// Returns QEMU's version line.
 ///
 /// # Errors
 ///
-/// QEMU is not installed.
+/// Returns an error if QEMU is not installed.
 pub(crate) fn version() -> anyhow::Result<String> {
     let output = Command::new("qemu-system-arm").arg("--version").output().context("qemu-system-arm")?;
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(text.lines().next().unwrap_or_default().to_owned())
 }
 
-/// Runs `image` from address 0 until it exits, and returns the file `name` that it wrote.
+/// Runs `image` from address 0 until it exits, and returns the contents of the file `name` that it wrote.
 ///
 /// # Errors
 ///
-/// QEMU did not start or did not end well, or the file is not there.
+/// Returns an error if QEMU did not start or did not end successfully, or if the file is missing.
 pub(crate) fn run(image: &[u8], name: &str, directory: &Path) -> anyhow::Result<Vec<u8>> {
     let image_path = directory.join("image.bin");
     std::fs::write(&image_path, image)?;

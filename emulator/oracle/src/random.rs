@@ -1,11 +1,11 @@
-//! A sequence of pseudo-random numbers that stays the same: a recording is regenerated from its seed.
+//! Pseudo-random numbers whose sequence must never change, since a recording's cases are regenerated from its seed.
 
-/// SplitMix64.
+/// The generator SplitMix64.
 #[derive(Clone, Debug)]
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// A sequence of its own for each pair of seed and stream.
+    /// Begins a sequence that differs for each pair of seed and stream.
     #[must_use]
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut random = Self(seed ^ stream.wrapping_mul(0xD6E8_FEB8_6659_FD93));
@@ -13,7 +13,7 @@ impl Random {
         random
     }
 
-    /// The next 64 bits.
+    /// Draws 64 bits.
     pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -22,22 +22,22 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// 32 bits, each equally likely.
+    /// Draws 32 bits, each equally likely.
     pub(crate) fn bits(&mut self) -> u32 {
         (self.next() >> 32) as u32
     }
 
-    /// A number below `limit`.
+    /// Draws a number below `limit`.
     pub(crate) fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.bits()) * u64::from(limit)) >> 32) as u32
     }
 
-    /// True once in `of` times.
+    /// Draws `true` once in `of` times.
     pub(crate) fn once_in(&mut self, of: u32) -> bool {
         self.below(of) == 0
     }
 
-    /// One of `choices`.
+    /// Draws one of `choices`.
     pub(crate) fn pick<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.below(choices.len() as u32) as usize]
     }
@@ -49,7 +49,8 @@ impl Random {
         }
     }
 
-    /// A word as arithmetic goes wrong with: boundaries, small numbers, halves and bytes at their limits, or any bits.
+    /// Draws a word that is likely to reveal errors of arithmetic: boundaries, small numbers, halves and bytes at their
+    /// limits, or any bits.
     pub(crate) fn word(&mut self) -> u32 {
         const EDGES: [u32; 16] = [
             0,
@@ -78,8 +79,8 @@ impl Random {
         }
     }
 
-    /// A single-precision number: every kind of zero, denormal, infinity and NaN, numbers near powers of two and near
-    /// the limits of the conversions, or any bits.
+    /// Draws a single-precision number: every kind of zero, denormal, infinity and NaN, numbers near powers of two and
+    /// near the limits of the conversions, or any bits.
     pub(crate) fn float(&mut self) -> u32 {
         let sign = self.bits() & 0x8000_0000;
         let near = |random: &mut Self, value: u32| value.wrapping_add(random.below(5)).wrapping_sub(2);

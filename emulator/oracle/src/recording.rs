@@ -1,7 +1,7 @@
-//! A recording of QEMU's results: enough to repeat the comparison where there is no QEMU.
+//! A recording of QEMU's results, which is enough to repeat the comparison without QEMU.
 //!
-//! Text: a line with the QEMU that was recorded, a line `seed N`, then for each class a line `class NAME CASES` and one
-//! 64-bit digest for each [`BATCH`] cases, in hexadecimal, eight to a line.
+//! A recording is a text: a line with the version of QEMU, a line `seed N`, then for each class a line `class NAME
+//! CASES` and one 64-bit digest for each [`BATCH`] cases, in hexadecimal, eight to a line.
 
 use anyhow::Context;
 
@@ -10,32 +10,32 @@ use crate::{
     image::{MOST_CASES, RESULT_WORDS},
 };
 
-/// Cases of one digest.
+/// The number of cases that one digest covers.
 pub const BATCH: usize = 64;
 
-/// What one class recorded.
+/// The recording of one class.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recorded {
     /// The class.
     pub class: Class,
-    /// How many cases, from number 0.
+    /// The number of cases, counted from case 0.
     pub cases: usize,
-    /// A digest for each [`BATCH`] cases.
+    /// One digest for each [`BATCH`] cases.
     pub digests: Vec<u64>,
 }
 
-/// Everything in a recording.
+/// The contents of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
     /// QEMU's version line.
     pub source: String,
-    /// What the cases are made from.
+    /// The seed of the cases.
     pub seed: u64,
-    /// The classes.
+    /// The recordings of all classes.
     pub classes: Vec<Recorded>,
 }
 
-/// The digests of these results: FNV-1a over words, with a last mixing.
+/// The digests of these results: FNV-1a over words, with a final mixing.
 #[must_use]
 pub fn digests(results: &[u32]) -> Vec<u64> {
     let digest = |words: &[u32]| {
@@ -48,7 +48,7 @@ pub fn digests(results: &[u32]) -> Vec<u64> {
 }
 
 impl Recording {
-    /// As text.
+    /// Converts the recording to text.
     #[must_use]
     pub fn to_text(&self) -> String {
         let mut text = format!("{}\nseed {}\n", self.source, self.seed);
@@ -62,11 +62,11 @@ impl Recording {
         text
     }
 
-    /// From text.
+    /// Reads a recording from text.
     ///
     /// # Errors
     ///
-    /// The text is no recording.
+    /// Returns an error if the text is no recording.
     pub fn from_text(text: &str) -> anyhow::Result<Self> {
         let mut lines = text.lines();
         let source = lines.next().context("a first line")?.to_owned();
@@ -87,11 +87,11 @@ impl Recording {
         Ok(Self { source, seed, classes })
     }
 
-    /// Runs the cases again on the bench's core, and names each batch whose digest is another.
+    /// Runs the cases again on the bench's core, and names each batch whose digest differs.
     ///
     /// # Errors
     ///
-    /// An image did not get to its end on the bench's core.
+    /// Returns an error if an image did not run to its end on the bench's core.
     pub fn check(&self) -> anyhow::Result<Vec<String>> {
         let mut differing = Vec::new();
         for recorded in &self.classes {

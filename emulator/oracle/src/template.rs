@@ -1,39 +1,40 @@
-//! Encodings written as bit patterns, and their random instances.
+//! Encodings that are written as bit patterns, and their random instances.
 //!
-//! A pattern has 16 or 32 of `0`, `1` and letters; blanks do not count. All bits with the same letter are one field,
-//! the
-//! first the most significant. A capital letter is a core register (3 or 4 bits), any other a number.
+//! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. All bits with the same letter are
+//! one field, of which the first bit is the most significant. A capital letter stands for a core register (3 or 4
+//! bits), any other letter for a number.
 
 use crate::random::Random;
 
-/// What a pattern's fields became.
+/// The values of a pattern's fields.
 #[derive(Clone, Debug)]
 pub(crate) struct Fields {
     value: [u32; 128],
 }
 
 impl Fields {
-    /// The value of a field, 0 where the pattern has none of that name.
+    /// The value of a field, 0 where the pattern has no field of that name.
     #[must_use]
     pub(crate) fn get(&self, name: char) -> u32 {
         self.value[name as usize]
     }
 }
 
-/// A pattern, and which of its instances are defined (ARM ARM's "UNPREDICTABLE" and "SEE" excluded).
+/// A pattern, and a function that says which of its instances are defined (without ARM ARM's "UNPREDICTABLE" and
+/// "SEE").
 pub(crate) type Template = (&'static str, fn(&Fields) -> bool);
 
-/// One instruction: one or two halfwords.
+/// One instruction of one or two halfwords.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instruction {
-    /// 16 bits.
+    /// A 16-bit instruction.
     Narrow(u16),
-    /// 32 bits, the first halfword in the upper bits.
+    /// A 32-bit instruction, with its first halfword in the upper bits.
     Wide(u32),
 }
 
 impl Instruction {
-    /// Appends the halfwords.
+    /// Appends the halfwords of the instruction to `code`.
     pub(crate) fn append(self, code: &mut Vec<u16>) {
         match self {
             Self::Narrow(half) => code.push(half),
@@ -42,7 +43,7 @@ impl Instruction {
     }
 }
 
-/// A random instance of `template`, with core registers out of `registers`.
+/// Makes a random instance of `template`, with core registers from `registers`.
 pub(crate) fn instance(template: &Template, random: &mut Random, registers: &[u32]) -> Instruction {
     let (pattern, rule) = template;
     loop {

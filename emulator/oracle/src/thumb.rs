@@ -1,40 +1,40 @@
-//! The few Thumb encodings of which the guest's own code is made (ARM ARM A7.7).
+//! An assembler of the few Thumb encodings that the guest's own code needs (ARM ARM A7.7).
 
 /// Code under construction, at a known address.
 #[derive(Clone, Debug)]
 pub(crate) struct Code {
-    /// Where the first halfword is.
+    /// The address of the first halfword.
     pub(crate) base: u32,
-    /// What is written so far.
+    /// The halfwords that are written so far.
     pub(crate) halves: Vec<u16>,
 }
 
 impl Code {
-    /// No code yet.
+    /// Begins code at an address.
     #[must_use]
     pub(crate) fn at(base: u32) -> Self {
         Self { base, halves: Vec::new() }
     }
 
-    /// Where the next instruction comes to be.
+    /// The address of the next instruction.
     #[must_use]
     pub(crate) fn here(&self) -> u32 {
         self.base + 2 * self.halves.len() as u32
     }
 
-    /// A 16-bit instruction.
+    /// Appends a 16-bit instruction.
     pub(crate) fn narrow(&mut self, bits: u32) -> &mut Self {
         self.halves.push(bits as u16);
         self
     }
 
-    /// A 32-bit instruction, its first halfword in the upper bits.
+    /// Appends a 32-bit instruction, given with its first halfword in the upper bits.
     pub(crate) fn wide(&mut self, bits: u32) -> &mut Self {
         self.halves.extend([(bits >> 16) as u16, bits as u16]);
         self
     }
 
-    /// MOVW and MOVT: `register` becomes `value`, no flag changes.
+    /// Appends MOVW and MOVT, which set `register` to `value` and change no flag.
     pub(crate) fn constant(&mut self, register: u32, value: u32) -> &mut Self {
         for (op, half) in [(0xF240_0000, value & 0xFFFF), (0xF2C0_0000, value >> 16)] {
             let (i, imm4) = ((half >> 11) & 1, half >> 12);
@@ -43,29 +43,29 @@ impl Code {
         self
     }
 
-    /// LDR.W `register`, [`base`, #`offset`].
+    /// Appends LDR.W `register`, [`base`, #`offset`].
     pub(crate) fn load(&mut self, register: u32, base: u32, offset: u32) -> &mut Self {
         self.wide(0xF8D0_0000 | base << 16 | register << 12 | offset)
     }
 
-    /// STR.W `register`, [`base`, #`offset`].
+    /// Appends STR.W `register`, [`base`, #`offset`].
     pub(crate) fn store(&mut self, register: u32, base: u32, offset: u32) -> &mut Self {
         self.wide(0xF8C0_0000 | base << 16 | register << 12 | offset)
     }
 
-    /// B.W to an address up to 16 MiB away.
+    /// Appends B.W to an address up to 16 MiB away.
     pub(crate) fn branch(&mut self, target: u32) -> &mut Self {
         let offset = target.wrapping_sub(self.here() + 4);
         self.wide(branch_wide(offset) | 0x9000)
     }
 
-    /// BKPT 0xAB: a semihosting call.
+    /// Appends BKPT 0xAB, which is a semihosting call.
     pub(crate) fn host_call(&mut self) -> &mut Self {
         self.narrow(0xBEAB)
     }
 }
 
-/// The offset bits of B.W (encoding T4) and BL, which share them.
+/// The offset bits of B.W (encoding T4) and of BL, which are the same.
 #[must_use]
 pub(crate) fn branch_wide(offset: u32) -> u32 {
     let sign = (offset >> 24) & 1;

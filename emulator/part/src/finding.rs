@@ -1,39 +1,40 @@
-//! What a part's models find wrong with the firmware's use of them.
+//! Findings: what a part's models report about the firmware's use of the part.
 
 use crate::Cycle;
 
 /// The kind of a [`Finding`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FindingKind {
-    /// An access where the part has nothing. The core took a bus fault.
+    /// The firmware accessed an address at which the part has nothing. The core took a bus fault.
     Unmapped,
-    /// An access to a peripheral whose clock is off, or that the part refused.
+    /// The firmware accessed a peripheral whose clock is off, or the part refused the access.
     Refused,
-    /// A register, a mode or a peripheral that is not modelled was used: what happened next is not what the part does.
+    /// The firmware used a register, a mode or a peripheral that is not modelled, so the model differs from the part
+    /// from then on.
     Unmodelled,
-    /// An access inside a peripheral's block where the manual has no register. It read zero.
+    /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
-    /// A state that the manual forbids or leaves undefined, which the part itself does not report.
+    /// The firmware made a state that the manual forbids or leaves undefined, and that the real part does not report.
     Misuse,
-    /// Something was used that an erratum of the part spoils.
+    /// The firmware used something that an erratum of the part spoils.
     Erratum,
-    /// A bus controller was pointed where it cannot reach.
+    /// A bus controller was given an address that it cannot reach.
     Unreachable,
 }
 
-/// Something a run should answer for. The same words at the same place are listed once.
+/// A report that matters for the result of a run. The same words at the same place are listed once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// What it is.
+    /// The kind of the finding.
     pub kind: FindingKind,
-    /// The cycle it first came at.
+    /// The cycle of its first occurrence.
     pub at: Cycle,
-    /// The instruction whose access did it, where one did.
+    /// The address of the instruction whose access caused it, if one did.
     pub pc: Option<u32>,
-    /// The peripheral by its name in the manual, like `SPI1` or `TIMER0`.
+    /// The name of the peripheral in the manual, like `SPI1` or `TIMER0`.
     pub place: &'static str,
     /// What happened, in words.
     pub text: String,
-    /// How often it came.
+    /// The number of occurrences.
     pub count: u32,
 }

@@ -1,12 +1,13 @@
-//! What a model of a microcontroller and the bench around it agree on.
+//! The interface between a model of a microcontroller and the bench around it.
 //!
 //! A [`Part`] is one microcontroller without its core: memory, peripherals, interrupt lines, pins. It is plain data and
-//! is copied by `Clone`. Whatever leaves it goes through an [`Outside`], handed to each call, so that everything is
-//! dispatched statically. What comes to it from outside are methods: a pin that is driven, a serial frame that arrives.
+//! is copied by `Clone`. Whatever leaves it goes through an [`Outside`], which each call gets, so that dispatch is
+//! static. What the outside does to it are method calls: a pin is driven, or a serial frame arrives.
 //!
 //! # Time
-//! Inside a part, time is a count of its core's clock cycles ([`Cycle`]), since all that the core is in step with is
-//! then exact. [`Timebase`] turns cycles into the bench's nanoseconds and back; it changes with the part's clock tree.
+//! Inside a part, time is counted in its core's clock cycles ([`Cycle`]), since everything in step with the core is
+//! then exact. A [`Timebase`] converts cycles into the bench's nanoseconds and back, and changes with the part's clock
+//! tree.
 //!
 //! ```
 //! use emulator_part::UartFrame;

@@ -1,30 +1,31 @@
-//! Memory of a part.
+//! The memories of a part.
 
 use std::sync::Arc;
 
 use cortex_m4::Width;
 
-/// Memory that is rarely written: copies share it until one of them is.
+/// Memory that is rarely written. Copies share their contents until one of them is written.
 #[derive(Clone, Debug)]
 pub struct Flash {
     bytes: Arc<Vec<u8>>,
 }
 
 impl Flash {
-    /// `size` erased bytes: all ones.
+    /// Makes `size` erased bytes, which are all ones.
     #[must_use]
     pub fn new(size: usize) -> Self {
         Self { bytes: Arc::new(vec![0xFF; size]) }
     }
 
-    /// All of it.
+    /// The whole contents.
     #[must_use]
     #[inline]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// All of it, to change: for loaders and flash controllers, which raise [`cortex_m4::Signals::forget_code`].
+    /// The whole contents, for changes by loaders and flash controllers, which then raise
+    /// [`cortex_m4::Signals::forget_code`].
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         Arc::make_mut(&mut self.bytes).as_mut_slice()
     }
@@ -36,7 +37,7 @@ impl Flash {
         read(&self.bytes, offset, width)
     }
 
-    /// As [`Flash::read`], and `None` where `offset` is not a multiple of the width.
+    /// Reads as [`Flash::read`] does, but returns `None` where `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn read_aligned(&self, offset: u32, width: Width) -> Option<u32> {
@@ -44,41 +45,42 @@ impl Flash {
     }
 }
 
-/// A bit of memory that keeps its value whatever is written.
+/// A bit of memory that keeps its value, whatever is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StuckBit {
-    /// Of its byte.
+    /// The address of the bit's byte.
     pub address: u32,
-    /// 0 to 7.
+    /// The number of the bit, 0 to 7.
     pub bit: u8,
-    /// What it reads.
+    /// The value that the bit always has.
     pub value: bool,
 }
 
-/// The size of a page of [`Ram`] that can be watched, as a power of two: that of the core's pages of decoded code.
+/// The size of a page of [`Ram`] that can be watched, as a power of two. It equals that of the core's pages of decoded
+/// code.
 const PAGE_BITS: u32 = 10;
 
 /// Memory that the core and bus controllers write.
 ///
-/// A core that executes from it has its pages watched ([`Ram::watch`]), and all that changes a byte here ends the watch
-/// of its page, so that what was decoded is never executed after memory holds something else.
+/// A core that executes from this memory has its pages watched ([`Ram::watch`]). Every change of a byte here ends the
+/// watch of its page, so that the core never executes decoded instructions that memory no longer holds.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
-    /// A bit for each page that is watched.
+    /// One bit for each page, set while the page is watched.
     watched: Vec<u64>,
-    /// Where a write may meet a watched page: the first offset, and how many there are.
+    /// The range in which a write may change a watched page: its first offset, and its length.
     near_watched: (usize, usize),
-    /// Watches that a write has ended.
+    /// The number of watches that a write has ended.
     rewritten: u64,
-    /// The byte of which a bit is stuck; [`usize::MAX`] if none is.
+    /// The offset of the byte with a stuck bit, or [`usize::MAX`] if there is none.
     stuck_at: usize,
-    /// The stuck bits of that byte, and what they read.
+    /// The mask of the stuck bit in that byte, and its value.
     stuck: (u8, u8),
 }
 
 impl Ram {
-    /// `size` bytes of zero.
+    /// Makes `size` bytes of zero.
     #[must_use]
     pub fn new(size: usize) -> Self {
         Self {
@@ -91,7 +93,7 @@ impl Ram {
         }
     }
 
-    /// The page of 1 KiB that has `offset` is watched until something in it is written. Answers whether it is there.
+    /// Watches the page of 1 KiB that has `offset`, until something in it is written. Returns whether that page exists.
     pub fn watch(&mut self, offset: u32) -> bool {
         let page = (offset >> PAGE_BITS) as usize;
         let there = offset < self.bytes.len() as u32;
@@ -102,21 +104,21 @@ impl Ram {
         there
     }
 
-    /// Whether the page that has `offset` is watched, and so was not written since.
+    /// Whether the page that has `offset` is watched, which means that it was not written since the watch began.
     #[must_use]
     pub fn is_watched(&self, offset: u32) -> bool {
         let page = (offset >> PAGE_BITS) as usize;
         self.watched.get(page / 64).is_some_and(|word| word >> (page % 64) & 1 != 0)
     }
 
-    /// How many watches of pages a write has ended so far.
+    /// The number of watches that a write has ended so far.
     #[must_use]
     #[inline(always)]
     pub fn rewritten(&self) -> u64 {
         self.rewritten
     }
 
-    /// Works out where a write of up to four bytes may meet a watched page.
+    /// Finds the range in which a write of up to four bytes may change a watched page.
     fn settle_watches(&mut self) {
         let pages = 0..64 * self.watched.len();
         let is_watched = |page: &usize| self.watched[page / 64] >> (page % 64) & 1 != 0;
@@ -129,7 +131,7 @@ impl Ram {
         };
     }
 
-    /// `size` bytes from `at` on change.
+    /// Ends the watches of the pages in which `size` bytes from `at` on change.
     #[cold]
     #[inline(never)]
     fn rewrite(&mut self, at: usize, size: usize) {
@@ -148,21 +150,21 @@ impl Ram {
         }
     }
 
-    /// Whether a write at `at` may be into a watched page.
+    /// Whether a write at `at` may change a watched page.
     #[inline(always)]
     fn may_be_watched(&self, at: usize) -> bool {
         at.wrapping_sub(self.near_watched.0) < self.near_watched.1
     }
 
-    /// A bit is stuck from now on, and no other; `address` counts from this memory's start. `None`: every bit takes
-    /// what is written to it.
+    /// Makes one bit stuck from now on, in place of any other; `address` counts from the start of this memory. With
+    /// `None` no bit is stuck.
     pub fn stick(&mut self, stuck: Option<StuckBit>) {
         self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
         self.stuck = stuck.map_or((0, 0), |stuck| (1 << (stuck.bit & 7), u8::from(stuck.value) << (stuck.bit & 7)));
         self.keep_stuck();
     }
 
-    /// The stuck bit reads what it reads.
+    /// Gives the stuck bit its value again.
     #[cold]
     fn keep_stuck(&mut self) {
         let (mask, value) = self.stuck;
@@ -172,20 +174,22 @@ impl Ram {
         }
     }
 
-    /// All of it.
+    /// The whole contents.
     #[must_use]
     #[inline]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// All of it, to change. What is written so a stuck bit takes until the next [`Ram::write`] there.
+    /// The whole contents, for changes. A stuck bit takes what is written in this way, until the next [`Ram::write`] to
+    /// its byte.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.rewrite(0, self.bytes.len());
         &mut self.bytes
     }
 
-    /// As [`Ram::bytes_mut`], `size` bytes from `offset` on: `None` where some are past the end.
+    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does, or `None` where some are past the
+    /// end.
     pub fn slice_mut(&mut self, offset: u32, size: usize) -> Option<&mut [u8]> {
         let at = offset as usize;
         self.rewrite(at, size);
@@ -199,15 +203,15 @@ impl Ram {
         read(&self.bytes, offset, width)
     }
 
-    /// As [`Ram::read`], and `None` where `offset` is not a multiple of the width.
+    /// Reads as [`Ram::read`] does, but returns `None` where `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn read_aligned(&self, offset: u32, width: Width) -> Option<u32> {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// As [`Ram::write`] where nothing watches; `false` where a page that is watched may be near, or where `offset`
-    /// is not a multiple of the width.
+    /// Writes as [`Ram::write`] does, where no page is watched. Returns `false` where a watched page may be near, or
+    /// where `offset` is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {
@@ -216,7 +220,7 @@ impl Ram {
             && self.put(offset as usize, width, value)
     }
 
-    /// Writes the low bytes of `value` at `offset`; `false` past the end.
+    /// Writes the low bytes of `value` at `offset`. Returns `false` past the end.
     #[must_use]
     #[inline(always)]
     pub fn write(&mut self, offset: u32, width: Width, value: u32) -> bool {
@@ -257,7 +261,7 @@ mod tests {
 
     const KIB: u32 = 1 << PAGE_BITS;
 
-    /// Everything that can change a byte of RAM.
+    /// The test takes every way in which a byte of RAM can change.
     #[test]
     fn each_way_to_change_a_byte_ends_the_watch_of_its_page_alone() {
         let ways: [fn(&mut Ram); 7] = [

@@ -1,69 +1,69 @@
-//! A microcontroller without its core, and what is around it.
+//! A microcontroller without its core, and its outside.
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 
 use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, StuckBit, UartFrame};
 
-/// What the core runs at.
+/// The clock of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
-    /// In hertz if its source were exact; 0 while the core has no clock.
+    /// The nominal rate in hertz, as if its source were exact; 0 while the core has no clock.
     pub hz: u64,
-    /// How much faster the source is, in parts per billion (negative: slower).
+    /// How much faster the source is, in parts per billion. It is negative for a slower one.
     pub ppb: i64,
 }
 
-/// What restarts a part.
+/// The cause of a part's restart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
-    /// The supply came on: nothing of the time before is left.
+    /// The supply came on: no state from before is left.
     PowerOn,
-    /// The supply fell below the brown-out threshold for a moment: RAM survived.
+    /// The supply fell below the brown-out threshold for a moment, and RAM survived.
     BrownOut,
-    /// The reset pin.
+    /// The reset pin was pulled.
     Pin,
-    /// A watchdog, by its name in the manual.
+    /// A watchdog ran out, which has this name in the manual.
     Watchdog(&'static str),
     /// The core locked up, on a part that resets then.
     Lockup,
-    /// AIRCR.SYSRESETREQ.
+    /// The firmware wrote AIRCR.SYSRESETREQ.
     Software,
-    /// Leaving a sleep mode that is a reset on the way out, by its name in the manual.
+    /// The part left a sleep mode that ends in a reset. The text names the mode or the cause of the wake-up.
     Wakeup(&'static str),
 }
 
-/// What a part makes of its supply.
+/// The effect of the supply on a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Supplied {
-    /// It is not held in reset.
+    /// The part is not held in reset.
     Enough,
-    /// It is held in reset: its core runs nothing.
+    /// The part is held in reset: its core executes nothing.
     HeldInReset,
-    /// It was, and now it has to restart for this cause.
+    /// The part was held in reset, and now has to restart for this cause.
     Restarts(Reset),
 }
 
-/// What leaves a part. The bench implements it for what is wired to the part.
+/// The receiver of everything that leaves a part. The bench implements it for what is wired to the part.
 pub trait Outside {
-    /// The part does something else to `pin` from `at` on. Only changes are told.
+    /// Reports that the part does something else to `pin` from `at` on. Only changes are reported.
     fn pin(&mut self, at: Cycle, pin: Pin, pad: Pad);
 
-    /// An SPI controller's frame has been clocked out by now, which is its end. Answers the bits that MISO carried, in
-    /// the order they travelled, as [`SpiFrame::data`] has them; `None` where nothing drove the pin: the part then
-    /// reads what its pull resistor makes of it.
+    /// Takes a frame that an SPI controller has clocked out by now, which is the frame's end. Returns the bits that
+    /// MISO carried, in the order of [`SpiFrame::data`], or `None` if nothing drove the pin. The part then reads what
+    /// its pull resistor gives.
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
 
-    /// A UART frame was sent on `pin`; its last stop bit ended at `at`.
+    /// Takes a UART frame that was sent on `pin`; its last stop bit ended at `at`.
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
 
-    /// An I2C controller with these pins acts on the bus; what it did ended at `at`.
+    /// Answers an I2C controller on these pins, whose action on the bus ended at `at`.
     fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer;
 
-    /// The voltage on an analogue input, in microvolts against ground; 0 where nothing is connected.
+    /// The voltage on an analogue input against ground, in microvolts; 0 where nothing is connected.
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
-/// Nothing around the part: every pin open, every bus empty.
+/// An outside with nothing in it: every pin is open, and every bus is empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Open;
 
@@ -85,75 +85,75 @@ impl Outside for Open {
     }
 }
 
-/// A microcontroller without its core. Plain data: a clone run on does what the original does.
+/// A microcontroller without its core. It is plain data: a clone that is run on does what the original does.
 ///
-/// The bench calls [`Part::advance`] whenever the core's cycle reaches [`Part::due`], before the core's next access.
-/// `read` and `write` therefore find everything that was due before them done; what an access itself sets off at once
-/// is done when it returns, and [`Signals::is_announced`] says if lines or [`Part::due`] moved.
+/// The bench calls [`Part::advance`] whenever the core's cycle reaches [`Part::due`], before the core's next access. So
+/// everything that was due before a `read` or `write` is already done. What an access itself sets off at once is done
+/// when it returns, and [`Signals::is_announced`] tells whether lines or [`Part::due`] changed.
 pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's name, as its maker writes it.
     const NAME: &'static str;
 
-    /// Where its RAM is, and how much: what comes up with noise at power-on and belongs to a digest of the state.
+    /// The addresses and sizes of its RAM, which has noise at power-on and belongs to a digest of the state.
     const RAM: &'static [(u32, usize)];
 
     /// Whether a lock-up of the core resets the part.
     const RESETS_ON_LOCKUP: bool;
 
-    /// The core of this part.
+    /// The configuration of this part's core.
     fn core(&self) -> Config;
 
-    /// The core reads. See [`cortex_m4::Bus::read`].
+    /// Carries out a read of the core, see [`cortex_m4::Bus::read`].
     ///
     /// # Errors
     ///
-    /// [`BusError`] where the part has nothing, or refuses.
+    /// Returns [`BusError`] where the part has nothing, or refuses the access.
     fn read<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError>;
 
-    /// The core writes. See [`cortex_m4::Bus::write`].
+    /// Carries out a write of the core, see [`cortex_m4::Bus::write`].
     ///
     /// # Errors
     ///
-    /// [`BusError`] where the part has nothing, or refuses.
+    /// Returns [`BusError`] where the part has nothing, or refuses the access.
     fn write<O: Outside>(&mut self, access: &Access, value: u32, outside: &mut O) -> Result<(), BusError>;
 
-    /// See [`cortex_m4::Bus::read_memory`].
+    /// Reads memory that answers at once, see [`cortex_m4::Bus::read_memory`].
     #[inline(always)]
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let _ = (address, width);
         None
     }
 
-    /// See [`cortex_m4::Bus::write_memory`].
+    /// Writes memory that takes the value at once, see [`cortex_m4::Bus::write_memory`].
     #[inline(always)]
     fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
         let _ = (address, width, value);
         false
     }
 
-    /// See [`cortex_m4::Bus::fetch`].
+    /// Reads a halfword for the decoder, see [`cortex_m4::Bus::fetch`].
     ///
     /// # Errors
     ///
-    /// [`BusError`] where nothing can be executed.
+    /// Returns [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// See [`cortex_m4::Bus::is_constant`].
+    /// Whether the memory at `address` stays the same, see [`cortex_m4::Bus::is_constant`].
     fn is_constant(&self, address: u32) -> bool;
 
-    /// See [`cortex_m4::Bus::watch_code`], which [`crate::Ram`] carries out.
+    /// Begins to watch a page for writes, see [`cortex_m4::Bus::watch_code`]. [`crate::Ram`] implements it.
     fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
         false
     }
 
-    /// See [`cortex_m4::Bus::is_watched`].
+    /// Whether a page is watched and was not written, see [`cortex_m4::Bus::is_watched`].
     fn is_watched(&self, address: u32) -> bool {
         let _ = address;
         false
     }
 
-    /// See [`cortex_m4::Bus::rewritten`].
+    /// The number of watched pages that have been written, see [`cortex_m4::Bus::rewritten`].
     #[inline(always)]
     fn rewritten(&self) -> u64 {
         0
@@ -162,76 +162,78 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The next cycle at which something happens in the part.
     fn due(&self) -> Cycle;
 
-    /// Everything that is due up to and at `to` happens, in order.
+    /// Carries out everything that is due up to and at `to`, in order.
     fn advance<O: Outside>(&mut self, to: Cycle, outside: &mut O);
 
-    /// What the part drives into the core.
+    /// The signals that the part drives into the core.
     fn signals(&mut self) -> &mut Signals;
 
-    /// See [`cortex_m4::Bus::wait_states`].
+    /// The wait states of an access, see [`cortex_m4::Bus::wait_states`].
     fn wait_states(&mut self, access: &Access, bound: Bound) -> u32;
 
-    /// Whether the core's bit-band aliases are there.
+    /// Whether the part has the core's bit-band aliases.
     fn bit_banding(&self) -> bool {
         false
     }
 
-    /// What the core runs at now. A change is announced by [`Signals::announce`]; cycles go on being counted, at the
-    /// new rate.
+    /// The present clock of the core. The part announces a change by [`Signals::announce`]. Cycles are counted on, at
+    /// the new rate.
     fn clock(&self) -> Clock;
 
-    /// The part restarts at `at`. Registers take their reset values as far as the manual says so for this cause, pins
-    /// let go; memory stays.
+    /// Restarts the part at `at`. Registers take their reset values as far as the manual says so for this cause, and
+    /// pins are no longer driven. Memory stays.
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O);
 
-    /// A restart the part wants itself (watchdog, wake-up): asked for after every call; answered once.
+    /// Takes a restart that the part itself requests (watchdog, wake-up). The bench calls this after every other call,
+    /// and each request is returned once.
     fn take_reset(&mut self) -> Option<Reset>;
 
-    /// The supply has `microvolts` from `at` on. What a voltage that is too low for what the part does makes of it
-    /// follows from `seed`. A part that knows no supply always has enough.
+    /// Sets the supply to `microvolts` from `at` on. `seed` decides what goes wrong at a voltage that is too low for
+    /// what the part does. A part without a model of its supply always has enough.
     fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, seed: u64, outside: &mut O) -> Supplied {
         let _ = (at, microvolts, seed, outside);
         Supplied::Enough
     }
 
-    /// Whether the part has warned its firmware of a supply that falls, since this was last asked.
+    /// Takes the flag that the part has warned its firmware of a falling supply since the last call.
     fn take_supply_warning(&mut self) -> bool {
         false
     }
 
-    /// The core sleeps (`true`; `deep` is SCR.SLEEPDEEP) or woke.
+    /// Tells the part that the core fell asleep (`asleep`; `deep` is SCR.SLEEPDEEP) or woke.
     fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, deep: bool, outside: &mut O) {
         let _ = (at, asleep, deep, outside);
     }
 
-    /// The core was halted for debug (`true`), or goes on.
+    /// Tells the part that the core was halted for debug (`halted`) or resumed.
     fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
         let _ = (at, halted, outside);
     }
 
-    /// Something outside drives `pin` (`Some`) or lets go of it, from `at` on.
+    /// Makes the outside drive `pin` (`Some`) or stop driving it (`None`), from `at` on.
     fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O);
 
     /// The level of `pin` now, whoever drives it; a floating pin is low.
     fn pin(&self, pin: Pin) -> bool;
 
-    /// A UART frame arrives on `pin`; its start bit's edge was at `begins`. The part is called at the frame's end or
-    /// before it: what the receiver makes of the frame happens at its own sample instants.
+    /// Receives a UART frame on `pin`; its start bit's edge was at `begins`. The call comes at the frame's end or
+    /// before, and the receiver reacts to the frame at its own sample instants.
     fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O);
 
-    /// `size` bytes of memory at `address` as a debugger reads them (flash, RAM, option bytes), `None` where some are
-    /// not memory.
+    /// The `size` bytes of memory at `address`, as a debugger reads them (flash, RAM, option bytes). `None` where some
+    /// are not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
-    /// The same to change, flash included, as a loader does. The core forgets what it decoded.
+    /// The `size` bytes of memory at `address` for changes, flash included, as a loader makes them. The core forgets
+    /// what it decoded.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
 
-    /// A bit of RAM is stuck from now on, and no other; `None`: none is. Answers whether the part has RAM there and can
-    /// do that.
+    /// Makes one bit of RAM stuck from now on, in place of any other; with `None` no bit is stuck. Returns whether the
+    /// part has RAM there and supports this.
     fn stick(&mut self, _stuck: Option<StuckBit>) -> bool {
         false
     }
 
-    /// What the models found wrong so far, in the order it first came.
+    /// The findings of the models so far, in the order of their first occurrence.
     fn findings(&self) -> &[Finding];
 }

@@ -1,43 +1,45 @@
-//! Cycles of a part's core and the bench's nanoseconds.
+//! The conversion between cycles of a part's core and the bench's nanoseconds.
 
-/// A count of a part's core clock cycles, from power-on. It goes on through resets and sleep.
+/// A number of core clock cycles of a part, counted from power-on. The count goes on through resets and sleep.
 pub type Cycle = u64;
 
 /// A cycle that never comes.
 pub const NEVER: Cycle = u64::MAX;
 
-/// Fractional bits of a period.
+/// The number of fractional bits in a period.
 const FRACTION: u32 = 32;
 
-/// The bench's time of a part's cycles: a straight line that begins anew whenever the part's core clock changes.
+/// The relation between a part's cycles and the bench's time. It is linear, and begins anew whenever the part's core
+/// clock changes.
 ///
-/// A period is held in 2⁻³² ns. At 144 MHz that makes a crystal wrong by less than 2·10⁻¹¹, a hundred-thousandth of
-/// what a crystal is off by.
+/// A period is held in units of 2⁻³² ns. At 144 MHz this makes an error below 2·10⁻¹¹, a hundred-thousandth of the
+/// error of a crystal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timebase {
-    /// A cycle and its instant, in 2⁻³² ns.
+    /// The cycle at which the present rate began, and its instant in units of 2⁻³² ns.
     cycle: Cycle,
     instant: u128,
-    /// Of one cycle, in 2⁻³² ns.
+    /// The length of one cycle, in units of 2⁻³² ns.
     period: u64,
 }
 
 impl Timebase {
-    /// Cycle 0 is at 0 ns. A core at `hz` whose source is `ppb` parts per billion fast (negative: slow).
+    /// Makes a timebase whose cycle 0 is at 0 ns, for a core at `hz` whose source is `ppb` parts per billion fast
+    /// (negative: slow).
     ///
     /// # Panics
     ///
-    /// If the rate is zero or below.
+    /// Panics if the rate is not positive.
     #[must_use]
     pub fn new(hz: u64, ppb: i64) -> Self {
         Self { cycle: 0, instant: 0, period: period(hz, ppb) }
     }
 
-    /// From `cycle` on the core runs at `hz`, `ppb` parts per billion fast.
+    /// Changes the rate from `cycle` on to `hz`, with a source that is `ppb` parts per billion fast.
     ///
     /// # Panics
     ///
-    /// If the rate is zero or below.
+    /// Panics if the rate is not positive.
     pub fn change(&mut self, cycle: Cycle, hz: u64, ppb: i64) {
         let period = period(hz, ppb);
         if period != self.period {
@@ -55,7 +57,7 @@ impl Timebase {
         }
     }
 
-    /// When `cycle` begins, in whole nanoseconds, rounded down. [`NEVER`] stays `u64::MAX`.
+    /// The instant at which `cycle` begins, in whole nanoseconds, rounded down. [`NEVER`] gives `u64::MAX`.
     #[must_use]
     pub fn ns(&self, cycle: Cycle) -> u64 {
         if cycle == NEVER {
@@ -64,7 +66,7 @@ impl Timebase {
         u64::try_from(self.fine(cycle) >> FRACTION).unwrap_or(u64::MAX)
     }
 
-    /// The first cycle that begins at `ns` or later. `u64::MAX` stays [`NEVER`].
+    /// The first cycle that begins at or after `ns`. `u64::MAX` gives [`NEVER`].
     #[must_use]
     pub fn cycle(&self, ns: u64) -> Cycle {
         if ns == u64::MAX {
@@ -80,7 +82,7 @@ impl Timebase {
         }
     }
 
-    /// How long `cycles` last at the present rate, in nanoseconds, rounded down.
+    /// The time that `cycles` take at the present rate, in nanoseconds, rounded down.
     #[must_use]
     pub fn span_ns(&self, cycles: u64) -> u64 {
         u64::try_from((u128::from(cycles) * u128::from(self.period)) >> FRACTION).unwrap_or(u64::MAX)
@@ -93,7 +95,7 @@ impl Timebase {
     }
 }
 
-/// The period of `hz`, `ppb` parts per billion fast, in 2⁻³² ns, to the nearest.
+/// The period of a clock of `hz` that is `ppb` parts per billion fast, in units of 2⁻³² ns, to the nearest.
 fn period(hz: u64, ppb: i64) -> u64 {
     const GIGA: u128 = 1_000_000_000;
     let scale = u128::try_from(1_000_000_000_i64.saturating_add(ppb)).expect("an oscillator that oscillates");

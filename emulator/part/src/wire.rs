@@ -1,19 +1,19 @@
-//! What travels on a part's pins.
+//! Signals and frames on a part's pins.
 
 use crate::Cycle;
 
-/// A pin of a part, by its port and number: the STM32's PA0 is port 0 pin 0, its PK15 port 10 pin 15; the nRF52840's
+/// A pin of a part, by its port and number. The STM32's PA0 is port 0 pin 0 and its PK15 port 10 pin 15; the nRF52840's
 /// P1.05 is port 1 pin 5.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pin {
-    /// The port, from 0.
+    /// The number of the port, from 0.
     pub port: u8,
-    /// The pin in it, from 0.
+    /// The number of the pin in its port, from 0.
     pub number: u8,
 }
 
 impl Pin {
-    /// Pin `number` of port `port`.
+    /// Makes a pin of the number `number` in the port `port`.
     #[must_use]
     pub const fn new(port: u8, number: u8) -> Self {
         Self { port, number }
@@ -23,84 +23,84 @@ impl Pin {
 /// What a part does to a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pad {
-    /// It drives it low or high.
+    /// The part drives the pin low or high.
     Driven(bool),
-    /// It only pulls it low or high, with a resistor: whatever else drives the pin wins.
+    /// The part only pulls the pin low or high with a resistor, so any other driver of the pin wins.
     Pulled(bool),
-    /// It lets it float.
+    /// The part lets the pin float.
     Floating,
 }
 
 impl Pad {
-    /// The level where nothing outside drives the pin; a floating pin reads low here.
+    /// The level where nothing outside drives the pin. A floating pin reads low here.
     #[must_use]
     pub const fn level(self) -> bool {
         matches!(self, Self::Driven(true) | Self::Pulled(true))
     }
 }
 
-/// Clock polarity and phase.
+/// The clock polarity and phase of SPI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SpiMode {
-    /// Idle low, sampled on the first edge.
+    /// The clock idles low, and the first edge samples.
     Mode0,
-    /// Idle low, sampled on the second edge.
+    /// The clock idles low, and the second edge samples.
     Mode1,
-    /// Idle high, sampled on the first edge.
+    /// The clock idles high, and the first edge samples.
     Mode2,
-    /// Idle high, sampled on the second edge.
+    /// The clock idles high, and the second edge samples.
     Mode3,
 }
 
-/// One frame that a part's SPI controller clocks, as it is on the wires.
+/// One frame that a part's SPI controller clocks, as it appears on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpiFrame {
-    /// The pins that SCK is connected to: none where no pin carries it.
+    /// The pins to which SCK is connected, none where no pin carries it.
     pub sck: [Option<Pin>; 2],
-    /// The pins that MOSI is connected to.
+    /// The pins to which MOSI is connected.
     pub mosi: [Option<Pin>; 2],
-    /// The pin that MISO is read from.
+    /// The pin from which MISO is read.
     pub miso: Option<Pin>,
-    /// Polarity and phase of the clock.
+    /// The polarity and phase of the clock.
     pub mode: SpiMode,
-    /// How many bits, 4 to 32.
+    /// The number of bits, 4 to 32.
     pub bits: u8,
-    /// The bits in the order they travel: the first one is the most significant of the `bits` low bits.
+    /// The data, of which the first bit on the wire is the most significant of the low `bits` bits.
     pub data: u32,
-    /// The first clock edge.
+    /// The cycle of the first clock edge.
     pub begins: Cycle,
-    /// The end of the last bit.
+    /// The cycle at which the last bit ends.
     pub ends: Cycle,
 }
 
-/// Parity of a UART frame.
+/// The parity of a UART frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UartParity {
-    /// No parity bit.
+    /// There is no parity bit.
     None,
-    /// An even number of ones, the parity bit included.
+    /// The number of ones is even, including the parity bit.
     Even,
-    /// An odd number.
+    /// The number of ones is odd, including the parity bit.
     Odd,
 }
 
 /// One UART frame on a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UartFrame {
-    /// The data, without parity, least significant bit first on the wire.
+    /// The data without parity. The wire has the least significant bit first.
     pub data: u16,
-    /// Data bits: 7, 8 or 9.
+    /// The number of data bits: 7, 8 or 9.
     pub bits: u8,
-    /// Parity.
+    /// The parity of the frame.
     pub parity: UartParity,
-    /// Length of the stop, in half bits: 1, 2, 3 or 4.
+    /// The length of the stop bits, in half bits: 1, 2, 3 or 4.
     pub stop_halves: u8,
-    /// Length of a bit in picoseconds.
+    /// The length of a bit in picoseconds.
     pub bit_ps: u64,
 }
 
 impl UartFrame {
-    /// An ordinary frame: eight bits, no parity, one stop bit.
+    /// Makes an ordinary frame: eight bits, no parity, one stop bit.
     #[must_use]
     pub const fn eight_n_one(data: u8, baud: u32) -> Self {
         Self {
@@ -112,7 +112,7 @@ impl UartFrame {
         }
     }
 
-    /// The length of the whole frame, start bit included, in nanoseconds, to the nearest.
+    /// The length of the whole frame, including the start bit, in nanoseconds, to the nearest.
     #[must_use]
     pub const fn ns(&self) -> u64 {
         let parity = match self.parity {
@@ -124,31 +124,31 @@ impl UartFrame {
     }
 }
 
-/// What an I2C controller does on the bus.
+/// An action of an I2C controller on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum I2cEvent {
-    /// A start, or repeated start, and the address byte: seven bits of address, then 1 for reading.
+    /// The controller sends a start or repeated start, and the address byte: seven bits of address, then 1 for reading.
     Start(u8),
-    /// A byte from the controller.
+    /// The controller sends a byte.
     Write(u8),
-    /// The controller clocks a byte in; `true` where it will acknowledge it.
+    /// The controller reads a byte; `true` means that it will acknowledge the byte.
     Read(bool),
-    /// A stop.
+    /// The controller sends a stop.
     Stop,
 }
 
-/// What the bus answers.
+/// The bus's answer to an action of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct I2cAnswer {
-    /// A peripheral acknowledged (of `Start` and `Write`).
+    /// Whether a peripheral acknowledged a `Start` or a `Write`.
     pub acknowledged: bool,
-    /// The byte of a `Read`: 0xFF where nobody drives the bus.
+    /// The byte of a `Read`, which is 0xFF where nobody drives the bus.
     pub data: u8,
-    /// How long the clock is stretched, in nanoseconds.
+    /// How long a peripheral stretches the clock, in nanoseconds.
     pub stretched_ns: u64,
 }
 
 impl I2cAnswer {
-    /// An empty bus.
+    /// The answer of an empty bus.
     pub const NOBODY: Self = Self { acknowledged: false, data: 0xFF, stretched_ns: 0 };
 }

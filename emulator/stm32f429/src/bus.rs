@@ -1,9 +1,9 @@
-//! The bus: which register or memory is at an address, for the core and for the DMA controllers.
+//! The bus: it finds the register or the memory at an address, for the core and for the DMA controllers.
 
 use super::*;
 
 impl Stm32f429 {
-    /// Reads as any master does, from what is at `address`. Memory that only the core reaches is not here.
+    /// Reads what is at `address`, as any bus master can. Memory that only the core reaches is handled elsewhere.
     pub(crate) fn bus_read(
         &mut self,
         address: u32,
@@ -59,13 +59,13 @@ impl Stm32f429 {
         })
     }
 
-    /// Whether the peripheral answers.
+    /// Whether the peripheral answers: its clock is on and its reset is not held.
     #[inline]
     pub(crate) fn is_open(&self, number: u8) -> bool {
         let gate = id::GATES[usize::from(number)];
         gate.bus == 255
             || self.rcc.is_on(gate)
-            // Any of the three ADCs' clocks opens their common block; their reset is one bit.
+            // The clock of any of the three ADCs also opens their common registers. One reset bit is for all three.
             || number == id::ADC && [9, 10].iter().any(|&bit| self.rcc.is_on(rcc::Gate { bus: 4, bit }))
     }
 
@@ -213,7 +213,8 @@ impl Stm32f429 {
             Outcome::BusError => Err(BusError),
             Outcome::Changed => {
                 self.signals.forget_code();
-                // The next instruction comes from flash as well: if from the same bank, the core waits for it.
+                // If the next instruction comes from the same bank of flash, the core waits until the bank has
+                // finished.
                 if let Some(pc) = pc
                     && let Some(offset) = self.flash_offset(pc)
                 {
@@ -228,7 +229,7 @@ impl Stm32f429 {
         self.signals.stall_until(self.signals.stalled_until().max(until));
     }
 
-    /// Reads for the core where no RAM is at the system bus.
+    /// Reads for the core from any address but RAM on the system bus.
     #[inline(never)]
     pub(crate) fn read_other<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError> {
         let Access { address, width, purpose, .. } = *access;
@@ -259,7 +260,7 @@ impl Stm32f429 {
             return match self.locate(address) {
                 Some((Memory::Sram, offset)) => self.sram.read(offset as u32, width).ok_or(BusError),
                 Some((Memory::Factory, offset)) => self.factory.read(offset as u32, width).ok_or(BusError),
-                // The option bytes of bank 2 (0x1FFE_C000): unprotected.
+                // The option bytes of bank 2 (0x1FFE_C000) read as unprotected.
                 _ if matches!(address, 0x1FFE_C000..0x1FFE_C010) => Ok(u32::MAX),
                 _ => {
                     let pc = (!by_port).then_some(access.pc);
@@ -280,7 +281,7 @@ impl Stm32f429 {
         value
     }
 
-    /// Writes for the core where no RAM is at the system bus.
+    /// Writes for the core to any address but RAM on the system bus.
     #[inline(never)]
     pub(crate) fn write_other<O: Outside>(
         &mut self,
@@ -340,7 +341,7 @@ impl Stm32f429 {
         result
     }
 
-    /// The offset in flash of `address`, by itself or by the alias at 0.
+    /// The offset in flash of `address`, which is in flash or in its alias at 0.
     #[inline]
     pub(crate) fn flash_offset(&self, address: u32) -> Option<u32> {
         let offset = address.wrapping_sub(flash::BASE);

@@ -1,6 +1,6 @@
 //! The CRC calculation unit (RM0090 chapter 4): `DR`, `IDR`, `CR`.
 //!
-//! Covered: all of it. Left out: the four cycles a word takes, in which the unit holds the bus.
+//! The unit is covered completely, except for the four cycles that a word takes, during which the unit stalls the bus.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, NEVER};
@@ -9,7 +9,7 @@ use crate::cx::{Clocks, Cx, Peripheral, Wires};
 
 const POLYNOMIAL: u32 = 0x04C1_1DB7;
 
-/// The unit.
+/// The CRC unit.
 #[derive(Clone, Debug)]
 pub(crate) struct Crc {
     data: u32,
@@ -17,7 +17,7 @@ pub(crate) struct Crc {
 }
 
 impl Crc {
-    /// As it is after a reset.
+    /// Makes the unit as it is after a reset.
     pub(crate) fn new() -> Self {
         Self { data: u32::MAX, independent: 0 }
     }
@@ -38,7 +38,7 @@ impl Peripheral for Crc {
                     (0..32).fold(self.data ^ value, |crc, _| crc << 1 ^ if crc >> 31 != 0 { POLYNOMIAL } else { 0 });
             }
             0x04 => self.independent = value & 0xFF,
-            // RESET does not touch IDR.
+            // RESET leaves IDR as it is.
             0x08 if value & 1 != 0 => self.data = u32::MAX,
             0x08 => {}
             _ => cx.find_value(FindingKind::Undefined, "no register at offset", offset),
@@ -78,14 +78,14 @@ mod tests {
     #[test]
     fn words_go_in_as_crc_32_mpeg_2_has_them() {
         let mut rig = Rig::new(Crc::new());
-        // "12345678" of the algorithm's check string, as two big-endian words.
+        // The input is "12345678", from the algorithm's check string, as two big-endian words.
         rig.write(0, 0x3132_3334);
         rig.write(0, 0x3536_3738);
         assert_eq!(rig.read(0), 0x49E3_C2FB);
         rig.write(4, 0x1AB);
         rig.write(8, 1);
         assert_eq!((rig.read(0), rig.read(4)), (u32::MAX, 0xAB));
-        // One word of zeros from all ones: the remainder that the unit is known by.
+        // One word of zeros after a reset gives the remainder that is typical of this unit.
         rig.write(0, 0);
         assert_eq!(rig.read(0), 0xC704_DD7B);
     }

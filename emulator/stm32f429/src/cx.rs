@@ -1,22 +1,22 @@
-//! What the part and its peripherals agree on.
+//! The interface between the part and its peripherals.
 //!
-//! A peripheral instance is a [`Peripheral`]: plain data that is called with a [`Cx`], which tells it the time and the
-//! clocks and takes what leaves it. What an instance drives all the time (interrupts, DMA requests) are levels that it
-//! answers; the part looks at them after every call. What is answered from outside the part at once (a serial frame's
-//! bits, a voltage) goes through [`Wires`], which only [`Peripheral::advance`] gets: on silicon, too, nothing of that
-//! kind happens within a register access.
+//! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`]. The [`Cx`] has the time and
+//! the clocks, and takes the instance's effects. Levels that an instance drives all the time (interrupts, DMA requests)
+//! are returned by methods, which the part calls after every other call. What the outside of the part answers at once
+//! (a serial frame's bits, a voltage) goes through [`Wires`], which only [`Peripheral::advance`] gets, since on
+//! silicon, too, none of this happens within a register access.
 //!
 //! Instances are made by `Spi::new(n)`, `Usart::new(n)` (UARTs too), `I2c::new(n)`, `Tim::new(n)` with the manual's
-//! number, and `Rtc::new()`, `Rng::new()`, `Adc::new()` (all three and the common registers, offsets 0 to 0x3FF),
-//! `Crc::new()`. A USART has one more method, `receive(&mut self, begins: Cycle, frame: &UartFrame, cx: &mut Cx)`, for
-//! [`emulator_part::Part::receive`]. RM0090's reset of RTC registers is the backup domain's: `Rtc::reset` is called for
-//! BDCR.BDRST and power-on only; `Rtc::system_reset` for the rest.
+//! number, and by `Rtc::new()`, `Rng::new()`, `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF)
+//! and `Crc::new()`. A USART has one more method for [`emulator_part::Part::receive`]: `receive(&mut self, begins:
+//! Cycle, frame: &UartFrame, cx: &mut Cx)`. By RM0090, most RTC registers are reset with the backup domain only: the
+//! part calls `Rtc::reset` for BDCR.BDRST and power-on only, and `Rtc::system_reset` for other resets.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Pin, SpiFrame, UartFrame};
 
-/// How many core cycles one tick of another clock takes, as an exact fraction; `num` is 0 while that clock stands still
-/// and so does nothing.
+/// How many core cycles one tick of another clock takes, as an exact fraction. `num` is 0 while that clock stands
+/// still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ratio {
     num: u64,
@@ -24,24 +24,24 @@ pub(crate) struct Ratio {
 }
 
 impl Ratio {
-    /// A clock that stands still.
+    /// The ratio of a clock that stands still.
     pub(crate) const STOPPED: Self = Self { num: 0, den: 1 };
 
-    /// `num / den` core cycles a tick, in lowest terms.
+    /// Makes the ratio `num / den` core cycles a tick, in lowest terms.
     pub(crate) fn new(num: u128, den: u128) -> Self {
         let (mut a, mut b) = (num, den);
         while b != 0 {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Rates are whole hertz and parts per billion, so this does not happen with real ones.
+        // Real rates are whole hertz and parts per billion, so they never need this.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
         Self { num: num as u64, den: (den as u64).max(1) }
     }
 
-    /// The core cycles that `ticks` take, rounded up; [`NEVER`] where the clock stands still.
+    /// The core cycles that `ticks` take, rounded up, or [`NEVER`] where the clock stands still.
     pub(crate) fn cycles(self, ticks: u64) -> Cycle {
         if self.num == 0 {
             return NEVER;
@@ -49,7 +49,7 @@ impl Ratio {
         u64::try_from((u128::from(ticks) * u128::from(self.num)).div_ceil(u128::from(self.den))).unwrap_or(NEVER)
     }
 
-    /// The whole ticks in `cycles`: the inverse of [`Ratio::cycles`].
+    /// The number of whole ticks in `cycles`, the inverse of [`Ratio::cycles`].
     pub(crate) fn ticks(self, cycles: Cycle) -> u64 {
         if self.num == 0 {
             return 0;
@@ -58,36 +58,38 @@ impl Ratio {
     }
 }
 
-/// The clock tree as far as a peripheral needs it.
+/// The clocks that peripherals need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Clocks {
-    /// HCLK in hertz if its source were exact. Never 0: where HCLK has stopped, no instance is called.
+    /// The nominal rate of HCLK in hertz, as if its source were exact. It is never 0, since no instance is called while
+    /// HCLK has stopped.
     pub hclk_hz: u64,
-    /// How much faster HCLK is than that, in parts per billion.
+    /// How much faster HCLK really is, in parts per billion.
     pub ppb: i64,
-    /// Core cycles of one PCLK1: 1, 2, 4, 8 or 16.
+    /// The core cycles of one PCLK1 cycle: 1, 2, 4, 8 or 16.
     pub pclk1: u32,
-    /// Core cycles of one PCLK2: 1, 2, 4, 8 or 16.
+    /// The core cycles of one PCLK2 cycle: 1, 2, 4, 8 or 16.
     pub pclk2: u32,
-    /// Core cycles of one tick of the timers on APB1: a whole number in every setting of PPRE1 and TIMPRE.
+    /// The core cycles of one tick of the timers on APB1, which is a whole number in every setting of PPRE1 and TIMPRE.
     pub tim1: u32,
-    /// The same of the timers on APB2.
+    /// The core cycles of one tick of the timers on APB2.
     pub tim2: u32,
-    /// Core cycles of one tick of LSI.
+    /// The core cycles of one tick of LSI.
     pub lsi: Ratio,
-    /// Core cycles of one tick of LSE.
+    /// The core cycles of one tick of LSE.
     pub lse: Ratio,
-    /// Core cycles of one tick of HSE.
+    /// The core cycles of one tick of HSE.
     pub hse: Ratio,
-    /// Core cycles of one tick of the RTC's clock, after RTCSEL (and RTCPRE for HSE).
+    /// The core cycles of one tick of the RTC's clock, after RTCSEL (and RTCPRE for HSE).
     pub rtc: Ratio,
-    /// Core cycles of one tick of the 48 MHz clock (PLL output Q), which the RNG needs.
+    /// The core cycles of one tick of the 48 MHz clock (PLL output Q), which the RNG needs.
     pub pll48: Ratio,
-    /// PLL output Q in hertz, 0 while it stands still.
+    /// The rate of PLL output Q in hertz, 0 while it stands still.
     pub pll48_hz: u64,
-    /// PLLQ has a value that the manual calls wrong: the rate is assumed.
+    /// Whether PLLQ has a value that the manual calls wrong, so that the rate is an assumption.
     pub pll48_undefined: bool,
-    /// Core cycles of one tick of the I2S clock (PLLI2S output R or the I2S_CKIN pin, which has nothing).
+    /// The core cycles of one tick of the I2S clock (PLLI2S output R, or the I2S_CKIN pin, to which nothing is
+    /// connected).
     pub i2s: Ratio,
 }
 
@@ -102,23 +104,23 @@ impl Clocks {
         self.hclk_hz / u64::from(self.pclk2)
     }
 
-    /// How long `cycles` core cycles take, in picoseconds, to the nearest: for the bit times of frames. Divides 128-bit
-    /// numbers: keep the result where it is needed often.
+    /// The time that `cycles` core cycles take, in picoseconds, to the nearest: for the bit times of frames. The
+    /// function divides 128-bit numbers, so callers that need the result often should keep it.
     pub(crate) fn ps(&self, cycles: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
         ((u128::from(cycles) * 1_000_000_000_000 * 1_000_000_000 + rate / 2) / rate.max(1)) as u64
     }
 
-    /// How many whole core cycles `ps` picoseconds are, rounded up. Slow like [`Clocks::ps`].
+    /// The whole core cycles in `ps` picoseconds, rounded up. It is as slow as [`Clocks::ps`].
     pub(crate) fn cycles_of_ps(&self, ps: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
-        // 10^21 does not fit beside a rate in 128 bits for long times: take out the common 10^6 first.
+        // For long times, the product of rate and 10^21 exceeds 128 bits, so the common factor 10^6 is taken out first.
         ((u128::from(ps) * (rate / 1_000_000)).div_ceil(1_000_000_000_000_000)) as u64
     }
 
-    /// HSI, everything undivided: the state after a reset.
+    /// The clocks after a reset: HSI with nothing divided.
     pub(crate) const AFTER_RESET: Self = Self {
         hclk_hz: 16_000_000,
         ppb: 0,
@@ -137,7 +139,7 @@ impl Clocks {
     };
 }
 
-/// A pin of an SPI (or I2S: CK is SCK, WS is NSS, SD is MOSI).
+/// A pin of an SPI or I2S: CK of I2S is SCK, WS is NSS, and SD is MOSI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SpiPin {
     Sck,
@@ -165,7 +167,7 @@ pub(crate) enum I2cPin {
     Smba,
 }
 
-/// A pin of a timer. ETR shares a pin with channel 1 on TIM2 (data sheet: TIM2_CH1/TIM2_ETR): such a pin is `Ch1`, and
+/// A pin of a timer. On TIM2, ETR shares a pin with channel 1 (data sheet: TIM2_CH1/TIM2_ETR). Such a pin is `Ch1`, and
 /// [`Pads::pins`] of `Etr` finds it too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimPin {
@@ -187,7 +189,7 @@ pub(crate) enum CanPin {
     Rx,
 }
 
-/// What an alternate function connects a pin to. Instances are numbered as in the manual, from 1.
+/// The signal that an alternate function connects to a pin. Instances are numbered from 1, as in the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
     Spi(u8, SpiPin),
@@ -200,11 +202,11 @@ pub(crate) enum Signal {
     RtcReference,
 }
 
-/// How many values [`Signal::index`] has.
+/// The number of values of [`Signal::index`].
 pub(crate) const SIGNALS: usize = 212;
 
 impl Signal {
-    /// A number of its own below [`SIGNALS`].
+    /// A number below [`SIGNALS`] that no other signal has.
     pub(crate) const fn index(self) -> usize {
         match self {
             Self::Spi(n, pin) => (n as usize - 1) * 5 + pin as usize,
@@ -218,44 +220,45 @@ impl Signal {
     }
 }
 
-/// What one instance of the part tells others without software: what the manual calls internal triggers.
+/// A trigger that one instance sends to others without software: the manual's internal triggers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trigger {
     /// Timer n's TRGO had a rising edge.
     Trgo(u8),
-    /// Timer n's output compare of channel c (1 to 4) had a rising edge: TIM10 to TIM14 are ITR inputs this way, and
-    /// the ADC's triggers come from channels.
+    /// Timer n's output compare of channel c (1 to 4) had a rising edge. TIM10 to TIM14 are ITR inputs in this way, and
+    /// some triggers of the ADC come from channels.
     Compare(u8, u8),
     /// The EXTI line had an event (11 and 15 trigger the ADCs).
     Exti(u8),
-    /// The clock security system found HSE failing: a break of TIM1 and TIM8.
+    /// The clock security system detected a failure of HSE, which is a break of TIM1 and TIM8.
     ClockFailure,
 }
 
-/// The pads as peripherals see them: kept by the GPIO ports.
+/// The pads as peripherals see them. The GPIO ports keep this state.
 #[derive(Clone, Debug)]
 pub(crate) struct Pads {
-    /// Which pins each signal is connected to.
+    /// The pins to which each signal is connected.
     pub(crate) routes: [[Option<Pin>; 2]; SIGNALS],
     /// The levels on the pins of each port.
     pub(crate) levels: [u16; 11],
-    /// Pins of each port whose output is an open drain.
+    /// The pins of each port whose output is an open drain.
     pub(crate) open_drain: [u16; 11],
-    /// What the DAC drives PA4 and PA5 to, in microvolts.
+    /// The voltages to which the DAC drives PA4 and PA5, in microvolts.
     pub(crate) dac: [Option<i32>; 2],
 }
 
 impl Pads {
-    /// Nothing connected, everything low.
+    /// Pads with nothing connected and all levels low.
     pub(crate) const OPEN: Self =
         Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
-    /// The pins in alternate function mode whose selected function is `signal`: the lowest two by port and number.
+    /// The pins in alternate function mode whose selected function is `signal`. If there are more than two, the lowest
+    /// two by port and number.
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.routes[signal.index()]
     }
 
-    /// The level on `pin`, whoever drives it; a floating one is low.
+    /// The level on `pin`, whoever drives it. A floating pin is low.
     pub(crate) fn level(&self, pin: Pin) -> bool {
         self.levels[usize::from(pin.port)] >> pin.number & 1 != 0
     }
@@ -265,13 +268,14 @@ impl Pads {
         self.open_drain[usize::from(pin.port)] >> pin.number & 1 != 0
     }
 
-    /// The level of the first pin connected to `signal`, `None` where none is: the instance states what it makes of it.
+    /// The level of the first pin that is connected to `signal`, `None` where none is. Each instance documents how it
+    /// treats `None`.
     pub(crate) fn input(&self, signal: Signal) -> Option<bool> {
         self.pins(signal)[0].map(|pin| self.level(pin))
     }
 }
 
-/// A finding on its way to the list: words that are there already, and a number to put behind them.
+/// A finding that an instance reports: static words, and an optional number to append.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Note {
     pub(crate) kind: FindingKind,
@@ -282,7 +286,7 @@ pub(crate) struct Note {
     pub(crate) value: Option<u32>,
 }
 
-/// What leaves an instance during a call. The part empties it after the call; the vectors keep their room.
+/// The effects of one call of an instance. The part empties them after the call, and the vectors keep their capacity.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Effects {
     pub(crate) notes: Vec<Note>,
@@ -290,30 +294,30 @@ pub(crate) struct Effects {
     pub(crate) triggers: Vec<Trigger>,
 }
 
-/// What an instance sees during a call.
+/// The context that an instance gets with each call.
 #[derive(Debug)]
 pub(crate) struct Cx<'a> {
-    /// The core's (HCLK's) cycle of the access, or of the event that is due.
+    /// The core cycle (HCLK) of the access, or of the event that is due.
     pub now: Cycle,
-    /// The clocks.
+    /// The present clocks.
     pub clocks: &'a Clocks,
-    /// The pads.
+    /// The present state of the pads.
     pub pads: &'a Pads,
-    /// What leaves the instance.
+    /// The effects of the call.
     pub out: &'a mut Effects,
-    /// The instruction that made the access.
+    /// The address of the instruction that made the access.
     pub pc: Option<u32>,
-    /// The instance by its name in the manual.
+    /// The name of the instance in the manual.
     pub name: &'static str,
 }
 
 impl Cx<'_> {
-    /// Notes a finding. Takes no time to speak of when it was noted before.
+    /// Reports a finding. It costs little if the same finding was reported before.
     pub(crate) fn find(&mut self, kind: FindingKind, text: &'static str) {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: None });
     }
 
-    /// The same with a number, which is written behind `text` in hexadecimal.
+    /// Reports a finding with a number, which follows `text` in hexadecimal.
     pub(crate) fn find_value(&mut self, kind: FindingKind, text: &'static str, value: u32) {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: Some(value) });
     }
@@ -323,19 +327,20 @@ impl Cx<'_> {
         self.pads.pins(signal)
     }
 
-    /// From now on the instance drives what is connected to `signal` (`None`: it lets go; that is how every signal
-    /// starts and what a reset makes of it). Pins of a signal that an instance clocks frames on have its idle level.
+    /// Makes the instance drive what is connected to `signal` from now on. With `None` it stops driving, which is every
+    /// signal's state at the start and after a reset. While an instance clocks frames on a signal, its pins keep the
+    /// idle level.
     pub(crate) fn output(&mut self, signal: Signal, level: Option<bool>) {
         self.out.outputs.push((self.now, signal, level));
     }
 
-    /// Tells the other instances.
+    /// Sends a trigger to the other instances.
     pub(crate) fn trigger(&mut self, trigger: Trigger) {
         self.out.triggers.push(trigger);
     }
 }
 
-/// What is answered from outside the part.
+/// The outside of the part, which answers at once.
 pub(crate) trait Wires {
     /// See [`Outside::spi`].
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
@@ -347,7 +352,7 @@ pub(crate) trait Wires {
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
-/// An [`Outside`] as [`Wires`].
+/// An adapter that makes an [`Outside`] usable as [`Wires`].
 #[derive(Debug)]
 pub(crate) struct Outward<'a, O>(pub(crate) &'a mut O);
 
@@ -371,59 +376,62 @@ impl<O: Outside> Wires for Outward<'_, O> {
 
 /// One instance of a peripheral.
 ///
-/// The part calls [`Peripheral::advance`] for everything that is due before any other call of a later cycle. A gated
-/// clock (RCC) keeps accesses away; it does not stop what is pending.
+/// Before any call at a later cycle, the part calls [`Peripheral::advance`] for everything that is due. A clock that
+/// RCC gates off blocks accesses, but it does not stop what is pending.
 pub(crate) trait Peripheral: Clone {
-    /// Reads the register at `offset`, which is aligned to `width`, and answers its bits from `offset` on: a byte read
-    /// at offset 1 answers bits 15:8 of the register at 0, in its low bits.
+    /// Reads the register at `offset`, which is aligned to `width`. The result has the bits from `offset` on: a byte
+    /// read at offset 1 returns bits 15:8 of the register at 0, in its low bits.
     fn read(&mut self, offset: u32, width: Width, cx: &mut Cx) -> u32;
 
-    /// Writes the low `width` bytes of `value`. Narrow writes are the instance's to handle, as the manual has them for
-    /// it: APB peripherals that only take words get the value copied to all lanes (RM0090 2.1.6).
+    /// Writes the low `width` bytes of `value`. Each instance handles narrow writes as the manual says: APB peripherals
+    /// that take only words get the value copied to all lanes (RM0090 2.1.6).
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx);
 
-    /// Reads as a debugger does: nothing changes. The default answers 0.
+    /// Reads as a debugger does, without any change. The default returns 0.
     fn peek(&self, offset: u32, cx: &mut Cx) -> u32 {
         let _ = (offset, cx);
         0
     }
 
-    /// When something next happens in it by itself: [`NEVER`] if nothing does. O(1).
+    /// The cycle at which something next happens in the instance by itself, [`NEVER`] if nothing does. It must be O(1).
     fn due(&self) -> Cycle;
 
-    /// Everything due up to and at `cx.now` happens, in order. Afterwards [`Peripheral::due`] is later than `cx.now`.
+    /// Carries out everything that is due up to and at `cx.now`, in order. Afterwards [`Peripheral::due`] is later than
+    /// `cx.now`.
     fn advance<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W);
 
-    /// The levels of its interrupt outputs. USART, SPI, RNG, ADC, TIM2 to TIM7: bit 0. I2C: bit 0 event, bit 1 error.
-    /// TIM1, TIM8: bit 0 break, 1 update, 2 trigger and commutation, 3 capture compare. TIM9 to TIM14: bit 0. RTC: bit
-    /// 0 alarm (EXTI line 17), 1 tamper and time stamp (21), 2 wake-up (22).
+    /// The levels of the instance's interrupt outputs. USART, SPI, RNG, ADC, TIM2 to TIM7: bit 0. I2C: bit 0 event, bit
+    /// 1 error. TIM1, TIM8: bit 0 break, 1 update, 2 trigger and commutation, 3 capture compare. TIM9 to TIM14: bit 0.
+    /// RTC: bit 0 alarm (EXTI line 17), 1 tamper and time stamp (21), 2 wake-up (22).
     fn irq(&self) -> u32;
 
-    /// The levels of its DMA request outputs. USART, SPI, I2C: bit 0 RX, 1 TX. TIM: bit 0 UP, 1 to 4 CC1 to CC4, 5
-    /// TRIG, 6 COM. ADC: bit 0 to 2 for ADC1 to ADC3.
+    /// The levels of the instance's DMA request outputs. USART, SPI, I2C: bit 0 RX, 1 TX. TIM: bit 0 UP, 1 to 4 CC1 to
+    /// CC4, 5 TRIG, 6 COM. ADC: bit 0 to 2 for ADC1 to ADC3.
     fn dma(&self) -> u32 {
         0
     }
 
-    /// The DMA has served request `bit` (it has read or written where its stream points, which may be another register
-    /// than the data register). `left` is NDTR after that: 0 is the end of the transfer, 1 the signal EOT_1 that the
-    /// I2C's LAST bit uses.
+    /// Tells the instance that the DMA has served request `bit`. The DMA has read or written where its stream points,
+    /// which may be another register than the data register. `left` is NDTR afterwards: 0 is the end of the transfer,
+    /// and 1 is the signal EOT_1 that the I2C's LAST bit uses.
     fn dma_served(&mut self, bit: u8, left: u32, cx: &mut Cx) {
         let _ = (bit, left, cx);
     }
 
-    /// The clock tree is another from `cx.now` on: what is pending is timed anew, from `old` to `cx.clocks`.
+    /// Tells the instance that the clocks changed at `cx.now`. The instance converts what is pending from `old` to
+    /// `cx.clocks`.
     fn clocks_changed(&mut self, old: &Clocks, cx: &mut Cx);
 
-    /// RCC peripheral reset or system reset. Outputs are let go of by the part.
+    /// Carries out an RCC peripheral reset or a system reset. The part itself stops driving the instance's outputs.
     fn reset(&mut self);
 
-    /// A pin that `signal` is connected to changed its level, or `signal` was connected to one of another level.
+    /// Tells the instance that a pin connected to `signal` changed its level, or that `signal` was connected to a pin
+    /// of another level.
     fn input(&mut self, signal: Signal, level: bool, cx: &mut Cx) {
         let _ = (signal, level, cx);
     }
 
-    /// Another instance told.
+    /// Delivers a trigger of another instance.
     fn trigger(&mut self, trigger: Trigger, cx: &mut Cx) {
         let _ = (trigger, cx);
     }

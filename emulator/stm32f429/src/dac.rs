@@ -2,34 +2,34 @@
 //!
 //! | Covered | Manual |
 //! |---|---|
-//! | Both channels: enable, data registers in all alignments, single and dual, output registers | 14.3, 14.5 |
+//! | Both channels: enable bits, data registers in all alignments, single and dual, output registers | 14.3, 14.5 |
 //! | The software trigger | 14.3.6 |
 //! | The pins PA4 and PA5 as the ADCs see them | 14.2 |
 //!
-//! **Left out, each a finding when it is set up:** the timers' and EXTI's triggers, DMA, noise and triangle waves. The
-//! output register follows its data register at once, not after one or three PCLK1 cycles, and the output settles at
-//! once and reaches both rails, with its buffer too.
+//! **Left out, each a finding when it is set up:** the triggers of timers and EXTI, DMA, noise and triangle waves. The
+//! output register takes its data register's value at once, not after one or three PCLK1 cycles. The output settles at
+//! once and reaches both rails, even with its buffer on.
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
 
 use crate::gpio::{lane, merge};
 
-/// One channel's bits in `CR`; channel 2 has the same 16 bits higher.
+/// The bits of channel 1 in `CR`. Channel 2 has the same bits in the upper 16 bits.
 const EN: u32 = 1 << 0;
 const TEN: u32 = 1 << 2;
 const TSEL_SOFTWARE: u32 = 7 << 3;
 const WAVE: u32 = 3 << 6;
 const DMAEN: u32 = 1 << 12;
 
-/// The reference, VREF+ on VDDA, in microvolts.
+/// The reference voltage in microvolts: VREF+ is connected to VDDA.
 const REFERENCE_UV: u64 = 3_300_000;
 
 /// The converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dac {
     cr: u32,
-    /// The data holding registers, twelve bits.
+    /// The data holding registers, of twelve bits each.
     holding: [u32; 2],
     /// The output registers.
     output: [u32; 2],
@@ -40,7 +40,7 @@ impl Dac {
         self.cr >> (16 * channel) & 0x3FFF
     }
 
-    /// What each channel drives its pin to, `None` where it is off.
+    /// The voltage to which each channel drives its pin, in microvolts; `None` where the channel is off.
     pub(crate) fn microvolts(&self) -> [Option<i32>; 2] {
         std::array::from_fn(|channel| {
             let is_on = self.control(channel) & EN != 0;
@@ -48,7 +48,7 @@ impl Dac {
         })
     }
 
-    /// Without a trigger the output follows, 14.3.4.
+    /// Copies the data to the output of channels without a trigger, 14.3.4.
     fn follow(&mut self) {
         for channel in 0..2 {
             if self.control(channel) & TEN == 0 {

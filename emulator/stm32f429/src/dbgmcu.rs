@@ -1,20 +1,20 @@
-//! DBGMCU: the part's identity, and what goes on while a debugger holds the core.
+//! DBGMCU: the part's identity, and the settings for a debugger that holds the core.
 //!
 //! | covered | RM0090 |
 //! |---|---|
 //! | IDCODE, CR, APB1_FZ, APB2_FZ as registers, at 0xE004_2000 on the core's private bus | 38.6.1, 38.16 |
 //!
-//! | left out | how that shows |
+//! | left out | effect |
 //! |---|---|
-//! | timers and watchdogs that stop while the core is halted, sleep modes that keep their clocks | no effect |
+//! | stopping timers and watchdogs while the core is halted, keeping clocks in sleep modes | none |
 
-/// The first address, on the external private peripheral bus.
+/// The first address of DBGMCU, on the external private peripheral bus.
 pub(crate) const BASE: u32 = 0xE004_2000;
 
-/// Device 0x419 (STM32F42x and F43x), revision 3 (38.6.1).
+/// The identity: device 0x419 (STM32F42x and F43x), revision 3 (38.6.1).
 const IDCODE: u32 = 0x2001_6419;
 
-/// The writable registers. A power-on reset clears them, a system reset does not (38.16.3).
+/// The writable registers. A power-on reset clears them, and a system reset does not (38.16.3).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Dbgmcu {
     control: u32,
@@ -23,7 +23,7 @@ pub(crate) struct Dbgmcu {
 }
 
 impl Dbgmcu {
-    /// What a word reads; `None` where there is no register.
+    /// Reads a word. Returns `None` where there is no register.
     pub(crate) fn read(&self, address: u32) -> Option<u32> {
         Some(match address - BASE {
             0x0 => IDCODE,
@@ -34,7 +34,7 @@ impl Dbgmcu {
         })
     }
 
-    /// Writes a word; `false` where there is no register that takes it.
+    /// Writes a word. Returns `false` where there is no writable register.
     pub(crate) fn write(&mut self, address: u32, value: u32) -> bool {
         match address - BASE {
             0x4 => self.control = value & 0xE7,

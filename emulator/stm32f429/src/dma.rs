@@ -1,20 +1,20 @@
-//! The DMA controllers, RM0090 chapter 10: registers and streams. What moves the data is the part.
+//! The DMA controllers, RM0090 chapter 10: registers and streams. The part itself moves the data.
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | Request mapping, tables 42 and 43 | A request reaches the stream whose `CHSEL` selects it, and no other |
-//! | `CR`, `NDTR`, `PAR`, `M0AR`, `M1AR`, `FCR` | Configuration is kept while `EN` is set, 10.5.5 |
-//! | Direct mode, FIFO mode, packing, 10.3.11, 10.3.12 | As far as software sees it |
-//! | Circular and double-buffer mode, 10.3.8, 10.3.9 | As described |
-//! | Memory to memory, 10.3.6 | DMA2 alone; all data moves when the stream is switched on |
-//! | Flags | `TCIF`, `HTIF`, `TEIF`, `FEIF`; `TCIF` at a switching off by software as well, 10.3.14 |
-//! | Priority | Software priority, then stream number; DMA1 before DMA2 where both have work at one cycle |
+//! | Request mapping, tables 42 and 43 | A request reaches only the stream whose `CHSEL` selects it |
+//! | `CR`, `NDTR`, `PAR`, `M0AR`, `M1AR`, `FCR` | The configuration cannot be changed while `EN` is set, 10.5.5 |
+//! | Direct mode, FIFO mode, packing, 10.3.11, 10.3.12 | Modelled as far as software sees it |
+//! | Circular and double-buffer mode, 10.3.8, 10.3.9 | Modelled as the manual describes it |
+//! | Memory to memory, 10.3.6 | DMA2 only; all data moves when the stream is switched on |
+//! | Flags | `TCIF`, `HTIF`, `TEIF`, `FEIF`; `TCIF` also when software switches a stream off, 10.3.14 |
+//! | Priority | Software priority, then stream number; DMA1 before DMA2 if both have work at one cycle |
 //!
-//! A transfer takes no time: data moves at the cycle of its request. `EN` therefore reads 0 right after it was cleared.
+//! A transfer takes no time: data moves at the cycle of its request. `EN` therefore reads 0 right after it is cleared.
 //!
 //! **Left out.** `DMEIF` never comes, since a direct transfer never has to wait. The peripheral as flow controller
-//! (`PFCTRL`, SDIO only) makes a finding and is ignored. Bursts move like single transfers; a burst that crosses 1 KiB
-//! or does not fit the FIFO threshold is found and, the latter, an FIFO error as 10.3.12 has it.
+//! (`PFCTRL`, SDIO only) makes a finding and is ignored. Bursts move like single transfers. A burst that crosses 1 KiB
+//! or does not fit the FIFO threshold makes a finding; the latter is also a FIFO error, as 10.3.12 says.
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
@@ -43,7 +43,7 @@ const TCIF: u8 = 1 << 5;
 const DMDIS: u32 = 1 << 2;
 const FEIE: u32 = 1 << 7;
 
-/// Where a stream's data goes.
+/// The direction in which a stream moves data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Direction {
     FromPeripheral,
@@ -51,7 +51,7 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// An instance and those of its request outputs that a channel of a stream is.
+/// The instance, and the mask of its request outputs, to which a channel of a stream is connected.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -83,7 +83,8 @@ const fn adc(n: u8) -> Source {
     (id::ADC, 1 << (n - 1))
 }
 
-/// Tables 42 and 43: by controller, channel and stream. Peripherals that are not modelled have no requests.
+/// The request mapping of tables 42 and 43, by controller, channel and stream. Peripherals that are not modelled have
+/// no requests.
 #[rustfmt::skip]
 static MAP: [[[Source; 8]; 8]; 2] = [
     [
@@ -119,21 +120,21 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// What reloads NDTR in circular mode, and where the lap has come to.
+    /// The value that reloads NDTR in circular mode, and the position in the present lap.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
     pub(crate) memory: u32,
-    /// The FIFO's 16 bytes, the oldest lowest.
+    /// The 16 bytes of the FIFO, with the oldest byte lowest.
     fifo: u128,
     pub(crate) filled: u8,
-    /// Bytes still to be read from memory in this lap.
+    /// The number of bytes still to be read from memory in this lap.
     ahead: u32,
-    /// The request that the stream listens to: instance and mask, the mask 0 while the stream is off.
+    /// The request that the stream listens to: an instance and a mask. The mask is 0 while the stream is off.
     pub(crate) source: Source,
 }
 
-/// Ones in as many bits as `width` has.
+/// A number with as many one bits as `width` has bits.
 const fn ones(width: Width) -> u128 {
     (1 << (8 * width.bytes())) - 1
 }
@@ -181,7 +182,7 @@ impl Stream {
         width(self.cr >> 11 & 3)
     }
 
-    /// In direct mode PSIZE counts for both sides, 10.3.11.
+    /// The width on the memory side. In direct mode PSIZE counts for both sides, 10.3.11.
     pub(crate) fn memory_width(&self) -> Width {
         if self.is_direct() { self.peripheral_width() } else { width(self.cr >> 13 & 3) }
     }
@@ -200,7 +201,7 @@ impl Stream {
             || flags & u32::from(FEIF) != 0 && self.fcr & FEIE != 0
     }
 
-    /// FS, 10.5.10.
+    /// The field FS, 10.5.10.
     fn fifo_status(&self) -> u32 {
         match self.filled {
             0 => 4,
@@ -225,20 +226,20 @@ impl Stream {
         value
     }
 
-    /// Whether what came from the peripheral goes to memory now.
+    /// Whether data from the peripheral has to move from the FIFO to memory now.
     pub(crate) fn drains(&self) -> bool {
         u32::from(self.filled) >= self.memory_width().bytes()
             && (self.is_direct() || self.filled >= self.threshold() || self.left == 0)
     }
 
-    /// Whether there is room and need for another item from memory.
+    /// Whether the FIFO has room for another item from memory, and the lap needs one.
     pub(crate) fn fills(&self) -> bool {
         let width = self.memory_width().bytes();
         let room = if self.is_direct() { width } else { 16 };
         self.ahead >= width && u32::from(self.filled) + width <= room
     }
 
-    /// An item was read from memory.
+    /// Counts an item that was read from memory.
     pub(crate) fn filled_from_memory(&mut self) {
         self.ahead -= self.memory_width().bytes();
     }
@@ -256,7 +257,8 @@ impl Stream {
         }
     }
 
-    /// A transfer on the peripheral's side is done: NDTR, flags, the lap's end. Answers whether it was the last.
+    /// Counts a transfer on the peripheral's side: updates NDTR and the flags. Returns whether it was the lap's last
+    /// one.
     pub(crate) fn count(&mut self) -> bool {
         self.left -= 1;
         if self.left == self.total / 2 {
@@ -265,12 +267,12 @@ impl Stream {
         self.left == 0
     }
 
-    /// Items that are left of the lap.
+    /// The number of items that are left of the lap.
     pub(crate) const fn left(&self) -> u32 {
         self.left
     }
 
-    /// The lap is over and its data is where it belongs.
+    /// Ends a lap whose data has all been moved.
     pub(crate) fn end_of_lap(&mut self) {
         self.flags |= TCIF;
         if self.cr & (CIRC | DBM) != 0 && self.direction() != Direction::MemoryToMemory {
@@ -297,7 +299,7 @@ impl Stream {
         self.filled = 0;
     }
 
-    /// An access failed: the stream is switched off, 10.3.16.
+    /// Switches the stream off after a failed access, 10.3.16.
     pub(crate) fn fail(&mut self) {
         self.flags |= TEIF;
         self.switch_off();
@@ -312,26 +314,26 @@ fn width(code: u32) -> Width {
     }
 }
 
-/// What a write set off.
+/// What a write of a register started or stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Turn {
-    /// Nothing that concerns the data.
+    /// The write does not concern the data.
     Nothing,
     /// The stream was switched on.
     On(usize),
-    /// The stream was switched off by software: what is in its FIFO still goes to memory.
+    /// Software switched the stream off: what is in its FIFO still has to go to memory.
     Off(usize),
 }
 
-/// One controller.
+/// One DMA controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Dma {
-    /// 0 for DMA1, 1 for DMA2.
+    /// The controller's number: 0 for DMA1, 1 for DMA2.
     number: usize,
     pub(crate) streams: [Stream; 8],
 }
 
-/// Where a stream's flags are in LISR and HISR.
+/// The places of the streams' flags in LISR and HISR.
 const SHIFTS: [u32; 4] = [0, 6, 16, 22];
 
 impl Dma {
@@ -405,7 +407,7 @@ impl Dma {
                     0 => return self.control(nth, merge(self.streams[nth].cr, offset, width, value), find),
                     1 => protected(&mut stream.ndtr, 0xFFFF),
                     2 => protected(&mut stream.par, u32::MAX),
-                    // The buffer that is not in use can be given anew in double-buffer mode, 10.3.9.
+                    // In double-buffer mode, software may change the address of the buffer that is not in use, 10.3.9.
                     3 if on && stream.cr & (DBM | CT) == DBM | CT => stream.m0ar = value,
                     4 if on && stream.cr & (DBM | CT) == DBM => stream.m1ar = value,
                     3 => protected(&mut stream.m0ar, u32::MAX),
@@ -436,8 +438,9 @@ impl Dma {
         if new & EN == 0 {
             return Turn::Nothing;
         }
-        // 10.3.17 wants all event flags cleared "before the stream can be re-enabled". Drivers in wide use leave those
-        // of the half transfer and of the FIFO set, and their streams start; with the others they do not.
+        // 10.3.17 wants all event flags cleared "before the stream can be re-enabled". Drivers in wide use leave the
+        // flags of the half transfer and of the FIFO set, and their streams start. With another flag set, a stream does
+        // not start.
         if stream.flags & !(HTIF | FEIF) != 0 {
             find(FindingKind::Misuse, "a stream is switched on with flags set: it stays off");
             return Turn::Nothing;
@@ -466,7 +469,7 @@ impl Dma {
         }
         let step = stream.memory_width().bytes();
         let burst = [1, 4, 8, 16][(stream.cr >> 23 & 3) as usize] * step;
-        // Table 48: the threshold has to be a whole number of bursts.
+        // Table 48: the FIFO threshold has to be a whole number of bursts.
         if !stream.is_direct() && (burst > 16 || !u32::from(stream.threshold()).is_multiple_of(burst)) {
             find(FindingKind::Misuse, "the memory burst does not fit the FIFO threshold: the stream stays off");
             stream.flags |= FEIF;
@@ -490,7 +493,7 @@ impl Dma {
         Turn::On(nth)
     }
 
-    /// What software's switching off leaves: the flag, and what counts.
+    /// Switches a stream off for software, which sets the transfer complete flag.
     pub(crate) fn switched_off(&mut self, nth: usize) {
         let stream = &mut self.streams[nth];
         stream.switch_off();

@@ -2,16 +2,16 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `IMR` | Gates a line's pending bit to the core, 12.3.1 |
-//! | `EMR` | An edge (or `SWIER`) of a line is an event for WFE, 12.3.2 |
-//! | `RTSR`, `FTSR` | Edges of a line that count, either or both, 12.3.3 |
-//! | `SWIER` | A one written sets the pending bit; cleared by `PR`, 12.3.5 |
-//! | `PR` | Cleared by writing one, 12.3.6 |
+//! | `IMR` | Passes a line's pending bit to the core, 12.3.1 |
+//! | `EMR` | Makes an edge (or `SWIER`) of a line an event for WFE, 12.3.2 |
+//! | `RTSR`, `FTSR` | Select the edges of a line that count, rising, falling or both, 12.3.3 |
+//! | `SWIER` | A written one sets the pending bit; `PR` clears it, 12.3.5 |
+//! | `PR` | A written one clears the bit, 12.3.6 |
 //! | Lines 0 to 15 | The pins that SYSCFG selects, 12.2.5 |
 //! | Line 16 | The voltage detector's output, 12.2.5 |
 //! | Lines 17, 21, 22 | The RTC's alarm, tamper and time stamp, wake-up |
 //!
-//! **Left out.** Lines 18, 19 and 20 (USB, Ethernet) have no source: only `SWIER` raises them.
+//! **Left out.** Lines 18, 19 and 20 (USB, Ethernet) have no source, so only `SWIER` raises them.
 
 use cortex_m4::Width;
 
@@ -19,7 +19,7 @@ use crate::gpio::{lane, merge};
 
 const LINES: u32 = 0x007F_FFFF;
 
-/// The controller.
+/// The EXTI controller.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Exti {
     imr: u32,
@@ -28,21 +28,21 @@ pub(crate) struct Exti {
     ftsr: u32,
     swier: u32,
     pr: u32,
-    /// The levels of the lines as they were last.
+    /// The levels of the lines when they were last sampled.
     levels: u32,
-    /// Lines that had an event for WFE; the part takes them.
+    /// The lines that had an event for WFE. The part takes them.
     pub(crate) events: u32,
-    /// Lines that had a selected edge; the part takes them, for the ADC's triggers.
+    /// The lines that had a selected edge. The part takes them for the ADC's triggers.
     pub(crate) edges: u32,
 }
 
 impl Exti {
-    /// A system reset; the lines keep their levels.
+    /// Carries out a system reset. The lines keep their levels.
     pub(crate) fn reset(&mut self) {
         *self = Self { levels: self.levels, ..Self::default() };
     }
 
-    /// The levels of the lines in `mask` are those of `levels`.
+    /// Samples the lines in `mask`, whose levels are in `levels`.
     pub(crate) fn sample(&mut self, mask: u32, levels: u32) {
         let changed = (self.levels ^ levels) & mask;
         self.levels ^= changed;
@@ -50,14 +50,14 @@ impl Exti {
         self.hit(hits);
     }
 
-    /// The lines had an event. The pending register is before the mask in figure 41: it shows masked lines, too.
+    /// Handles an event on `lines`. In figure 41 the pending register is before the mask, so it shows masked lines too.
     fn hit(&mut self, lines: u32) {
         self.pr |= lines;
         self.events |= lines & self.emr;
         self.edges |= lines;
     }
 
-    /// The pending lines that reach the core.
+    /// The pending lines that are passed to the core.
     pub(crate) fn live(&self) -> u32 {
         self.pr & self.imr
     }

@@ -2,18 +2,18 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `ACR` | `LATENCY`; cache and prefetch bits count in the wait states |
-//! | Too few wait states for HCLK, table 11 (2.7 to 3.6 V) | Flash answers garbage: [`FlashControl::is_readable`] |
-//! | The same for the supply, table 11 (below 2.7 V) | Bits flip in what is read: [`FlashControl::read`] |
+//! | `ACR` | `LATENCY`; the cache and prefetch bits influence the wait states |
+//! | Too few wait states for HCLK, table 11 (2.7 to 3.6 V) | Flash reads as garbage: [`FlashControl::is_readable`] |
+//! | Too few wait states for the supply, table 11 (below 2.7 V) | Reads have flipped bits: [`FlashControl::read`] |
 //! | `KEYR`, `OPTKEYR` | The unlock sequences; a wrong key locks until the next reset and is a bus error |
-//! | Programming, 3.6 | By `PSIZE`, clears bits only; `PGSERR`, `PGPERR`, `PGAERR`, `WRPERR` |
-//! | Erasing, 3.6 | Sector, bank and both banks, with the data sheet's times |
-//! | Reading a bank that works | The bus waits until it is done, 3.5.2 |
-//! | `OPTCR`, `OPTCR1` | `OPTSTRT` programs the option bytes, which a reset loads; write protection, `BOR_LEV` count |
+//! | Programming, 3.6 | `PSIZE` sets the width; bits can only be cleared; `PGSERR`, `PGPERR`, `PGAERR`, `WRPERR` |
+//! | Erasing, 3.6 | Sectors, one bank or both banks, with the data sheet's times |
+//! | Reading a bank that programs or erases | The bus waits until the bank has finished, 3.5.2 |
+//! | `OPTCR`, `OPTCR1` | `OPTSTRT` programs the option bytes, loaded by a reset; write protection, `BOR_LEV` work |
 //!
-//! **Left out.** Read protection, PCROP and booting from bank 2 have no effect and make a finding when they are set.
-//! The caches never hold what was programmed or erased since. An erase or a program that a reset interrupts is
-//! complete.
+//! **Left out.** Read protection, PCROP and booting from bank 2 have no effect, and make a finding when they are set.
+//! The caches never hold stale data after programming or erasing. A reset that interrupts an erase or a program leaves
+//! it complete.
 
 use cortex_m4::{Bound, Width};
 use emulator_part::{Cycle, FindingKind, Flash, NEVER};
@@ -21,9 +21,9 @@ use emulator_part::{Cycle, FindingKind, Flash, NEVER};
 use crate::cx::{Effects, Note};
 use crate::gpio::{lane, merge};
 
-/// Where flash is.
+/// The first address of flash.
 pub(crate) const BASE: u32 = 0x0800_0000;
-/// All of it, and one of its two banks: RM0090 table 6.
+/// The size of all flash, and of one of its two banks: RM0090 table 6.
 pub(crate) const SIZE: u32 = 2 << 20;
 const BANK: u32 = 1 << 20;
 
@@ -47,32 +47,32 @@ const BSY: u32 = 1 << 16;
 const OPTLOCK: u32 = 1 << 0;
 const OPTSTRT: u32 = 1 << 1;
 
-/// Programming takes 16 µs typically, whatever the size (DS9405, flash memory programming).
+/// The time of programming in nanoseconds: 16 µs typically, whatever the width (DS9405, flash memory programming).
 const PROGRAM_NS: u64 = 16_000;
 
 const PREFETCH: u32 = 1 << 8;
 const INSTRUCTION_CACHE: u32 = 1 << 9;
 const DATA_CACHE: u32 = 1 << 10;
 
-/// How a register's lock stands.
+/// The state of a register's lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Key {
     None,
     First,
-    /// A wrong key came: nothing helps before the next reset.
+    /// A wrong key came, so the register stays locked until the next reset.
     Failed,
 }
 
-/// What an access to the interface or a store into flash came to.
+/// The outcome of an access to the interface or of a store into flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Done,
-    /// Memory changed.
+    /// The access changed memory.
     Changed,
     BusError,
 }
 
-/// The flash memory with its interface.
+/// The flash memory and its interface.
 #[derive(Clone, Debug)]
 pub(crate) struct FlashControl {
     pub(crate) memory: Flash,
@@ -83,17 +83,17 @@ pub(crate) struct FlashControl {
     option_key: Key,
     optcr: u32,
     optcr1: u32,
-    /// Until when each bank works.
+    /// The cycle until which each bank programs or erases.
     busy_until: [Cycle; 2],
     readable: bool,
-    /// Wait states that are missing at this supply alone.
+    /// The number of wait states that are missing only because of the supply.
     missing: u32,
-    /// What the wrong bits follow from, and reads that they could have been in.
+    /// The seed of the wrong bits, and the number of reads that could have had one.
     noise: u64,
     reads: u64,
-    /// OPTCR was programmed into the option bytes.
+    /// Whether OPTCR was just programmed into the option bytes.
     programmed: bool,
-    /// The line of 128 bits that the last instruction was fetched from, for the wait states.
+    /// The line of 128 bits from which the last instruction was fetched, for the wait states.
     line: u32,
 }
 
@@ -122,38 +122,38 @@ impl FlashControl {
         }
     }
 
-    /// A system reset: memory stays, and `options`, what OPTCR has of the option bytes, is loaded.
+    /// Carries out a system reset. Memory stays, and OPTCR is loaded with `options`, its part of the option bytes.
     pub(crate) fn reset(&mut self, options: u32) {
         let memory = std::mem::replace(&mut self.memory, Flash::new(0));
         let optcr1 = self.optcr1;
         *self = Self { memory, optcr: options | OPTLOCK, optcr1, ..Self::with(Flash::new(0)) };
     }
 
-    /// What OPTCR has of the option bytes, if it was just programmed into them.
+    /// Takes the value of OPTCR that was just programmed into the option bytes, if there is one.
     pub(crate) fn take_options(&mut self) -> Option<u32> {
         std::mem::take(&mut self.programmed).then_some(self.optcr & !(OPTLOCK | OPTSTRT))
     }
 
-    /// `BOR_LEV`: 0 for level 3 to 3 for off.
+    /// The field `BOR_LEV`, from 0 for level 3 to 3 for off.
     pub(crate) fn brown_out_level(&self) -> u32 {
         self.optcr >> 2 & 3
     }
 
-    /// What wrong bits follow from.
+    /// Sets the seed of the wrong bits.
     pub(crate) fn set_noise(&mut self, seed: u64) {
         self.noise = seed;
     }
 
-    /// What is read of flash. Where the supply asks for more wait states than there are, the sense amplifiers are too
-    /// slow for some cells: one bit of some reads is wrong. How many reads, no manual says: one in 4 to one in 65536,
-    /// drawn, and twice as many for each wait state that is missing.
+    /// Reads flash. Where the supply needs more wait states than are set, the sense amplifiers are too slow for some
+    /// cells, and one bit of some reads is wrong. No manual says of how many reads: the seed decides between one in 4
+    /// and one in 65536, and each missing wait state doubles their number.
     pub(crate) fn read(&mut self, offset: u32, width: Width) -> Option<u32> {
         let value = self.memory.read(offset, width)?;
         if self.missing == 0 {
             return Some(value);
         }
         self.reads = self.reads.wrapping_add(1);
-        // SplitMix64.
+        // The random generator is SplitMix64.
         let mut word = self.noise.wrapping_add(self.reads.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         word = (word ^ word >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -163,12 +163,12 @@ impl FlashControl {
         Some(if hit { value ^ 1 << ((word >> 32) as u32 % (8 * width.bytes())) } else { value })
     }
 
-    /// Whether two reads of one place always answer the same.
+    /// Whether repeated reads of one place always return the same value.
     pub(crate) fn is_certain(&self) -> bool {
         self.missing == 0
     }
 
-    /// The independent watchdog is started by hardware: option bit `WDG_SW` is 0.
+    /// Whether hardware starts the independent watchdog: the option bit `WDG_SW` is 0.
     pub(crate) fn starts_watchdog(&self) -> bool {
         self.optcr & 1 << 5 == 0
     }
@@ -177,24 +177,25 @@ impl FlashControl {
         self.acr & 0xF
     }
 
-    /// Whether reads come out right. With fewer wait states than RM0090 table 11 asks for, the core samples the array
-    /// before it has settled. What it then gets is anything; here, every halfword reads as the permanently undefined
-    /// instruction `UDF #255` (0xDEFF), so that an image stops at once in a fault, and in lockup since the vectors are
+    /// Whether reads are correct. With fewer wait states than RM0090 table 11 asks for, the core samples the array
+    /// before it has settled, and may read anything. In this model every halfword reads as the permanently undefined
+    /// instruction `UDF #255` (0xDEFF), so that firmware stops at once in a fault, and in lockup, since the vectors are
     /// garbage too.
     pub(crate) fn is_readable(&self) -> bool {
         self.readable
     }
 
-    /// Whether a read of flash is answered at once, with what is there.
+    /// Whether a read of flash returns the stored value at once.
     #[inline]
     pub(crate) fn is_quiet(&self) -> bool {
         self.readable && self.missing == 0 && self.sr & BSY == 0
     }
 
-    /// What flash reads as while it is not readable.
+    /// The value of every word of flash while it is not readable.
     pub(crate) const GARBAGE: u32 = 0xDEFF_DEFF;
 
-    /// HCLK, the latency or the supply changed. Answers whether what is fetched changed.
+    /// Checks the wait states after a change of HCLK, the latency or the supply. Returns whether fetches now read
+    /// differently.
     pub(crate) fn check(
         &mut self,
         hclk_hz: u64,
@@ -203,7 +204,7 @@ impl FlashControl {
         pc: Option<u32>,
         out: &mut Effects,
     ) -> bool {
-        // Table 11: the highest HCLK without a wait state, and with each more.
+        // Table 11 gives the highest HCLK without a wait state, and the increase for each further one.
         let mhz = match microvolts {
             2_700_000.. => 30,
             2_400_000.. => 24,
@@ -228,7 +229,7 @@ impl FlashControl {
         std::mem::replace(&mut self.readable, readable) != readable || certain != (self.missing == 0)
     }
 
-    /// FLASH's interrupt.
+    /// The level of FLASH's interrupt.
     pub(crate) fn irq(&self) -> bool {
         self.sr & EOP != 0 && self.cr & EOPIE != 0 || self.sr & OPERR != 0 && self.cr & ERRIE != 0
     }
@@ -247,7 +248,7 @@ impl FlashControl {
         }
     }
 
-    /// The clock tree changed while something is under way.
+    /// Converts the end of an operation under way after a change of the clocks.
     pub(crate) fn clocks_changed(&mut self, now: Cycle, old_hz: u64, new_hz: u64) {
         for until in &mut self.busy_until {
             if *until > now {
@@ -256,7 +257,7 @@ impl FlashControl {
         }
     }
 
-    /// Until when a read of `offset` waits, 0 for not at all.
+    /// The cycle until which a read of `offset` waits, 0 if it does not wait.
     #[inline]
     pub(crate) fn busy(&self, offset: u32, now: Cycle) -> Cycle {
         if self.sr & BSY == 0 {
@@ -278,7 +279,7 @@ impl FlashControl {
         lane(register, offset, width)
     }
 
-    /// `hz` is HCLK.
+    /// Writes a register of the interface. `hz` is the rate of HCLK.
     #[expect(clippy::too_many_arguments, reason = "one access with everything it depends on")]
     pub(crate) fn write_register(
         &mut self,
@@ -296,8 +297,7 @@ impl FlashControl {
         match offset >> 2 {
             0 => {
                 let new = merge(self.acr, offset, width, value) & 0x1F0F;
-                // ICRST and DCRST lie two bits above ICEN and DCEN; each asks for its own cache to be off (RM0090
-                // 3.9.1).
+                // ICRST and DCRST lie two bits above ICEN and DCEN. Each needs its own cache to be off (RM0090 3.9.1).
                 if new >> 2 & new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
                     find(FindingKind::Misuse, "a cache is reset while it is on: that does nothing");
                 }
@@ -371,7 +371,7 @@ impl FlashControl {
         Outcome::Done
     }
 
-    /// Works on the banks of `mask` for `ns`.
+    /// Begins an operation of `ns` nanoseconds on the banks in `mask`.
     fn begin(&mut self, mask: u32, now: Cycle, hz: u64, ns: u64) {
         let until = now + (ns * (hz / 1000) / 1_000_000).max(1);
         for (bank, busy) in self.busy_until.iter_mut().enumerate() {
@@ -389,14 +389,15 @@ impl FlashControl {
         }
     }
 
-    /// Whether `nWRP` protects sector 0 to 11 of `bank`.
+    /// Whether `nWRP` protects the sector (0 to 11) of `bank`.
     fn is_protected(&self, bank: u32, sector: u32) -> bool {
         let bits = if bank == 0 { self.optcr } else { self.optcr1 };
         bits >> (16 + sector) & 1 == 0
     }
 
     fn erase(&mut self, now: Cycle, pc: Option<u32>, hz: u64, out: &mut Effects) -> Outcome {
-        // Columns of DS9405's table: parallelism 8, 16, 32 bits (64 needs VPP, which no board here has).
+        // The times are the columns of DS9405's table: parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
+        // has).
         let psize = (self.cr >> 8 & 3) as usize;
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "FLASH", text, value: None });
         if psize == 3 {
@@ -443,7 +444,7 @@ impl FlashControl {
         Outcome::Changed
     }
 
-    /// The error flag, and what is wrong, of a store of this width into flash that programs nothing.
+    /// The error flag and the reason for which a store of this width into flash programs nothing, `None` if it does.
     fn refusal(&self, offset: u32, width: Width) -> Option<(u32, &'static str)> {
         let (bank, sector) = sector_of(offset);
         if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
@@ -459,7 +460,8 @@ impl FlashControl {
         }
     }
 
-    /// A store into flash; what is wrong with one that programs nothing. `hz` is HCLK.
+    /// Carries out a store into flash. Returns what is wrong with a store that programs nothing. `hz` is the rate of
+    /// HCLK.
     pub(crate) fn store(
         &mut self,
         offset: u32,
@@ -483,8 +485,8 @@ impl FlashControl {
         Ok(())
     }
 
-    /// Wait states of a read at `address`: none where prefetch or a cache has it, else the latency; at worst each line
-    /// of 128 bits is fetched anew (RM0090 3.5.2).
+    /// The wait states of a read at `address`: none where prefetch or a cache has the data, else the latency. At worst
+    /// each line of 128 bits is fetched anew (RM0090 3.5.2).
     pub(crate) fn wait_states(&mut self, address: u32, fetch: bool, bound: Bound) -> u32 {
         let cached = if fetch { self.acr & (PREFETCH | INSTRUCTION_CACHE) } else { self.acr & DATA_CACHE } != 0;
         match bound {
@@ -494,7 +496,7 @@ impl FlashControl {
                 if std::mem::replace(&mut self.line, line) == line { 0 } else { self.latency() }
             }
             _ => {
-                // The array has one read port: a data access takes the line that instructions came from.
+                // The array has one read port, so a data access replaces the line from which instructions came.
                 self.line = u32::MAX;
                 self.latency()
             }
@@ -502,7 +504,8 @@ impl FlashControl {
     }
 }
 
-/// Offset and size of sector 0 to 11 of a bank: four of 16 KiB, one of 64 KiB, seven of 128 KiB, RM0090 table 6.
+/// The offset and the size of a sector (0 to 11) of a bank: four of 16 KiB, one of 64 KiB, seven of 128 KiB, RM0090
+/// table 6.
 fn sector_range(bank: u32, sector: u32) -> (u32, u32) {
     const KIB: u32 = 1 << 10;
     let (offset, size) = match sector {
@@ -513,7 +516,7 @@ fn sector_range(bank: u32, sector: u32) -> (u32, u32) {
     (bank * BANK + offset, size)
 }
 
-/// The bank of `offset` and its sector in it.
+/// The bank of `offset`, and the number of its sector in that bank.
 fn sector_of(offset: u32) -> (u32, u32) {
     let (bank, within) = ((offset / BANK) & 1, (offset % BANK) >> 10);
     let sector = match within {
@@ -530,7 +533,7 @@ mod tests {
 
     const MHZ: u64 = 1_000_000;
 
-    /// Flash of zeros with so many wait states, at a clock and a supply.
+    /// Makes flash full of zeros with the given wait states, HCLK, supply and noise seed.
     fn flash(latency: u32, hz: u64, microvolts: u32, noise: u64) -> FlashControl {
         let mut flash = FlashControl::new();
         flash.memory.bytes_mut()[..4096].fill(0);
@@ -544,7 +547,7 @@ mod tests {
         read.filter(|(_, word)| *word != 0).collect()
     }
 
-    /// RM0090, table of the wait states: 30, 24, 22 and 20 MHz for each, from 2.7, 2.4, 2.1 and 1.8 V on.
+    /// The test is by RM0090's table of wait states: 30, 24, 22 and 20 MHz for each, from 2.7, 2.4, 2.1 and 1.8 V on.
     #[test]
     fn four_wait_states_at_144_mhz_need_2700_mv() {
         assert_eq!(flash(4, 144 * MHZ, 2_700_000, 0).missing, 0);

@@ -1,7 +1,7 @@
 //! The STM32F429ZI without its core: memory, clocks, peripherals, pins and interrupt lines, as a
 //! [`emulator_part::Part`].
 //!
-//! Section and table numbers are those of RM0090; "data sheet" is DS9405, "errata" ES0206.
+//! Section and table numbers are those of RM0090. "Data sheet" is DS9405, and "errata" is ES0206.
 //!
 //! | covered | module |
 //! |---|---|
@@ -12,13 +12,13 @@
 //! | SPI, USART and UART, I2C, TIM1 to TIM14, RTC, RNG, ADC, DAC, CRC | a module each |
 //! | CAN1 in loopback | `can` |
 //!
-//! | left out | how that shows |
+//! | left out | effect |
 //! |---|---|
-//! | CAN2, SDIO, SAI, LTDC, Ethernet, DMA2D, USB, DCMI, FMC, I2S extensions | a finding at each use; they read 0 |
+//! | CAN2, SDIO, SAI, LTDC, Ethernet, DMA2D, USB, DCMI, FMC, I2S extensions | each use is a finding; they read 0 |
 //! | what DBGMCU stops while a debugger holds the core | nothing stops; its registers keep what is written |
-//! | stop and standby mode | a finding when a deep sleep begins; the part goes on as in sleep mode |
-//! | the bus matrix's arbitration, but for [`Part::wait_states`] | DMA transfers take no time |
-//! | BOOT0 | low: the part boots from flash |
+//! | stop and standby mode | a finding when a deep sleep begins, which is then an ordinary sleep |
+//! | the bus matrix's arbitration, except in [`Part::wait_states`] | DMA transfers take no time |
+//! | BOOT0 | it is low: the part boots from flash |
 //!
 //! ```
 //! use cortex_m4::{Access, Purpose, Width};
@@ -92,47 +92,47 @@ use tim::Tim;
 use usart::Usart;
 use watchdog::{Iwdg, Wwdg};
 
-/// Pin `number` of the port called `port`: `pin('D', 14)`.
+/// Returns a pin by its port's letter and its number, as in `pin('D', 14)`.
 ///
 /// # Panics
 ///
-/// On a port past K or a pin past 15.
+/// Panics on a port past K or a pin past 15.
 #[must_use]
 pub const fn pin(port: char, number: u8) -> Pin {
     assert!(port >= 'A' && port <= 'K' && number < 16, "a pin of the part");
     Pin::new(port as u8 - b'A', number)
 }
 
-/// The interrupt of TIM2, table 63.
+/// The number of TIM2's interrupt, table 63.
 pub const TIM2_INTERRUPT: u16 = 28;
-/// The interrupt of EXTI line 3, table 63.
+/// The number of the interrupt of EXTI line 3, table 63.
 pub const EXTI3_INTERRUPT: u16 = 9;
-/// How many interrupt lines the part has, table 63: the last is DMA2D's, 90.
+/// The number of interrupt lines of the part, table 63. The last is DMA2D's, 90.
 pub const INTERRUPTS: u16 = 91;
 
-/// Where the unique device ID is, 39.1.
+/// The address of the unique device ID, 39.1.
 pub const UNIQUE_ID: u32 = 0x1FFF_7A10;
-/// Where the flash size in KiB is, a half-word, 39.2.
+/// The address of the flash size, a half-word in KiB, 39.2.
 pub const FLASH_SIZE: u32 = 0x1FFF_7A22;
 
-/// SRAM1, SRAM2 and SRAM3 in one piece, 2.3.1.
+/// The first address of SRAM1, SRAM2 and SRAM3, which adjoin each other, 2.3.1.
 const SRAM_BASE: u32 = 0x2000_0000;
 const SRAM_SIZE: u32 = 192 << 10;
 const SRAM1_SIZE: u32 = 112 << 10;
-/// The core's own RAM, which no DMA controller reaches, 2.3.1.
+/// The first address of the core-coupled memory, which no DMA controller reaches, 2.3.1.
 const CCM_BASE: u32 = 0x1000_0000;
 const CCM_SIZE: u32 = 64 << 10;
 const CCM_GATE: rcc::Gate = rcc::Gate { bus: 0, bit: 20 };
-/// Backup SRAM, 5.1.2.
+/// The first address of backup SRAM, 5.1.2.
 const BACKUP_BASE: u32 = 0x4002_4000;
 const BACKUP_SIZE: u32 = 4 << 10;
-/// System memory, OTP, factory values, and at its second half the option bytes: table 6.
+/// The first address of system memory, OTP and factory values. The option bytes are in its second half: table 6.
 const FACTORY_BASE: u32 = 0x1FFF_0000;
 const FACTORY_SIZE: u32 = 0x1_0000;
-/// The option bytes of bank 1: read protection and user options, and 8 bytes on the write protection, 3.9.
+/// The option bytes of bank 1: read protection and user options, with the write protection 8 bytes further, 3.9.
 const OPTION_BYTES: u32 = 0x1FFF_C000;
 
-/// What an APB peripheral makes of a narrow write: the bridge copies the value to all lanes (2.1.6).
+/// The word that an APB peripheral gets for a narrow write: the bridge copies the value to all lanes (2.1.6).
 pub(crate) fn lanes(width: Width, value: u32) -> u32 {
     match width {
         Width::Byte => (value & 0xFF) * 0x0101_0101,
@@ -141,37 +141,37 @@ pub(crate) fn lanes(width: Width, value: u32) -> u32 {
     }
 }
 
-/// What clocks the part.
+/// The oscillators that clock the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Oscillators {
-    /// What OSC_IN is meant to carry, in hertz; `None` where nothing drives it, as on a NUCLEO whose ST-LINK has no
-    /// power.
+    /// The nominal rate of the clock on OSC_IN, in hertz; `None` where nothing drives OSC_IN, as on a NUCLEO whose
+    /// ST-LINK has no power.
     pub hse_hz: Option<u64>,
-    /// By how much it is fast, in parts per billion.
+    /// How much faster that clock is, in parts per billion.
     pub hse_ppb: i64,
-    /// By how much the internal 16 MHz oscillator (HSI) is fast, in parts per billion: ±1 % trimmed and at 25 °C, -8 %
+    /// How much faster the internal 16 MHz oscillator (HSI) is, in parts per billion: ±1 % trimmed and at 25 °C, -8 %
     /// to +4.5 % from -40 °C to 105 °C (data sheet, table of the HSI oscillator's characteristics).
     pub hsi_ppb: i64,
-    /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data
-    /// sheet, table of the LSI oscillator's characteristics).
+    /// The rate in hertz of the internal low-speed oscillator, which clocks the independent watchdog: 17 to 47 kHz, 32
+    /// kHz typical (data sheet, table of the LSI oscillator's characteristics).
     pub lsi_hz: u64,
 }
 
 impl Default for Oscillators {
-    /// The NUCLEO board: 8 MHz from the ST-LINK.
+    /// The oscillators of the NUCLEO board, with 8 MHz from the ST-LINK.
     fn default() -> Self {
         Self { hse_hz: Some(8_000_000), hse_ppb: 0, hsi_ppb: 0, lsi_hz: 32_000 }
     }
 }
 
-/// The key that makes two findings the same: the words are compared by where they are in the program.
+/// The key by which two findings are the same. The words are compared by their addresses in the program.
 type NoteKey = (FindingKind, &'static str, &'static str, Option<u32>);
 
-/// The microcontroller without its core.
+/// The STM32F429ZI without its core.
 #[derive(Clone, Debug)]
 pub struct Stm32f429 {
     signals: Signals,
-    /// The latest cycle the part was called at.
+    /// The latest cycle at which the part was called.
     now: Cycle,
 
     flash: FlashControl,
@@ -181,7 +181,7 @@ pub struct Stm32f429 {
     backup: Ram,
 
     rcc: Rcc,
-    /// The clocks that the instances know.
+    /// The clocks that the instances use at present.
     clocks: Clocks,
     pwr: Pwr,
     supply: Supervisors,
@@ -203,21 +203,21 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// When something happens in each, in any of each group of eight, and in any.
+    /// The cycle at which something next happens: in each instance, in any of each group of eight, and in any at all.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
-    /// Instances that were called and not looked at since.
+    /// The instances that were called and whose outputs were not yet checked.
     dirty: u64,
-    /// The DMA requests of each instance, those that a stream listens to, and the instances where both meet.
+    /// The DMA requests of each instance, those that a stream listens to, and the instances that have both.
     requests: [u8; id::SCHEDULED],
-    /// A request that never goes away keeps each controller busy until then.
+    /// The cycle until which each controller is busy because of a request that never ends.
     dma_pauses_until: [Cycle; 2],
     listened: [u8; id::SCHEDULED],
     hungry: u64,
     /// The streams of each controller that listen to a request.
     listening: [u8; 2],
-    /// Interrupt lines: of TIM9 to TIM14, which share lines with TIM1 and TIM8, and of everything else.
+    /// The interrupt lines: those of TIM9 to TIM14, which share lines with TIM1 and TIM8, and those of everything else.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -226,33 +226,33 @@ pub struct Stm32f429 {
     reset_wanted: Option<Reset>,
 }
 
-/// Groups of eight in the event queue.
+/// The number of groups of eight in the event queue.
 const GROUPS: usize = id::SCHEDULED.div_ceil(8);
 
-/// Most findings that are kept.
+/// The maximum number of findings that are kept.
 const MOST_FINDINGS: usize = 200;
 
-/// Most DMA transfers at one cycle: a stream whose request never goes away (a circular one to a register that is not
-/// its request's) then pauses for as long as so many take, see [`TRANSFER_CYCLES`].
+/// The maximum number of DMA transfers at one cycle. A stream whose request never ends (a circular one to a register
+/// that does not clear its request) then pauses for the time that so many transfers take, see [`TRANSFER_CYCLES`].
 const MOST_TRANSFERS: u32 = 64;
 
-/// How long a DMA transfer takes where a request never goes away, in cycles: arbitration and an access on either port.
-/// AN4031 ("DMA latency") counts a few cycles for each; what it is exactly hangs on the bus matrix, which is left out.
+/// The cycles of one DMA transfer where a request never ends: arbitration and an access on either port. AN4031 ("DMA
+/// latency") counts a few cycles for each. The exact number depends on the bus matrix, which is not modelled.
 const TRANSFER_CYCLES: Cycle = 8;
 
-/// Most rounds of internal triggers at one cycle. Timers that trigger one another in a ring take clocks for it on
-/// silicon; here they would never end, so the ring is cut with a finding.
+/// The maximum number of rounds of internal triggers at one cycle. Timers that trigger one another in a ring need
+/// clocks for it on silicon. Here the ring would never end, so it is cut with a finding.
 const MOST_TRIGGERS: u32 = 64;
 
-/// Who makes an access that is not the core's.
+/// The bus master of an access that the core does not make.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Master {
-    /// A DMA controller's peripheral port, and its memory port: 0 is DMA1.
+    /// The peripheral port of a DMA controller, and its memory port. 0 is DMA1.
     DmaPeripheral(u8),
     DmaMemory(u8),
 }
 
-/// Evaluates an expression for the instance with a number.
+/// Evaluates an expression for the instance with the given number.
 macro_rules! with {
     ($self:ident, $id:expr, $p:ident => $body:expr) => {
         match $id {
@@ -296,7 +296,7 @@ macro_rules! with {
     };
 }
 
-/// What an instance sees.
+/// Makes the context ([`Cx`]) with which an instance is called.
 macro_rules! cx {
     ($self:ident, $id:expr, $now:expr, $pc:expr) => {
         &mut Cx {
@@ -310,14 +310,14 @@ macro_rules! cx {
     };
 }
 
-// After the macros that they use.
+// The modules here use the macros above, so their declarations come after them.
 mod bus;
 mod part;
 mod reactions;
 mod transfers;
 
 impl Stm32f429 {
-    /// The part on a 3.3 V rail, just powered on, with nothing on its pins and its flash erased.
+    /// Makes the part on a 3.3 V rail, just powered on, with nothing on its pins and its flash erased.
     #[must_use]
     pub fn new(oscillators: Oscillators) -> Self {
         let mut factory = emulator_part::Flash::new(FACTORY_SIZE as usize);
@@ -326,14 +326,14 @@ impl Stm32f429 {
             bytes[at..at + values.len()].copy_from_slice(values);
         };
         let bytes = factory.bytes_mut();
-        // A device ID that can be told in a dump: coordinates, wafer, lot in ASCII (39.1).
+        // The default device ID is easy to recognise in a dump: coordinates, wafer, lot in ASCII (39.1).
         put(bytes, UNIQUE_ID, &[0x2A, 0x00, 0x31, 0x00, 0x0D, b'H', b'O', b'R', b'U', b'S', b'0', b'1']);
         put(bytes, FLASH_SIZE, &2048_u16.to_le_bytes());
-        // Calibration at 3.3 V (data sheet): VREFINT, the sensor at 30 °C and at 110 °C.
+        // The calibration values are for 3.3 V (data sheet): VREFINT, the sensor at 30 °C and at 110 °C.
         for (nth, value) in adc::CALIBRATION.into_iter().enumerate() {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }
-        // Option bytes as delivered: 0x0FFF_AAED without the lock bits, 3.9.10.
+        // The option bytes are as delivered: 0x0FFF_AAED without the lock bits, 3.9.10.
         put(bytes, OPTION_BYTES, &[0xEC, 0xAA]);
         put(bytes, OPTION_BYTES + 8, &[0xFF, 0x0F]);
         let mut part = Self {
@@ -388,28 +388,28 @@ impl Stm32f429 {
         part
     }
 
-    /// Gives the part another 96-bit unique device ID, 39.1.
+    /// Changes the part's 96-bit unique device ID, 39.1.
     pub fn set_unique_id(&mut self, id: [u8; 12]) {
         let at = (UNIQUE_ID - FACTORY_BASE) as usize;
         self.factory.bytes_mut()[at..at + id.len()].copy_from_slice(&id);
     }
 
-    /// Puts brown-out level 3 (2.7 V) into the option bytes, as `cargo xtask flash horus` does. It counts from the next
-    /// reset on.
+    /// Puts brown-out level 3 (2.7 V) into the option bytes, as `cargo xtask flash horus` does. The level is in force
+    /// from the next reset on.
     #[must_use]
     pub fn with_brown_out_level_3(mut self) -> Self {
         self.factory.bytes_mut()[(OPTION_BYTES - FACTORY_BASE) as usize] &= !(3 << 2);
         self
     }
 
-    /// What the random number generator's numbers follow from: parts with different seeds answer different ones.
+    /// Seeds the random number generator. Parts with different seeds give different numbers.
     pub fn seed_random(&mut self, seed: u64) {
         self.rng.seed(seed);
     }
 
-    /// The oscillator on OSC_IN stops at `at`. With `CSSON` set the hardware switches what ran from it to HSI and
-    /// raises the NMI; without, whatever it clocked stands still, the core with it (7.2.7). Nothing happens where it
-    /// does not run.
+    /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches what ran from it to HSI and
+    /// raises the NMI. Without, whatever it clocked stands still, including the core (7.2.7). The call does nothing if
+    /// the oscillator does not run.
     pub fn fail_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.fail_hse(at, self.pwr.supply(), &mut self.out);
@@ -420,8 +420,8 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
-    /// The oscillator on OSC_IN runs again from `at` on, also one that was absent from the start. Software that waits
-    /// for `HSERDY` sees it rise; nothing switches back by itself.
+    /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. Software that waits for `HSERDY`
+    /// sees it rise; nothing switches back by itself.
     pub fn restore_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.restore_hse(at, self.pwr.supply(), &mut self.out);
@@ -429,7 +429,7 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
-    /// I2C`number` says at `at` that it has seen a bus error, without any cause (ES0206 2.9.6).
+    /// Makes I2C`number` report a bus error at `at` without any cause (ES0206 2.9.6).
     pub fn spurious_bus_error<O: Outside>(&mut self, number: u8, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.i2c[usize::from(number - 1)].spurious_bus_error();
@@ -449,13 +449,14 @@ impl Stm32f429 {
         self.gpio.pad(pin)
     }
 
-    /// What the DAC's channel `number` (1 on PA4, 2 on PA5) drives its pin to, in microvolts; `None` where it is off.
+    /// The voltage to which the DAC's channel `number` (1 on PA4, 2 on PA5) drives its pin, in microvolts; `None` where
+    /// the channel is off.
     #[must_use]
     pub fn dac_microvolts(&self, number: usize) -> Option<i32> {
         self.gpio.pads.dac[number - 1]
     }
 
-    // ---- Findings
+    // The following functions handle findings.
 
     fn note(&mut self, note: Note) {
         let key = (note.kind, note.place, note.text, note.value);
@@ -478,7 +479,7 @@ impl Stm32f429 {
     }
 }
 
-/// Which memory.
+/// One of the part's memories.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Memory {
     Flash,
@@ -492,7 +493,7 @@ fn name(number: u8) -> &'static str {
     id::NAMES[usize::from(number)]
 }
 
-/// Whose signal it is.
+/// The number of the instance that has `signal`.
 fn instance_of(signal: Signal) -> Option<u8> {
     match signal {
         Signal::Spi(n, _) => Some(id::spi(n)),
@@ -505,7 +506,7 @@ fn instance_of(signal: Signal) -> Option<u8> {
     }
 }
 
-/// The indices of an instance's signals.
+/// The indices of the signals of an instance.
 fn signals_of(number: u8) -> std::ops::Range<usize> {
     let (first, count) = match number {
         id::SPI..id::USART => (usize::from(number - id::SPI) * 5, 5),

@@ -1,4 +1,4 @@
-//! The part as the bench calls it: [`Part`].
+//! The implementation of [`Part`], through which the bench calls the part.
 
 use super::*;
 
@@ -10,10 +10,11 @@ impl Part for Stm32f429 {
     fn core(&self) -> Config {
         Config {
             lines: INTERRUPTS,
-            // PM0214 4.3.
+            // The number is from PM0214 4.3.
             priority_bits: 4,
             vector_table: 0,
-            // 12.1.2: the calibration value is 18750, 1 ms at HCLK/8 of 150 MHz; SKEW, since it is not exact.
+            // The calibration value is 18750, which is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW is set, since it is not
+            // exact.
             systick_calibration: 0x4000_0000 | 18_750,
             systick_reference: 8,
             mpu_regions: 8,
@@ -25,7 +26,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // A copy, so that an access to RAM is never put together in the host's memory.
+        // The access is copied, so that the compiler does not build one in the host's memory for each access to RAM.
         self.read_other(&{ *access }, outside)
     }
 
@@ -42,7 +43,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read_aligned(address.wrapping_sub(SRAM_BASE), width) {
             return Some(value);
         }
-        // Flash that is being programmed or erased holds the bus.
+        // Flash that is being programmed or erased stalls the bus.
         if self.flash.is_quiet() {
             return self.flash.memory.read_aligned(address.wrapping_sub(flash::BASE), width);
         }
@@ -62,7 +63,7 @@ impl Part for Stm32f429 {
             }
             return self.flash.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
         }
-        // The CCM is on the data bus alone, 2.3.1: nothing is executed from it.
+        // The CCM is only on the data bus, 2.3.1, so nothing can be executed from it.
         match self.locate(address) {
             Some((Memory::Sram, offset)) => self.sram.read(offset as u32, Width::Half),
             Some((Memory::Factory, offset)) => self.factory.read(offset as u32, Width::Half),
@@ -139,11 +140,13 @@ impl Part for Stm32f429 {
         if self.flash_offset(address).is_some() {
             return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
         }
-        // Assumed, as no manual has figures: a DMA controller that is active takes the RAM or the bridge for one cycle.
+        // It is assumed, since no manual has figures, that an active DMA controller takes the RAM or the bridge for one
+        // cycle.
         let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
         match address {
             0x4000_0000..0x4002_0000 => {
-                // Assumed: setup and access phase of the APB, and at worst the wait for the bridge's clock edge.
+                // It is assumed that an access has the setup and access phases of the APB, and at worst waits for the
+                // bridge's clock edge.
                 let divider = if address < 0x4001_0000 { self.clocks.pclk1 } else { self.clocks.pclk2 };
                 let phases = 2 * divider;
                 match bound {
@@ -160,8 +163,8 @@ impl Part for Stm32f429 {
         true
     }
 
-    /// HCLK. While its source has failed without the clock security system, the rate is 0: the core stands still, and
-    /// cycles are to go on being counted at the last rate, for the independent watchdog.
+    /// The clock HCLK. While its source has failed without the clock security system, its rate is 0 and the core stands
+    /// still. Cycles are then counted on at the last rate, for the independent watchdog.
     fn clock(&self) -> Clock {
         Clock { hz: if self.rcc.stopped { 0 } else { self.clocks.hclk_hz }, ppb: self.clocks.ppb }
     }
@@ -262,7 +265,7 @@ impl Part for Stm32f429 {
         let now = self.now;
         let usart = &mut self.usart[usize::from(n - 1)];
         let cx = cx!(self, number, now, None);
-        // In half-duplex mode (CR3.HDSEL) the TX pin is the receiver's, and the RX pin is not used, 30.3.10.
+        // In half-duplex mode (CR3.HDSEL) the TX pin is also the receiver's, and the RX pin is not used, 30.3.10.
         let half_duplex = usart.peek(0x14, cx) & 1 << 3 != 0;
         if half_duplex == (wire == UartPin::Tx) {
             usart.receive(begins, &frame, cx);

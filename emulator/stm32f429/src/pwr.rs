@@ -2,14 +2,14 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `CR` `VOS` | Written only while the PLL is off; counts while it is on, 5.4.1 |
-//! | `CR` `ODEN`, `ODSWEN`; `CSR` `ODRDY`, `ODSWRDY` | Ready at once (no figure in the data sheet) |
+//! | `CR` `VOS` | Can be written only while the PLL is off; takes effect while it is on, 5.4.1 |
+//! | `CR` `ODEN`, `ODSWEN`; `CSR` `ODRDY`, `ODSWRDY` | Ready at once, since the data sheet has no figure |
 //! | `CR` `DBP` | Opens the backup domain |
-//! | `CR` `PVDE`, `PLS`; `CSR` `PVDO` | The voltage detector, of which [`crate::supply`] is the comparator, 5.2.3 |
+//! | `CR` `PVDE`, `PLS`; `CSR` `PVDO` | The voltage detector, whose comparator is [`crate::supply`], 5.2.3 |
 //! | `CSR` `VOSRDY`, `BRE`, `BRR` | Ready at once |
 //!
 //! **Left out.** Stop and standby are not entered: a deep sleep with `PDDS` or in stop mode makes a finding and is an
-//! ordinary sleep. Flags of standby and wake-up stay 0.
+//! ordinary sleep. The flags of standby and wake-up stay 0.
 
 use cortex_m4::Width;
 
@@ -21,7 +21,7 @@ const ODEN: u32 = 1 << 16;
 const ODSWEN: u32 = 1 << 17;
 const VOS: u32 = 3 << 14;
 
-/// Power control.
+/// The power controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Pwr {
     cr: u32,
@@ -47,7 +47,7 @@ impl Pwr {
         self.cr
     }
 
-    /// `low` is the voltage detector's output.
+    /// Reads a register. `low` is the voltage detector's output.
     pub(crate) fn read(&self, offset: u32, width: Width, low: bool) -> u32 {
         let register = match offset >> 2 {
             0 => self.cr,
@@ -60,7 +60,7 @@ impl Pwr {
         lane(register, offset, width)
     }
 
-    /// `pll` is PLLON.
+    /// Writes a register. `pll` is PLLON.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32, pll: bool) {
         match offset >> 2 {
             0 => {

@@ -1,12 +1,12 @@
-//! What follows from a call of an instance: interrupt lines, DMA requests, pins, triggers, the next event.
+//! The consequences of a call of an instance: interrupt lines, DMA requests, pins, triggers, the next event.
 
 use super::*;
 
 impl Stm32f429 {
-    /// Looks at what `number` drives after it was called.
+    /// Takes in the outputs of the instance `number` after it was called.
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // A receiver that is told of a frame late has instants in the past: they are taken now.
+        // A receiver that gets a frame late has due instants in the past, which are handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;
@@ -39,21 +39,21 @@ impl Stm32f429 {
         }
     }
 
-    /// The first in whom something happens at `at`.
+    /// The first instance in which something happens at `at`.
     pub(crate) fn first_due(&self, at: Cycle) -> u8 {
         let position = |list: &[Cycle]| list.iter().position(|&due| due == at).unwrap_or(0);
         let group = position(&self.group_due);
         (group * 8 + position(&self.due[group * 8..group * 8 + 8])) as u8
     }
 
-    /// The levels of an instance's interrupt outputs on their lines, table 63.
+    /// Puts the levels of an instance's interrupt outputs onto their lines, table 63.
     pub(crate) fn set_irq(&mut self, number: u8, irq: u32) {
         const SPI: [u8; 6] = [35, 36, 51, 84, 85, 86];
         const USART: [u8; 8] = [37, 38, 39, 52, 53, 71, 82, 83];
         const I2C: [u8; 3] = [31, 33, 72];
-        // TIM2 to TIM7.
+        // The table has the lines of TIM2 to TIM7.
         const TIM: [u8; 6] = [28, 29, 30, 50, 54, 55];
-        // TIM9 to TIM14.
+        // The table has the lines of TIM9 to TIM14.
         const SHARED: [u8; 6] = [24, 25, 26, 43, 44, 45];
         match number {
             id::SPI..id::USART => self.set_line(SPI[usize::from(number - id::SPI)], irq & 1 != 0),
@@ -109,7 +109,7 @@ impl Stm32f429 {
         }
     }
 
-    /// The EXTI's lines and events.
+    /// Passes on the lines and events of the EXTI after it was called.
     pub(crate) fn after_exti(&mut self) {
         let live = self.exti.live();
         for line in 0..5 {
@@ -139,7 +139,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Which requests streams listen to.
+    /// Finds the requests to which streams listen.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {
@@ -156,7 +156,7 @@ impl Stm32f429 {
         }
     }
 
-    /// The clock tree may be another.
+    /// Passes a possible change of the clock tree on to the instances.
     pub(crate) fn after_rcc<O: Outside>(&mut self, now: Cycle, pc: Option<u32>, outside: &mut O) {
         self.set_line(5, self.rcc.irq());
         self.signals.drive_nmi(self.rcc.nmi());
@@ -193,14 +193,14 @@ impl Stm32f429 {
         }
     }
 
-    /// The supply or what watches it changed.
+    /// Updates the voltage detector after a change of the supply or of its settings.
     pub(crate) fn watch_supply(&mut self) {
         self.supply.detect(self.pwr.cr());
         self.exti.sample(1 << 16, u32::from(self.supply.low) << 16);
         self.after_exti();
     }
 
-    /// Reset bits of RCC rose.
+    /// Resets the peripherals whose reset bits in RCC rose.
     pub(crate) fn reset_peripherals(&mut self, now: Cycle) {
         let bits = std::mem::take(&mut self.rcc.reset_bits);
         for number in 0..id::COUNT as u8 {
@@ -214,7 +214,7 @@ impl Stm32f429 {
                     self.gpio.release(signals_of(number), now, &mut self.out);
                     self.dirty |= 1 << number;
                 }
-                // Nothing but a system reset stops it.
+                // Only a system reset stops the independent watchdog.
                 id::IWDG => {}
                 id::WWDG => {
                     self.wwdg = Wwdg::new();
@@ -258,7 +258,7 @@ impl Stm32f429 {
         self.listen();
     }
 
-    /// Everything that a call has set off at once happens: lines, pins, triggers, DMA.
+    /// Carries out everything that a call has set off at once: lines, pins, triggers, DMA.
     #[inline]
     pub(crate) fn settle<O: Outside>(&mut self, now: Cycle, outside: &mut O) {
         let (mut transfers, mut rounds) = ([0; 2], 0);
@@ -301,7 +301,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Hands on what instances and ports have left. Answers whether there was anything.
+    /// Passes on the effects of instances and ports. Returns whether there were any.
     #[inline]
     pub(crate) fn drain<O: Outside>(&mut self, now: Cycle, outside: &mut O) -> bool {
         if self.out.notes.is_empty()
@@ -357,7 +357,7 @@ impl Stm32f429 {
         }
     }
 
-    /// The EXTI looks at the pins of a port that changed.
+    /// Lets the EXTI sample the pins of a port that changed.
     pub(crate) fn sample_port(&mut self, port: usize, mut mask: u16) {
         let mut lines = 0;
         while mask != 0 {

@@ -5,7 +5,7 @@
 //! | A word every 40 cycles of the 48 MHz clock, `DRDY`, the interrupt | 24.3 |
 //! | A clock below HCLK / 16, or none: `CECS`, `CEIS`, no more words | 24.3.2 |
 //!
-//! **Left out:** seed errors never come. The words are a pseudo-random sequence that every run has the same.
+//! **Left out:** seed errors never come. The words are a pseudo-random sequence, which is the same in every run.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, NEVER};
@@ -19,10 +19,10 @@ const CECS: u32 = 1 << 1;
 const CEIS: u32 = 1 << 5;
 const SEIS: u32 = 1 << 6;
 
-/// Cycles of the 48 MHz clock that a word takes.
+/// The cycles of the 48 MHz clock that a word takes.
 const WORD: u64 = 40;
 
-/// The generator.
+/// The random number generator.
 #[derive(Clone, Debug)]
 pub(crate) struct Rng {
     cr: u32,
@@ -34,18 +34,18 @@ pub(crate) struct Rng {
 }
 
 impl Rng {
-    /// As it is after a reset.
+    /// Makes the generator as it is after a reset.
     pub(crate) fn new() -> Self {
         Self { cr: 0, sr: 0, data: 0, state: 0x5EED_0F42_9000_0001, due: NEVER }
     }
 
-    /// The words from now on follow from `seed`.
+    /// Seeds the words from now on.
     #[allow(dead_code, reason = "for a bench that wants another sequence")]
     pub(crate) fn seed(&mut self, seed: u64) {
         self.state = seed;
     }
 
-    /// SplitMix64 (Steele, Lea and Flood 2014), its upper half.
+    /// Draws the upper half of a number of SplitMix64 (Steele, Lea and Flood 2014).
     fn next(&mut self) -> u32 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut mixed = self.state;

@@ -1,20 +1,20 @@
-//! What watches the supply: power-on and power-down reset, brown-out reset, the programmable voltage detector. RM0090
+//! The supply supervisors: power-on and power-down reset, brown-out reset, the programmable voltage detector. RM0090
 //! 5.2.
 //!
-//! Thresholds are those of DS9405, "Embedded reset and power control block characteristics". The data sheet gives each
-//! a range; here each detector is as late as the data sheet lets it be, so a firmware finds the least time between
-//! them. The time that the reset lasts beyond the threshold (0.5 to 3 ms) is left out.
+//! The thresholds are those of DS9405, "Embedded reset and power control block characteristics". The data sheet gives a
+//! range for each. Here each detector reacts as late as the data sheet allows, so that firmware has the least time
+//! between them. The time for which the reset lasts beyond the threshold (0.5 to 3 ms) is left out.
 
 use emulator_part::{Reset, Supplied};
 
-/// A threshold, µV: where it is crossed when the supply falls, and when it rises.
+/// A threshold in µV: its values for a falling and for a rising supply.
 type Threshold = (u32, u32);
 
-/// Power-down and power-on.
+/// The thresholds of power-down and power-on.
 const POWER: Threshold = (1_600_000, 1_640_000);
-/// Brown-out levels 3, 2 and 1, as `BOR_LEV` numbers them; 3 is off.
+/// The thresholds of brown-out levels 3, 2 and 1, in the order of `BOR_LEV`, in which 3 is off.
 const BROWN_OUT: [Threshold; 3] = [(2_750_000, 2_850_000), (2_440_000, 2_530_000), (2_130_000, 2_230_000)];
-/// The voltage detector's by `PWR_CR.PLS`.
+/// The thresholds of the voltage detector, by `PWR_CR.PLS`.
 const DETECTOR: [Threshold; 8] = [
     (1_980_000, 2_090_000),
     (2_130_000, 2_230_000),
@@ -26,23 +26,23 @@ const DETECTOR: [Threshold; 8] = [
     (2_950_000, 3_070_000),
 ];
 
-/// `PWR_CR`.
+/// Bits of `PWR_CR`.
 const PVDE: u32 = 1 << 4;
 
 /// The supply and its supervisors.
 #[derive(Clone, Debug)]
 pub(crate) struct Supervisors {
     microvolts: u32,
-    /// The part is held in reset, and will restart for this cause.
+    /// The cause for which the part will restart, while it is held in reset.
     held: Option<Reset>,
-    /// The detector's output, `PWR_CSR.PVDO`: the supply is below its threshold.
+    /// The voltage detector's output, `PWR_CSR.PVDO`: whether the supply is below its threshold.
     pub(crate) low: bool,
-    /// It rose since this was last asked.
+    /// Whether the output rose since the last check.
     pub(crate) warned: bool,
 }
 
 impl Supervisors {
-    /// On a rail of 3.3 V.
+    /// Makes the supervisors on a rail of 3.3 V.
     pub(crate) fn new() -> Self {
         Self { microvolts: 3_300_000, held: None, low: false, warned: false }
     }
@@ -51,7 +51,7 @@ impl Supervisors {
         self.microvolts
     }
 
-    /// The supply changes; `level` is `BOR_LEV`.
+    /// Changes the supply. `level` is `BOR_LEV`.
     pub(crate) fn supply(&mut self, microvolts: u32, level: u32) -> Supplied {
         self.microvolts = microvolts;
         let before = self.held;
@@ -70,7 +70,7 @@ impl Supervisors {
         }
     }
 
-    /// The voltage detector as `PWR_CR` sets it up.
+    /// Updates the voltage detector with the settings in `PWR_CR`.
     pub(crate) fn detect(&mut self, cr: u32) {
         let (falls, rises) = DETECTOR[(cr >> 5 & 7) as usize];
         let low = cr & PVDE != 0 && self.microvolts < if self.low { rises } else { falls };
@@ -103,7 +103,8 @@ mod tests {
         assert_eq!(supply.supply(1_600_000, 3), Supplied::Enough);
         assert_eq!(supply.supply(1_599_999, 3), Supplied::HeldInReset);
         assert_eq!(supply.supply(1_640_000, 3), Supplied::Restarts(Reset::PowerOn));
-        // Whatever the level: what fell so low is a power-on, as late as the brown-out level lets it come.
+        // Whatever the brown-out level is, a supply that fell so low restarts as a power-on, as late as that level
+        // allows.
         assert_eq!(supply.supply(0, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_849_999, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_850_000, 0), Supplied::Restarts(Reset::PowerOn));

@@ -2,9 +2,9 @@
 //!
 //! | Register | Behaviour |
 //! |---|---|
-//! | `MEMRMP` | `MEM_MODE` flash, system memory and SRAM1 at address 0; the FMC's makes a finding |
+//! | `MEMRMP` | `MEM_MODE` maps flash, system memory or SRAM1 to address 0; that of the FMC makes a finding |
 //! | `PMC` | Keeps what is written; `MII_RMII_SEL` makes a finding |
-//! | `EXTICR1` to `4` | Which port's pin each EXTI line listens to |
+//! | `EXTICR1` to `4` | The port whose pin each EXTI line listens to |
 //! | `CMPCR` | The compensation cell is ready at once |
 
 use cortex_m4::Width;
@@ -21,12 +21,12 @@ pub(crate) struct Syscfg {
 }
 
 impl Syscfg {
-    /// The port (0 is A) that `line` listens to. Codes past port K listen to nothing.
+    /// The port (0 is A) to which `line` listens. Codes past port K select no pin.
     pub(crate) fn port_of(&self, line: usize) -> usize {
         (self.exticr[line / 4] >> (4 * (line % 4)) & 0xF) as usize
     }
 
-    /// What is at address 0: 0 flash, 1 system memory, 2 FMC bank 1, 3 SRAM1, 4 FMC SDRAM bank 1.
+    /// The memory at address 0: 0 is flash, 1 system memory, 2 FMC bank 1, 3 SRAM1, 4 FMC SDRAM bank 1.
     pub(crate) fn memory_mode(&self) -> u32 {
         self.memrmp & 7
     }
@@ -42,7 +42,7 @@ impl Syscfg {
         lane(register, offset, width)
     }
 
-    /// Answers what is not modelled of what was written.
+    /// Writes a register. Returns a description of a written setting that is not modelled.
     pub(crate) fn write(&mut self, offset: u32, width: Width, value: u32) -> Option<&'static str> {
         let merged = |old: u32| merge(old, offset, width, value);
         match offset >> 2 {

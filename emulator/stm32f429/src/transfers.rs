@@ -1,4 +1,4 @@
-//! DMA transfers: which stream is served next, and what it moves.
+//! DMA transfers: the choice of the next stream, and the movement of data.
 
 use super::*;
 
@@ -30,8 +30,8 @@ impl Stm32f429 {
         self.after_dma(nth);
     }
 
-    /// Serves the request that is next: software priority, then stream number; DMA1 first. Answers which controller had
-    /// one.
+    /// Serves the next request, by software priority, then stream number, and DMA1 first. Returns the controller that
+    /// had one.
     pub(crate) fn transfer(&mut self, now: Cycle) -> Option<usize> {
         let mut pauses = false;
         for nth in 0..2 {
@@ -58,13 +58,13 @@ impl Stm32f429 {
             }
         }
         if !pauses {
-            // No stream listens after all.
+            // No stream listens to these requests any more.
             self.hungry = 0;
         }
         None
     }
 
-    /// One item between a stream and its peripheral, and what that makes of its FIFO.
+    /// Moves one item between a stream and its peripheral, and handles the effect on the FIFO.
     pub(crate) fn serve(&mut self, nth: usize, number: usize, now: Cycle) {
         let stream = &self.dma[nth].streams[number];
         let (instance, mask) = stream.source;
@@ -118,7 +118,7 @@ impl Stm32f429 {
         }
     }
 
-    /// One item from the FIFO to memory. Answers whether the stream is still on.
+    /// Moves one item from the FIFO to memory. Returns whether the stream is still on.
     pub(crate) fn drain_one(&mut self, nth: usize, number: usize, now: Cycle) -> bool {
         let stream = &mut self.dma[nth].streams[number];
         let (address, width) = (stream.memory, stream.memory_width());
@@ -133,7 +133,7 @@ impl Stm32f429 {
         true
     }
 
-    /// What is left in the FIFO goes to memory, byte by byte if need be (10.3.13).
+    /// Moves the rest of the FIFO to memory, byte by byte if necessary (10.3.13).
     pub(crate) fn flush(&mut self, nth: usize, number: usize, now: Cycle) {
         while u32::from(self.dma[nth].streams[number].filled) >= self.dma[nth].streams[number].memory_width().bytes() {
             if !self.drain_one(nth, number, now) {
@@ -153,7 +153,7 @@ impl Stm32f429 {
         }
     }
 
-    /// The FIFO is filled from memory.
+    /// Fills the FIFO from memory.
     pub(crate) fn fill(&mut self, nth: usize, number: usize, now: Cycle) {
         while self.dma[nth].streams[number].is_on() && self.dma[nth].streams[number].fills() {
             let stream = &self.dma[nth].streams[number];
@@ -174,7 +174,7 @@ impl Stm32f429 {
         }
     }
 
-    /// All of a memory-to-memory stream: from the peripheral's address to the memory's.
+    /// Moves all data of a memory-to-memory stream, from the peripheral address to the memory address.
     pub(crate) fn move_memory(&mut self, nth: usize, number: usize, now: Cycle) {
         while self.dma[nth].streams[number].is_on() {
             let stream = &self.dma[nth].streams[number];
@@ -200,8 +200,8 @@ impl Stm32f429 {
         }
     }
 
-    /// Whether a DMA controller's port reaches `address`: figure 2 and 2.1. DMA1's peripheral port goes to APB1 alone;
-    /// its memory port, like DMA2's, to flash and SRAM; DMA2's ports to all peripherals, too. None reaches the CCM.
+    /// Whether a DMA controller's port reaches `address`: figure 2 and 2.1. DMA1's peripheral port reaches APB1 only,
+    /// and its memory port flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the CCM.
     pub(crate) fn reaches(master: Master, address: u32) -> bool {
         let memory = matches!(address, 0..0x0820_0000 | SRAM_BASE..0x2003_0000);
         let peripheral = matches!(address, 0x4000_0000..0x6000_0000);
@@ -254,7 +254,7 @@ impl Stm32f429 {
         self.bus_write(address, width, value, now, None, None::<&mut emulator_part::Open>)
     }
 
-    /// Memory at `address` that a debugger reads: where it is and the offset in it.
+    /// The memory at `address`, for a debugger's read, and the offset in it.
     pub(crate) fn locate(&self, address: u32) -> Option<(Memory, usize)> {
         if let Some(offset) = self.flash_offset(address) {
             return Some((Memory::Flash, offset as usize));

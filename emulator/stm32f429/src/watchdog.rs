@@ -3,14 +3,14 @@
 //! | Register or section | Behaviour |
 //! |---|---|
 //! | `IWDG_KR` | 0xCCCC starts it and LSI, 0xAAAA reloads, 0x5555 opens `PR` and `RLR`; any other key closes them |
-//! | `IWDG_PR`, `RLR`, `SR` | Take effect 5 ticks of LSI after the write, while `PVU`, `RVU` are set, 21.4.4 |
-//! | `IWDG` count | Prescaled LSI, exact; the part restarts when it passes 0, 21.3 |
-//! | `WWDG_CR`, `CFR` | Count of PCLK1 over 4096 over `WDGTB`; too early and too late restart the part, 22.3 |
-//! | `WWDG_SR` | Early wake-up at 0x40, 22.3 |
+//! | `IWDG_PR`, `RLR`, `SR` | Take effect 5 ticks of LSI after the write; `PVU`, `RVU` are set until then, 21.4.4 |
+//! | `IWDG` count | Counts prescaled LSI exactly; the part restarts when it passes 0, 21.3 |
+//! | `WWDG_CR`, `CFR` | Counts PCLK1 over 4096 over `WDGTB`; too early or too late a write restarts the part, 22.3 |
+//! | `WWDG_SR` | Early wake-up interrupt at 0x40, 22.3 |
 //!
-//! **Left out.** The window watchdog's prescaler runs freely in the part; here it starts with each write of `T`, so a
-//! time-out is at the long end of the part's uncertainty of one tick. A change of `PR` while counting takes effect at
-//! once after its 5 ticks, with the count kept. DBGMCU freezing them.
+//! **Left out.** The window watchdog's prescaler runs freely in the part. Here it starts with each write of `T`, so a
+//! time-out comes at the late end of the part's uncertainty of one tick. A change of `PR` while counting takes effect
+//! at once after its 5 ticks, and the count is kept. DBGMCU does not freeze the watchdogs.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, NEVER};
@@ -25,16 +25,16 @@ pub(crate) struct Iwdg {
     running: bool,
     pr: u32,
     rlr: u32,
-    /// What was written and counts from the cycle on.
+    /// The written values that are not in force yet, each with the cycle from which it is.
     pr_next: Option<(u32, Cycle)>,
     rlr_next: Option<(u32, Cycle)>,
-    /// LSI ticks over the prescaler that are left from `since` on.
+    /// The prescaled LSI ticks that were left at the cycle `since`.
     count: u32,
     since: Cycle,
     end: Cycle,
-    /// It has run out; the part takes it.
+    /// Whether the watchdog has run out. The part takes this flag.
     pub(crate) expired: bool,
-    /// It was started; the part takes it and starts LSI.
+    /// Whether the watchdog was started. The part takes this flag and starts LSI.
     pub(crate) started: bool,
 }
 
@@ -59,7 +59,7 @@ impl Iwdg {
         4 << self.pr.min(6)
     }
 
-    /// Counts from `now` on with `count` left. It runs out one tick after it reached 0.
+    /// Counts from `now` on with `count` left. The watchdog runs out one tick after the count reached 0.
     fn schedule(&mut self, now: Cycle, count: u32, lsi: Ratio) {
         self.count = count;
         self.since = now;
@@ -118,10 +118,11 @@ impl Iwdg {
             now + ps as u64 + 1
         };
         if self.running {
-            // The fraction of a tick that has passed is kept by moving the beginning as well.
+            // The beginning moves as well, so that the fraction of a tick that has passed is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
-            // The count starts at `since`; a negative start is put at 0 with the ticks before it taken off.
+            // The count starts at `since`. A negative start becomes 0, and the ticks before it are subtracted from the
+            // count.
             if gone <= now {
                 self.since = now - gone;
             } else {
@@ -151,7 +152,7 @@ impl Iwdg {
 
     pub(crate) fn read(&self, offset: u32, width: Width) -> u32 {
         let register = match offset >> 2 {
-            // PR and RLR read what was written last while their update is under way, 21.4.2 (undefined there).
+            // While an update is under way, PR and RLR read as last written. 21.4.2 leaves this undefined.
             1 => self.pr_next.map_or(self.pr, |(pr, _)| pr),
             2 => self.rlr_next.map_or(self.rlr, |(rlr, _)| rlr),
             3 => u32::from(self.pr_next.is_some()) | u32::from(self.rlr_next.is_some()) << 1,
@@ -160,7 +161,7 @@ impl Iwdg {
         lane(register, offset, width)
     }
 
-    /// Answers what was misused.
+    /// Writes a register. Returns a description of a misuse.
     pub(crate) fn write(
         &mut self,
         offset: u32,
@@ -169,7 +170,8 @@ impl Iwdg {
         lsi: Ratio,
         lsi_runs: bool,
     ) -> Option<&'static str> {
-        // Five ticks of LSI, and its start-up time of 40 µs where it does not run yet: 2 ticks at most at 47 kHz.
+        // The delay is five ticks of LSI. If LSI does not run yet, its start-up time of 40 µs is added, at most 2 ticks
+        // at 47 kHz.
         let delay = lsi.cycles(if lsi_runs { 5 } else { 7 });
         match offset >> 2 {
             0 => {
@@ -202,7 +204,7 @@ impl Iwdg {
 
 const WDGA: u32 = 1 << 7;
 const COUNT: u32 = 0x7F;
-/// Bit 6 of `T`: the part restarts once it is clear.
+/// Bit 6 of `T`. The part restarts when it is clear.
 const ALIVE: u32 = 0x40;
 const EWI: u32 = 1 << 9;
 
@@ -233,7 +235,7 @@ impl Wwdg {
         }
     }
 
-    /// Core cycles of a tick.
+    /// The core cycles of one tick.
     fn tick(&self, clocks: &Clocks) -> u64 {
         (4096 * u64::from(clocks.pclk1)) << (self.cfr >> 7 & 3)
     }
@@ -308,13 +310,13 @@ impl Wwdg {
             }
             1 => {
                 let count = self.count(now, clocks);
-                // EWI is cleared by a reset alone, 22.6.2.
+                // Only a reset clears EWI, 22.6.2.
                 self.cfr = merge(self.cfr, offset, width, value) & 0x3FF | self.cfr & EWI;
                 self.written = count;
                 self.written_at = now;
                 self.schedule(clocks, now);
             }
-            // EWIF is cleared by writing 0 and cannot be set.
+            // Writing 0 clears EWIF. It cannot be set.
             2 if merge(1, offset, width, value) & 1 == 0 => self.early = false,
             _ => {}
         }

@@ -1,5 +1,5 @@
-//! A timer's channel on a pin: TIM2_CH3 in PWM mode 1 on PB10 (AF1), with the 72 MHz that the firmware's cycle timer
-//! has (RM0090 18.3.9). Every edge is told at its own cycle, also when nobody calls the part for 35 ms.
+//! Tests of a timer's channel on a pin: TIM2_CH3 in PWM mode 1 on PB10 (AF1), with the 72 MHz that the firmware's cycle
+//! timer has (RM0090 18.3.9). The part reports every edge at its own cycle, even when nobody calls the part for 35 ms.
 
 mod rig;
 
@@ -20,20 +20,20 @@ const ARR: u32 = TIM2 + 0x2C;
 const CCR3: u32 = TIM2 + 0x3C;
 
 const PB10: Pin = Pin::new(1, 10);
-/// 144 MHz and 72 MHz.
+/// The core runs at 144 MHz and the timer at 72 MHz.
 const CYCLES_PER_TICK: Cycle = 2;
-/// 10 ms.
+/// A period of 10 ms.
 const PERIOD: Cycle = 720_000 * CYCLES_PER_TICK;
 
-/// TIM2 with a period of 10 ms and the pin high while CNT < `compare`, not counting yet, on PB10; the prescaler divides
-/// by `prescaler`.
+/// Sets TIM2 up on PB10, not counting yet: its period is 10 ms, the pin is high while CNT < `compare`, and the
+/// prescaler divides by `prescaler`.
 fn ready(prescaler: u32, compare: u32) -> Rig {
     let mut rig = Rig::board();
     rig.set(RCC + 0x40, 1);
     rig.write(PSC, prescaler - 1);
     rig.write(ARR, 720_000 / prescaler - 1);
     rig.write(CCR3, compare);
-    // OC3M 6 is PWM mode 1, OC3PE: the compare value is taken in at the update.
+    // OC3M = 6 is PWM mode 1. With OC3PE the compare value takes effect at the update.
     rig.write(CCMR2, 6 << 4 | 1 << 3);
     rig.write(CCER, 1 << 8);
     rig.write(EGR, 1);
@@ -43,14 +43,14 @@ fn ready(prescaler: u32, compare: u32) -> Rig {
     rig
 }
 
-/// Enables the counter, and gives the cycle at which CNT takes its first 0: one timer clock after CEN (17.3.4).
+/// Enables the counter. Returns the cycle at which CNT first becomes 0: one timer clock after CEN (17.3.4).
 fn start(rig: &mut Rig) -> Cycle {
     rig.bench.pins.clear();
     rig.write(CR1, 1 << 7 | 1);
     (rig.now / CYCLES_PER_TICK + 1) * CYCLES_PER_TICK
 }
 
-/// The edges of PB10 that the part told.
+/// The edges of PB10 that the part reported.
 fn edges(rig: &Rig) -> Vec<(Cycle, bool)> {
     let edge = |&(at, pin, pad): &(Cycle, Pin, Pad)| match (pin, pad) {
         (PB10, Pad::Driven(level)) => (at, level),

@@ -1,4 +1,4 @@
-//! From halfwords to [`Op`].
+//! The decoder, which makes an [`Op`] of one or two halfwords.
 //!
 //! | ARM ARM | where |
 //! |---|---|
@@ -7,11 +7,11 @@
 //! | A5.3.5 to A5.3.10, A5.3.19: loads and stores | `transfer` |
 //! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
 //!
-//! What is UNPREDICTABLE is undefined here and faults: the stack pointer or the program counter where an encoding does
-//! not allow them, a load/store multiple of fewer than two registers in its 32-bit form, write-back into a register
-//! that is loaded, a branch inside an IT block that is not its last instruction, bits that should be 0 or 1 and are
-//! not.
-//! Other coprocessors than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
+//! The decoder treats what the ARM ARM calls UNPREDICTABLE as undefined, so that it faults: the stack pointer or the
+//! program counter where an encoding does not allow them, a load/store multiple of fewer than two registers in its
+//! 32-bit form, write-back into a register that is loaded, a branch inside an IT block that is not its last
+//! instruction, and bits that differ from what they should be. Coprocessors other than 10 and 11 take the fault for an
+//! absent coprocessor (UFSR.NOCP).
 
 mod narrow;
 mod transfer;
@@ -41,13 +41,13 @@ pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
     op(what, 4, block(what))
 }
 
-/// An instruction that takes `fault` instead.
+/// Makes an operation that takes `fault` instead of doing anything.
 pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
 
-/// The place of what is not executed: a breakpoint, a semihosting call, an instruction that is not decoded yet. Without
-/// size and cost, so that neither the program counter nor time moves.
+/// Makes a placeholder for what is not executed: a breakpoint, a semihosting call, or an instruction that is not
+/// decoded yet. It has neither size nor cost, so neither the program counter nor time moves.
 pub(crate) const fn place(what: Do) -> Op {
     Op { what, size: 0, least: 0, most: 0, block: Block::Same }
 }
@@ -57,7 +57,7 @@ fn op(what: Do, size: u8, block: Block) -> Op {
     Op { what, size, least, most, block }
 }
 
-/// How `what` behaves in an IT block, for all but the 16-bit data processing.
+/// How `what` behaves in an IT block. 16-bit data processing is handled elsewhere.
 fn block(what: Do) -> Block {
     match what {
         Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,
@@ -84,7 +84,7 @@ const fn bad(n: u8) -> bool {
     n == 13 || n == 15
 }
 
-/// `bits` of `value`, from bit `low` on.
+/// Extracts `bits` bits of `value`, from bit `low` on.
 fn field(value: u16, low: u32, bits: u32) -> u8 {
     ((value >> low) & ((1 << bits) - 1)) as u8
 }

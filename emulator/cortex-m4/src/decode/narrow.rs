@@ -1,4 +1,4 @@
-//! 16-bit instructions, ARM ARM A5.2.
+//! The decoder of 16-bit instructions, ARM ARM A5.2.
 
 use super::{UNDEFINED, field};
 use crate::Fault;
@@ -23,7 +23,7 @@ pub(super) fn decode(address: u32, h: u16) -> Do {
         0x2C..=0x2F => miscellaneous(address, h),
         0x30..=0x33 => multiple(h),
         0x34..=0x37 => conditional_branch(address, h),
-        // B, encoding T2
+        // The instruction is B in encoding T2.
         0x38 | 0x39 => Do::B { target: address.wrapping_add(4).wrapping_add(signed(h, 11) << 1) },
         _ => UNDEFINED,
     }
@@ -35,7 +35,8 @@ fn signed(h: u16, bits: u32) -> u32 {
     ((u32::from(h) << up) as i32 >> up) as u32
 }
 
-/// Which 16-bit instructions set flags outside of an IT block only: those of A5.2.1 and A5.2.2 but the compares.
+/// How a 16-bit instruction behaves in an IT block. Those of A5.2.1 and A5.2.2, except for the compares, set the flags
+/// outside of IT blocks only.
 pub(super) fn block(h: u16, what: Do) -> Block {
     match what {
         Do::CmpImm { .. } | Do::CmpReg { .. } | Do::AluShift { alu: Alu::Tst | Alu::Cmn, .. } => Block::Same,
@@ -48,7 +49,7 @@ fn shift_add_move_compare(h: u16) -> Do {
     let (low, mid, high, amount) = (field(h, 0, 3), field(h, 3, 3), field(h, 6, 3), field(h, 6, 5));
     let (wide, imm) = (field(h, 8, 3), u32::from(h & 0xFF));
     match h >> 11 {
-        // LSLS #0 is MOVS and leaves the carry.
+        // LSLS #0 is MOVS, which leaves the carry as it is.
         0 => Do::LslsImm { d: low, m: mid, amount },
         1 if amount == 0 => shifted(Alu::Mov, low, 0, mid, Shift::Lsr, 32),
         1 => Do::LsrsImm { d: low, m: mid, amount },
@@ -70,7 +71,7 @@ fn shifted(alu: Alu, d: u8, n: u8, m: u8, shift: Shift, amount: u8) -> Do {
     Do::AluShift { alu, s: true, d, n, m, shift, amount }
 }
 
-/// ARM ARM A5.2.2.
+/// Decodes data processing, ARM ARM A5.2.2.
 fn data_processing(h: u16) -> Do {
     let (d, m) = (field(h, 0, 3), field(h, 3, 3));
     let plain = |alu| shifted(alu, d, d, m, Shift::Lsl, 0);
@@ -95,7 +96,7 @@ fn data_processing(h: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.2.3.
+/// Decodes special data instructions and BX, ARM ARM A5.2.3.
 fn special_data(address: u32, h: u16) -> Do {
     let (d, m) = (field(h, 0, 3) | field(h, 7, 1) << 3, field(h, 3, 4));
     let pc = address.wrapping_add(4);
@@ -119,7 +120,8 @@ fn special_data(address: u32, h: u16) -> Do {
         },
         // Bits 2 to 0 should be zero.
         _ if h & 7 != 0 => UNDEFINED,
-        // BX PC goes to ARM state: INVSTATE, as bit 0 of the target is clear. BLX PC is unpredictable.
+        // BX PC would switch to ARM state: it takes INVSTATE, since bit 0 of the target is clear. BLX PC is
+        // unpredictable.
         _ => match (field(h, 7, 1), m) {
             (0, _) => Do::Bx { m },
             (_, 15) => UNDEFINED,
@@ -158,7 +160,7 @@ fn load_store_immediate(h: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.2.5.
+/// Decodes the miscellaneous instructions, ARM ARM A5.2.5.
 fn miscellaneous(address: u32, h: u16) -> Do {
     let (d, m) = (field(h, 0, 3), field(h, 3, 3));
     let rotation = 0;
@@ -182,7 +184,7 @@ fn miscellaneous(address: u32, h: u16) -> Do {
             let list = h & 0xFF | (h & 0x100) << 6;
             if list == 0 { UNDEFINED } else { Do::Stm { n: 13, list, write_back: true, down: true } }
         }
-        // CPS: bit 3 and bit 2 (A) should be zero.
+        // In CPS, bit 3 and bit 2 (A) should be zero.
         6 if h & 0xFFE0 == 0xB660 && h & 0xC == 0 && h & 3 != 0 => {
             Do::Cps { disable: h & 0x10 != 0, primask: h & 2 != 0, faultmask: h & 1 != 0 }
         }
@@ -203,7 +205,7 @@ fn miscellaneous(address: u32, h: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.2.5, A7.7.38.
+/// Decodes IT and the hints, ARM ARM A5.2.5 and A7.7.38.
 fn if_then_and_hints(h: u16) -> Do {
     let (condition, mask) = (field(h, 4, 4), field(h, 0, 4));
     if mask == 0 {
@@ -211,11 +213,11 @@ fn if_then_and_hints(h: u16) -> Do {
             2 => Do::Wfe,
             3 => Do::Wfi,
             4 => Do::Sev,
-            // NOP, YIELD, and the unallocated hints, which behave like NOP.
+            // NOP and YIELD do nothing, and unallocated hints behave like NOP.
             _ => Do::Nop,
         };
     }
-    // With AL only "then" is possible.
+    // An IT block with the condition AL cannot have an "else".
     if condition == 15 || condition == 14 && mask.count_ones() != 1 {
         return UNDEFINED;
     }
@@ -228,7 +230,7 @@ fn multiple(h: u16) -> Do {
         return UNDEFINED;
     }
     if h & 0x800 == 0 {
-        // A base that is stored, but not first, is stored with an unknown value.
+        // If the base is in the list but not first in it, STM stores an unknown value for it.
         if list & (1 << n) != 0 && list.trailing_zeros() != u32::from(n) {
             return UNDEFINED;
         }

@@ -1,9 +1,9 @@
-//! 32-bit loads and stores, ARM ARM A5.3.5 to A5.3.10.
+//! The decoder of 32-bit loads and stores, ARM ARM A5.3.5 to A5.3.10.
 
 use super::{UNDEFINED, bad, field};
 use crate::op::{Do, Format, Index};
 
-/// Load/store multiple, ARM ARM A5.3.5.
+/// Decodes load/store multiple, ARM ARM A5.3.5.
 pub(super) fn multiple(first: u16, list: u16) -> Do {
     let n = field(first, 0, 4);
     let (write_back, load) = (first & 0x20 != 0, first & 0x10 != 0);
@@ -21,19 +21,19 @@ pub(super) fn multiple(first: u16, list: u16) -> Do {
     if load { Do::Ldm { n, list, write_back, down } } else { Do::Stm { n, list, write_back, down } }
 }
 
-/// Load/store dual and exclusive, table branch, ARM ARM A5.3.6.
+/// Decodes load/store dual and exclusive and table branches, ARM ARM A5.3.6.
 pub(super) fn dual_exclusive(first: u16, second: u16) -> Do {
     let (n, t, t2, d) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4), field(second, 0, 4));
     let imm = (second & 0xFF) << 2;
     match (field(first, 7, 2), field(first, 4, 2)) {
-        // STREX
+        // The instruction is STREX.
         (0, 0) => {
             if bad(t2) || bad(t) || n == 15 || t2 == n || t2 == t {
                 return UNDEFINED;
             }
             Do::Strex { format: Format::Word, d: t2, t, n, imm }
         }
-        // LDREX
+        // The instruction is LDREX.
         (0, 1) => {
             if bad(t) || n == 15 || t2 != 15 {
                 return UNDEFINED;
@@ -70,7 +70,7 @@ pub(super) fn dual_exclusive(first: u16, second: u16) -> Do {
     }
 }
 
-/// LDRD and STRD.
+/// Decodes LDRD and STRD.
 fn dual(first: u16, second: u16) -> Do {
     let (n, t, t2) = (field(first, 0, 4), field(second, 12, 4), field(second, 8, 4));
     let (pre, up, write_back, load) = (first & 0x100 != 0, first & 0x80 != 0, first & 0x20 != 0, first & 0x10 != 0);
@@ -88,7 +88,7 @@ fn dual(first: u16, second: u16) -> Do {
     if load { Do::Ldrd { index, t, t2, n, imm } } else { Do::Strd { index, t, t2, n, imm } }
 }
 
-/// Stores and loads of one register, memory hints, ARM ARM A5.3.7 to A5.3.10.
+/// Decodes loads and stores of one register and memory hints, ARM ARM A5.3.7 to A5.3.10.
 pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
     let (n, t) = (field(first, 0, 4), field(second, 12, 4));
     let (signed, load) = (first & 0x100 != 0, first & 0x10 != 0);
@@ -104,7 +104,7 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
         return UNDEFINED;
     }
     let word = format == Format::Word;
-    // PLD, PLI and the unallocated memory hints do nothing here: there is no cache in the core.
+    // PLD, PLI and the unallocated memory hints do nothing here, since the core has no cache.
     let hint = load && t == 15 && !word;
     let target_bad = if word { t == 15 && !load } else { bad(t) };
     if n == 15 {
@@ -156,7 +156,7 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// The form with an immediate, in the variant that is quickest to execute.
+/// Makes the operation of the form with an immediate, in the variant that executes fastest.
 fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -> Do {
     if index == Index::Offset && t < 13 {
         return match (load, format) {
@@ -172,7 +172,7 @@ fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -
     if load { Do::Load { format, index, t, n, imm } } else { Do::Store { format, index, t, n, imm } }
 }
 
-/// The form with a register offset.
+/// Makes the operation of the form with a register offset.
 fn register(load: bool, format: Format, t: u8, n: u8, m: u8, amount: u8) -> Do {
     if t < 13 {
         match (load, format) {

@@ -1,11 +1,11 @@
-//! 32-bit instructions, ARM ARM A5.3, without loads and stores.
+//! The decoder of 32-bit instructions other than loads and stores, ARM ARM A5.3.
 
 use super::{UNDEFINED, bad, field, transfer};
 use crate::Fault;
 use crate::fp;
 use crate::op::{Alu, Carry, Do, Extend, Lane, Lanes, Long, Saturating, Shift, Unary};
 
-/// ARM ARM A5.3, table A5-9.
+/// Decodes a 32-bit instruction by ARM ARM A5.3, table A5-9.
 pub(super) fn decode(address: u32, first: u16, second: u16) -> Do {
     if first & 0xEC00 == 0xEC00 {
         return coprocessor(first, second);
@@ -27,7 +27,7 @@ pub(super) fn decode(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.18.
+/// Decodes coprocessor instructions, ARM ARM A5.3.18.
 fn coprocessor(first: u16, second: u16) -> Do {
     let opcode = field(first, 4, 6);
     if first & 0x0300 == 0x0300 || opcode >> 1 == 0 {
@@ -39,7 +39,7 @@ fn coprocessor(first: u16, second: u16) -> Do {
     }
 }
 
-/// ThumbExpandImm_C, ARM ARM A5.3.2; `None` where it is unpredictable.
+/// Expands a modified immediate (ThumbExpandImm_C, ARM ARM A5.3.2). Returns `None` where the encoding is unpredictable.
 fn expand(first: u16, second: u16) -> Option<(u32, Carry)> {
     let imm12 = u32::from(field(first, 10, 1)) << 11 | u32::from(field(second, 12, 3)) << 8 | u32::from(second & 0xFF);
     let byte = imm12 & 0xFF;
@@ -57,7 +57,7 @@ fn expand(first: u16, second: u16) -> Option<(u32, Carry)> {
     Some((value, if value >> 31 != 0 { Carry::Set } else { Carry::Clear }))
 }
 
-/// DecodeImmShift, ARM ARM A7.4.2.
+/// Decodes an immediate shift (DecodeImmShift, ARM ARM A7.4.2).
 fn shift(kind: u8, amount: u8) -> (Shift, u8) {
     match (kind, amount) {
         (0, _) => (Shift::Lsl, amount),
@@ -70,12 +70,13 @@ fn shift(kind: u8, amount: u8) -> (Shift, u8) {
     }
 }
 
-/// The amount that is split into imm3 and imm2.
+/// The shift amount, which the encoding splits into imm3 and imm2.
 fn imm5(second: u16) -> u8 {
     field(second, 12, 3) << 2 | field(second, 6, 2)
 }
 
-/// Which operation the fields of A5.3.1 and A5.3.11 mean, and whether the registers are allowed in it.
+/// Finds the operation that the fields of A5.3.1 and A5.3.11 encode. Returns `None` where its registers are not
+/// allowed.
 fn alu(first: u16, d: u8, n: u8) -> Option<(Alu, bool)> {
     let s = first & 0x10 != 0;
     let compare = s && d == 15;
@@ -105,7 +106,7 @@ fn alu(first: u16, d: u8, n: u8) -> Option<(Alu, bool)> {
     (base_fine && target_fine).then_some((alu, s))
 }
 
-/// ARM ARM A5.3.1.
+/// Decodes data processing with a modified immediate, ARM ARM A5.3.1.
 fn modified_immediate(first: u16, second: u16) -> Do {
     let (d, n) = (field(second, 8, 4), field(first, 0, 4));
     let (Some((alu, s)), Some((imm, carry))) = (alu(first, d, n), expand(first, second)) else {
@@ -125,7 +126,7 @@ fn modified_immediate(first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.11.
+/// Decodes data processing with a shifted register, ARM ARM A5.3.11.
 fn shifted_register(first: u16, second: u16) -> Do {
     let (d, n, m) = (field(second, 8, 4), field(first, 0, 4), field(second, 0, 4));
     let (kind, amount) = (field(second, 4, 2), imm5(second));
@@ -133,7 +134,7 @@ fn shifted_register(first: u16, second: u16) -> Do {
         return UNDEFINED;
     }
     if field(first, 5, 4) == 6 {
-        // PKH: neither S nor T.
+        // PKH has neither the S bit nor the T bit set.
         return if first & 0x10 != 0 || kind & 1 != 0 || bad(d) || bad(n) || bad(m) {
             UNDEFINED
         } else if kind == 0 {
@@ -147,7 +148,7 @@ fn shifted_register(first: u16, second: u16) -> Do {
     };
     let (shift, amount) = shift(kind, amount);
     if d == 13 {
-        // ADD and SUB to the stack pointer shift left by three bits at most.
+        // ADD and SUB that write the stack pointer shift left by at most three bits.
         let fine = matches!(alu, Alu::Mov) || (shift == Shift::Lsl && amount <= 3);
         return if fine { Do::AluShift { alu, s, d, n, m, shift, amount } } else { UNDEFINED };
     }
@@ -173,7 +174,8 @@ fn shifted_register(first: u16, second: u16) -> Do {
     }
 }
 
-/// As [`alu`], with the second register. MOV without flags and shift may move the stack pointer, to or from (A7.7.77).
+/// Does what [`alu`] does, and checks the second register as well. MOV without flags and shift may read or write the
+/// stack pointer (A7.7.77).
 fn alu_register(first: u16, second: u16, d: u8, n: u8, m: u8) -> Option<(Alu, bool)> {
     if first & 0x1F0 == 0x40 && second & 0x70F0 == 0 && n == 15 && (d == 13) != (m == 13) && d != 15 && m != 15 {
         return Some((Alu::Mov, false));
@@ -181,7 +183,7 @@ fn alu_register(first: u16, second: u16, d: u8, n: u8, m: u8) -> Option<(Alu, bo
     alu(first, d, n).filter(|_| !bad(m))
 }
 
-/// ARM ARM A5.3.3.
+/// Decodes data processing with a plain immediate, ARM ARM A5.3.3.
 fn plain_immediate(address: u32, first: u16, second: u16) -> Do {
     let (d, n) = (field(second, 8, 4), field(first, 0, 4));
     let imm12 = u32::from(field(first, 10, 1)) << 11 | u32::from(field(second, 12, 3)) << 8 | u32::from(second & 0xFF);
@@ -189,7 +191,7 @@ fn plain_immediate(address: u32, first: u16, second: u16) -> Do {
     let (lsb, low) = (imm5(second), field(second, 0, 5));
     let pc = address.wrapping_add(4) & !3;
     let stack = d == 13 && n == 13;
-    // Bit 10 of the first and bit 5 of the second halfword should be zero in the forms with bit fields.
+    // In the bit field instructions, bit 10 of the first and bit 5 of the second halfword should be zero.
     let spare = first & 0x400 != 0 || second & 0x20 != 0;
     let opcode = field(first, 4, 5);
     match opcode {
@@ -204,7 +206,7 @@ fn plain_immediate(address: u32, first: u16, second: u16) -> Do {
         0x04 => Do::MovImm { d, imm: u32::from(imm16) },
         0x0C => Do::Movt { d, imm: imm16 },
         _ if spare => UNDEFINED,
-        // BFI, BFC: `low` is the most significant bit.
+        // In BFI and BFC, `low` is the most significant bit of the field.
         0x16 if low < lsb || n == 13 => UNDEFINED,
         0x16 => {
             let mask = (u32::MAX >> (31 - (low - lsb))) << lsb;
@@ -227,7 +229,7 @@ fn plain_immediate(address: u32, first: u16, second: u16) -> Do {
                 Do::Usat { d, n, to: low, shift, amount }
             }
         }
-        // SBFX, UBFX: `low` is the width less one.
+        // In SBFX and UBFX, `low` is the width of the field minus one.
         0x14 | 0x1C if lsb + low > 31 => UNDEFINED,
         0x14 => Do::Sbfx { d, n, left: 31 - lsb - low, right: 31 - low },
         0x1C => Do::Ubfx { d, n, lsb, mask: u32::MAX >> (31 - low) },
@@ -235,14 +237,14 @@ fn plain_immediate(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.4.
+/// Decodes branches and miscellaneous control, ARM ARM A5.3.4.
 fn branch_and_control(address: u32, first: u16, second: u16) -> Do {
     let pc = address.wrapping_add(4);
     let s = u32::from(field(first, 10, 1));
     let (j1, j2) = (u32::from(field(second, 13, 1)), u32::from(field(second, 11, 1)));
     let low = u32::from(second & 0x7FF) << 1;
     if second & 0x1000 != 0 {
-        // B, encoding T4, and BL
+        // The instructions are B in encoding T4, and BL.
         let (i1, i2) = (1 ^ j1 ^ s, 1 ^ j2 ^ s);
         let offset = s << 24 | i1 << 23 | i2 << 22 | u32::from(first & 0x3FF) << 12 | low;
         let target = pc.wrapping_add(((offset << 7) as i32 >> 7) as u32);
@@ -266,12 +268,12 @@ fn branch_and_control(address: u32, first: u16, second: u16) -> Do {
             2 => Do::Wfe,
             3 => Do::Wfi,
             4 => Do::Sev,
-            // NOP, YIELD, DBG and the unallocated hints.
+            // NOP, YIELD, DBG and the unallocated hints do nothing.
             _ => Do::Nop,
         },
         0x3B if first == 0xF3BF && second & 0xFF00 == 0x8F00 => match second & 0xFF {
             0x2F => Do::Clrex,
-            // DSB, DMB, ISB with any option.
+            // DSB, DMB and ISB are accepted with any option.
             0x40..=0x6F => Do::Barrier,
             _ => UNDEFINED,
         },
@@ -280,7 +282,7 @@ fn branch_and_control(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.12 to A5.3.15.
+/// Decodes data processing with registers, ARM ARM A5.3.12 to A5.3.15.
 fn data_processing_register(first: u16, second: u16) -> Do {
     let (d, n, m) = (field(second, 8, 4), field(first, 0, 4), field(second, 0, 4));
     let (op1, op2) = (field(first, 4, 4), field(second, 4, 4));
@@ -349,7 +351,7 @@ fn data_processing_register(first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.16.
+/// Decodes multiplication, ARM ARM A5.3.16.
 fn multiply(first: u16, second: u16) -> Do {
     let (d, n, m, a) = (field(second, 8, 4), field(first, 0, 4), field(second, 0, 4), field(second, 12, 4));
     let (op1, op2) = (field(first, 4, 3), field(second, 4, 4));
@@ -371,7 +373,7 @@ fn multiply(first: u16, second: u16) -> Do {
     }
 }
 
-/// ARM ARM A5.3.17.
+/// Decodes long multiplication and division, ARM ARM A5.3.17.
 fn long_multiply(first: u16, second: u16) -> Do {
     let (n, m, high, low) = (field(first, 0, 4), field(second, 0, 4), field(second, 8, 4), field(second, 12, 4));
     let (op1, op2) = (field(first, 4, 3), field(second, 4, 4));

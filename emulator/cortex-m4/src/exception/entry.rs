@@ -1,4 +1,4 @@
-//! Entry: stacking, late arrival, the vector (ARM ARM B1.5.6, B1.5.7, B1.5.11).
+//! Exception entry: stacking, late arrival and the vector fetch (ARM ARM B1.5.6, B1.5.7, B1.5.11).
 
 use super::*;
 
@@ -13,7 +13,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// One word of exception entry. The fault is of data; what it means is the caller's.
+    /// Writes one word of an exception frame. It returns a data fault, which the caller turns into a stacking fault.
     pub(super) fn push_word<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -25,7 +25,7 @@ impl<C: Cost> Core<C> {
             return Err(Fault::MemData(address));
         }
         let access = self.stack_access(address, Purpose::Stack, privileged);
-        // no stack is in the private peripheral bus
+        // A stack in the private peripheral bus takes a fault.
         if address >> 20 == 0xE00 || bus.write(&access, value).is_err() {
             return Err(Fault::BusData(address));
         }
@@ -33,7 +33,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Reads a word of the vector table; the MPU does not apply (ARM ARM B3.5.1).
+    /// Reads a word of the vector table, to which the MPU does not apply (ARM ARM B3.5.1).
     pub(super) fn vector<B: Bus>(&mut self, bus: &mut B, number: u16) -> Option<u32> {
         let address = self.system.scb.vtor.wrapping_add(4 * u32::from(number));
         let access = self.stack_access(address, Purpose::Vector, true);
@@ -45,7 +45,8 @@ impl<C: Cost> Core<C> {
         Some(value)
     }
 
-    /// Exception entry: stacks, then takes the best pending exception. One that preempts is pending.
+    /// Enters an exception: stacks the registers, then takes the best pending exception. The caller has made sure that
+    /// one is pending and preempts.
     pub(super) fn enter<B: Bus>(&mut self, bus: &mut B, return_address: u32) {
         self.waiting = None;
         self.owed += std::mem::take(&mut self.cut);
@@ -57,7 +58,7 @@ impl<C: Cost> Core<C> {
         if let Err(fault) = self.push_frame(bus, return_address) {
             self.derived_fault(fault, true);
             if self.locked_up {
-                // from HardFault to NMI: "lockup at NMI priority" (TRM 3.9.1)
+                // A failed entry from HardFault to NMI is a "lockup at NMI priority" (TRM 3.9.1).
                 self.lock_up_at(NMI);
                 return;
             }
@@ -66,7 +67,7 @@ impl<C: Cost> Core<C> {
         self.take_best(bus, exc_return);
     }
 
-    /// What came while an entry or a return was under way takes part in the choice of what is served next.
+    /// Takes in what arrived during an entry or a return, so that it takes part in the choice of the next exception.
     fn take_late_arrivals<B: Bus>(&mut self, bus: &mut B) {
         let before = self.system.nvic.best;
         if bus.due() <= self.cycle {
@@ -79,7 +80,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// PushStack, ARM ARM B1.5.6. The stack pointer is moved even if a word cannot be written.
+    /// Stacks a frame (PushStack, ARM ARM B1.5.6). The stack pointer moves even if a word cannot be written.
     fn push_frame<B: Bus>(&mut self, bus: &mut B, return_address: u32) -> Result<(), Fault> {
         let extended = self.control & CONTROL_FPCA != 0;
         let align = extended || self.system.scb.ccr & CCR_STKALIGN != 0;
@@ -110,7 +111,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// ExceptionTaken, ARM ARM B1.5.6, of the best pending exception.
+    /// Takes the best pending exception (ExceptionTaken, ARM ARM B1.5.6).
     pub(super) fn take_best<B: Bus>(&mut self, bus: &mut B, exc_return: u32) {
         let (number, vector) = loop {
             let number = self.system.nvic.best;
@@ -118,7 +119,8 @@ impl<C: Cost> Core<C> {
                 break (number, vector);
             }
             self.system.scb.hfsr |= HFSR_VECTTBL;
-            // without its vector the exception cannot be served; HardFault is taken in its place, and it stays pending
+            // The core cannot serve an exception whose vector it cannot read. It takes HardFault instead, and the
+            // exception stays pending.
             if number == HARD_FAULT || number == NMI {
                 self.lock_up_at(number);
                 return;
@@ -143,7 +145,7 @@ impl<C: Cost> Core<C> {
         self.exclusive = None;
         self.event = true;
         self.waiting = None;
-        // a step ends with the entry, before the handler's first instruction (ARM ARM C1.5.2)
+        // A debugger's step ends with the entry, before the handler's first instruction (ARM ARM C1.5.2).
         if self.system.debug.stepping.is_some() {
             self.system.debug.stepping = Some(u64::MAX);
             self.attention = true;

@@ -1,4 +1,4 @@
-//! Return: its checks, tail-chaining, unstacking (ARM ARM B1.5.8, B1.5.12).
+//! Exception return: its checks, tail-chaining and unstacking (ARM ARM B1.5.8, B1.5.12).
 
 use super::*;
 
@@ -16,11 +16,11 @@ impl<C: Cost> Core<C> {
         Ok(value)
     }
 
-    /// Leaves the handler: unstacks, or serves what is pending without unstacking. `value` is what was branched to, an
-    /// EXC_RETURN. ARM ARM B1.5.8.
+    /// Returns from a handler: either unstacks the frame, or takes what is pending without unstacking. `value` is the
+    /// branch target, an EXC_RETURN. ARM ARM B1.5.8.
     pub(crate) fn exception_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
-        // A line that the handler made fall must be seen to be low before the exception is no longer active. What is
-        // pending by now is served by tail-chaining.
+        // If the handler made its interrupt line fall, the core must see the line low before it deactivates the
+        // exception. What is pending by now is taken by tail-chaining.
         self.system_advance();
         self.take_signals(bus);
         let number = self.ipsr;
@@ -32,11 +32,11 @@ impl<C: Cost> Core<C> {
             0xD => (true, true, base_allowed),
             _ => (true, false, false),
         };
-        // bits 27:5 are ones in every EXC_RETURN; what others do is UNPREDICTABLE, a fault is the strictest of it
+        // Bits 27:5 are ones in every EXC_RETURN. Other values are UNPREDICTABLE, and a fault is the strictest choice.
         let legal = legal && value & 0x0FFF_FFE0 == 0x0FFF_FFE0 && nvic::contains(&self.system.nvic.active, number);
         let value = 0xF000_0000 | value;
         self.system.nvic.deactivate(number);
-        // all but NMI clear FAULTMASK on their return
+        // A return from any exception but NMI clears FAULTMASK.
         if number != NMI {
             self.faultmask = false;
         }
@@ -44,7 +44,7 @@ impl<C: Cost> Core<C> {
             self.refuse_return(bus, value);
             return;
         }
-        // while the state is still in the registers, memory has no copy of it
+        // While lazy preservation is active, the FP state is still in the registers and memory has no copy of it.
         let fp_in_memory = value & 0x10 == 0 && self.system.scb.fpccr & FPCCR_LSPACT == 0;
         let unstacked = self.cycle + C::EXCEPTION_RETURN + if fp_in_memory { C::FP_UNSTACKING } else { 0 };
         if self.preempts() || self.is_abandoned(bus, unstacked) {
@@ -53,7 +53,8 @@ impl<C: Cost> Core<C> {
             return;
         }
         self.cycle = unstacked + std::mem::take(&mut self.owed);
-        // the stack to return to is in use once the frame has been found good
+        // The stack pointer to return to is switched only once the frame has been found valid, so until then it may be
+        // `other_sp`.
         let frame = if process && self.control & CONTROL_SPSEL == 0 { self.other_sp } else { self.r[13] };
         let privileged = !to_thread || self.control & CONTROL_NPRIV == 0;
         let words = match self.pop_frame(bus, frame, fp_in_memory, privileged) {
@@ -69,7 +70,7 @@ impl<C: Cost> Core<C> {
         };
         let xpsr = words[7];
         if (xpsr & 0x1FF == 0) != to_thread {
-            // The ARM ARM pops the frame and pushes it again; the same words then are at the same place.
+            // The ARM ARM pops the frame and pushes it again, which leaves the same words at the same place.
             self.refuse_return(bus, value);
             return;
         }
@@ -97,10 +98,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// On the clock of what silicon takes at least: whether something that preempts what is returned to arrives before
-    /// the cycle `unstacked`, at which the return has unstacked. The return is then abandoned, and what has arrived is
-    /// tail-chained (Yiu, "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop
-    /// preemption").
+    /// On the optimistic clock: whether an exception that preempts the code returned to arrives before the cycle
+    /// `unstacked`, at which the return has unstacked. The core then abandons the return and tail-chains the exception
+    /// (Yiu, "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
     fn is_abandoned<B: Bus>(&mut self, bus: &mut B, unstacked: u64) -> bool {
         if C::BOUND != Some(Bound::Best) {
             return false;
@@ -122,7 +122,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// A return that fails a check: UsageFault, entered without unstacking. ARM ARM B1.5.8.
+    /// Refuses a return that fails a check: enters UsageFault without unstacking. ARM ARM B1.5.8.
     fn refuse_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
         self.system.scb.cfsr |= CFSR_INVPC;
         if self.pend_fault(USAGE_FAULT) {
@@ -132,7 +132,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Reads the frame that a return unstacks: eight words, and with the FP state, if it is there, seventeen more.
+    /// Reads the frame that a return unstacks: eight words, and seventeen more if the FP state is in memory.
     fn pop_frame<B: Bus>(&mut self, bus: &mut B, frame: u32, fp: bool, privileged: bool) -> Result<[u32; 25], Fault> {
         let mut words = [0; 25];
         let mut count = BASIC;

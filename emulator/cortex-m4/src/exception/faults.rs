@@ -1,11 +1,11 @@
-//! Faults and what an instruction raises itself: status, escalation, derived exceptions, lockup (ARM ARM B1.5.11,
-//! B1.5.14, B1.5.15).
+//! Faults and the exceptions that an instruction raises itself: status, escalation, derived exceptions, lockup (ARM ARM
+//! B1.5.11, B1.5.14, B1.5.15).
 
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// A stacking (`entry`) or unstacking fault: its exception becomes pending beside the one being entered, and the
-    /// higher of the two is taken first. ARM ARM B1.5.11.
+    /// Handles a fault of stacking (`entry`) or unstacking: its exception becomes pending beside the one being entered,
+    /// and the core takes the higher of the two first. ARM ARM B1.5.11.
     pub(super) fn derived_fault(&mut self, fault: Fault, entry: bool) {
         let (number, flag, kind) = match (fault, entry) {
             (Fault::MemData(_), true) => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
@@ -31,8 +31,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes the exception of a synchronous fault pending, as HardFault where it is off or does not preempt; locks up
-    /// where HardFault does not either. Answers whether an exception is to be taken. ARM ARM B1.5.11, B1.5.15.
+    /// Makes the exception of a synchronous fault pending. It becomes HardFault where the exception is disabled or does
+    /// not preempt, and the core locks up where HardFault does not preempt either. Returns whether an exception is to
+    /// be taken. ARM ARM B1.5.11, B1.5.15.
     pub(super) fn pend_fault(&mut self, number: u16) -> bool {
         if self.execution_priority() <= -1 {
             if number != HARD_FAULT {
@@ -45,7 +46,7 @@ impl<C: Cost> Core<C> {
         true
     }
 
-    /// Locks up as if in the handler of HardFault or NMI, which could not be entered.
+    /// Locks the core up as if in the handler of HardFault or NMI, which could not be entered.
     pub(super) fn lock_up_at(&mut self, number: u16) {
         self.set_stack(false);
         self.ipsr = number;
@@ -54,13 +55,13 @@ impl<C: Cost> Core<C> {
         self.lock_up();
     }
 
-    /// The core locks up now, as a fault inside a fault handler makes it (ARM ARM B1.5.15).
+    /// Locks the core up now, as a fault inside a fault handler does (ARM ARM B1.5.15).
     pub fn lock_up(&mut self) {
         self.locked_up = true;
         self.attention = true;
     }
 
-    /// Vector catch: the core halts at the first instruction of the handler.
+    /// Carries out a vector catch: the core halts at the first instruction of the handler.
     pub(super) fn catch(&mut self, kinds: u32) {
         let forced = self.system.nvic.best == HARD_FAULT;
         if self.system.debug.catches(kinds | if forced { debug_catch::HARDERR } else { 0 }) {
@@ -69,9 +70,10 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Whether a data bus fault at `address` is ignored now: CCR.BFHFNMIGN in HardFault, NMI or with FAULTMASK (ARM ARM
-    /// B3.2.8). Only its exception is: the status says what failed and where (B3.2.15, B3.2.18), which is how firmware
-    /// finds out whether anything answers at an address.
+    /// Whether the core ignores a data bus fault at `address` now: CCR.BFHFNMIGN is set, and the core is in HardFault
+    /// or NMI or has FAULTMASK set (ARM ARM B3.2.8). It ignores only the exception. The status still says what failed
+    /// and where (B3.2.15, B3.2.18), and this function sets it. Firmware reads it to find out whether anything answers
+    /// at an address.
     pub(crate) fn ignores_bus_fault(&mut self, address: u32) -> bool {
         let ignores = self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0;
         if ignores {
@@ -81,8 +83,8 @@ impl<C: Cost> Core<C> {
         ignores
     }
 
-    /// The instruction at r15 faulted: sets the status and enters the handler, or locks up. The IT state is still that
-    /// of the instruction.
+    /// Handles a fault of the instruction at r15: sets the status and enters the handler, or locks up. The IT state
+    /// must still be that of the instruction.
     pub(crate) fn take_fault<B: Bus>(&mut self, bus: &mut B, fault: Fault) {
         if let Fault::BusData(address) = fault
             && self.ignores_bus_fault(address)
@@ -116,7 +118,8 @@ impl<C: Cost> Core<C> {
                 (HARD_FAULT, 0, debug_catch::INTERR)
             }
             Fault::BusLazy | Fault::MemLazy => {
-                // `fp_ready` has made the exception pending and found that it preempts, or locked up
+                // `fp_ready` has already made the exception pending and found that it preempts, or has locked the core
+                // up.
                 if !self.locked_up && self.preempts() {
                     let to = self.r[15];
                     self.enter(bus, to);
@@ -136,24 +139,26 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// MMFAR and BFAR are one register in this core: an address of the one makes the other's invalid (TRM table 4-1).
+    /// Notes the address of a fault. MMFAR and BFAR are one register in this core, so an address in one makes the
+    /// other's invalid (TRM table 4-1).
     fn note_fault_address(&mut self, address: u32, other: u32) {
         self.system.scb.fault_address = address;
         self.system.scb.cfsr &= !other;
     }
 
-    /// Goes on behind a load or store whose bus fault is ignored. What the load reads is UNKNOWN: registers stay.
+    /// Continues behind a load or store whose bus fault is ignored. The ARM ARM leaves the loaded value UNKNOWN; here
+    /// the registers keep what they held.
     #[cold]
     fn skip_instruction<B: Bus>(&mut self, bus: &mut B) {
         let wide = bus.fetch(self.r[15]).is_ok_and(|first| first >> 11 >= 0x1D);
         self.r[15] = self.r[15].wrapping_add(if wide { 4 } else { 2 });
-        // ITAdvance, ARM ARM A7.3.2
+        // The IT state advances as by ITAdvance, ARM ARM A7.3.2.
         self.it = if self.it & 7 == 0 { 0 } else { self.it & 0xE0 | self.it << 1 & 0x1F };
     }
 
-    /// SVC: r15 is the next instruction. Where SVCall does not preempt, it is a HardFault, whose return address is the
-    /// next instruction too: Zephyr's fault handler relies on it on silicon, and QEMU does it. A core that locks up
-    /// stays at the SVC.
+    /// Executes an SVC; r15 is the next instruction. Where SVCall does not preempt, it becomes a HardFault, whose
+    /// return address is the next instruction too: Zephyr's fault handler relies on this on silicon, and QEMU does the
+    /// same. A core that locks up stays at the SVC.
     pub(crate) fn supervisor_call<B: Bus>(&mut self, bus: &mut B) {
         let next = self.r[15];
         if self.pend_fault(SV_CALL) {
@@ -163,8 +168,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// BKPT, or an instruction at a breakpoint of the FPB: halts, or DebugMonitor, or HardFault. r15 is its address.
-    /// ARM ARM C1.5.1.
+    /// Executes a BKPT, or an instruction at a breakpoint of the FPB, whose address is r15. The core halts, or takes
+    /// DebugMonitor, or takes HardFault. ARM ARM C1.5.1.
     pub(crate) fn breakpoint<B: Bus>(&mut self, bus: &mut B) {
         if self.system.debug.halting() {
             self.halt(DFSR_BKPT);

@@ -1,8 +1,8 @@
-//! The floating-point state over an exception: access, stacking, lazy preservation (ARM ARM B1.5.7, A2.5.3).
+//! The floating-point state in exceptions: access, stacking, lazy preservation (ARM ARM B1.5.7, A2.5.3).
 
 use super::*;
 
-/// CPACR: access to the FPU for all, or for privileged code.
+/// CPACR settings that give access to the FPU: to privileged code, or to all code.
 const CP10_PRIVILEGED: u32 = 1;
 const CP10_FULL: u32 = 3;
 
@@ -14,8 +14,8 @@ impl<C: Cost> Core<C> {
         self.push_word(bus, at.wrapping_add(64), self.fpscr, privileged)
     }
 
-    /// UpdateFPCCR, ARM ARM B1.5.7: where the state goes if a handler uses the FPU, and which faults could be taken
-    /// now.
+    /// Notes where the FP state goes if a handler uses the FPU, and which faults could be taken now (UpdateFPCCR, ARM
+    /// ARM B1.5.7).
     pub(super) fn prepare_lazy_preservation(&mut self, frame: u32, privileged: bool) {
         let priority = self.execution_priority();
         let nvic = &self.system.nvic;
@@ -37,7 +37,7 @@ impl<C: Cost> Core<C> {
         self.system.scb.fpcar = frame.wrapping_add(4 * BASIC) & !7;
     }
 
-    /// CPACR: whether the FPU may be used.
+    /// Whether CPACR allows the FPU to be used.
     #[inline]
     pub(super) fn fpu_allowed(&self, privileged: bool) -> bool {
         match self.system.scb.cpacr >> 20 & 3 {
@@ -47,8 +47,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// An FP instruction is about to execute, ARM ARM A2.5.3 (ExecuteFPCheck): is the FPU allowed; saves the state that
-    /// lazy preservation left in the registers; begins a floating-point context.
+    /// Prepares for an FP instruction (ExecuteFPCheck, ARM ARM A2.5.3): checks that the FPU is allowed, saves the state
+    /// that lazy preservation left in the registers, and begins a floating-point context.
     #[inline]
     pub(crate) fn fp_ready<B: Bus>(&mut self, bus: &mut B) -> Result<(), Fault> {
         if !self.fpu_allowed(self.is_privileged()) {
@@ -65,8 +65,9 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// PreserveFPState, ARM ARM B1.5.7. A fault is judged by what could be taken when the frame was made; if it cannot
-    /// be taken now it stays pending, and the instruction goes on.
+    /// Saves the FP state (PreserveFPState, ARM ARM B1.5.7). Which exception a fault takes depends on what could be
+    /// taken when the frame was made. If the exception cannot be taken now, it stays pending and the instruction goes
+    /// on.
     #[cold]
     fn preserve_fp<B: Bus>(&mut self, bus: &mut B) -> Result<(), Fault> {
         let fpccr = self.system.scb.fpccr;

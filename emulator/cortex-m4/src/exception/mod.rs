@@ -1,6 +1,6 @@
-//! Exceptions: entry, return, faults, sleep. ARM ARM B1.5.
+//! Exceptions: entry, return, faults and sleep. ARM ARM B1.5.
 //!
-//! | Module | Covered | ARM ARM |
+//! | Module | What it covers | ARM ARM |
 //! |---|---|---|
 //! | this one | execution priority, preemption; `WFI` and `WFE` | B1.5.4, B1.5.17 to B1.5.19 |
 //! | `entry` | entry, basic and extended frames, late arrival | B1.5.6, B1.5.7, B1.5.11 |
@@ -9,9 +9,9 @@
 //! | `lazy` | lazy preservation of the floating-point state | B1.5.7, A2.5.3 |
 //! | `reset` | reset, power-on | B1.5.5 |
 //!
-//! Entry and return are each one step: nothing interrupts them in their middle. What arrives while an entry stacks is
-//! served by late arrival; what arrives while a return unstacks preempts right after it, or, on the clock of what
-//! silicon takes at least, in its place. Imprecise bus faults do not exist in this model: every bus fault is precise.
+//! Entry and return are one step each, which nothing interrupts in the middle. An exception that arrives while an entry
+//! stacks is taken by late arrival. One that arrives while a return unstacks preempts right after the return or, on the
+//! optimistic clock, in its place. Imprecise bus faults do not exist in this model: every bus fault is precise.
 
 mod entry;
 mod exit;
@@ -26,15 +26,15 @@ use crate::system::nvic::{
 use crate::system::*;
 use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
 
-/// Words of a basic frame and of one with the floating-point state, ARM ARM B1.5.7.
+/// The words of a basic frame, and of one with the floating-point state, ARM ARM B1.5.7.
 const BASIC: u32 = 8;
 const EXTENDED: u32 = 26;
 
-/// Bit 9 of a stacked xPSR: the stack pointer was moved by four to align it.
+/// Bit 9 of a stacked xPSR: entry moved the stack pointer by four bytes to align it.
 const REALIGNED: u32 = 1 << 9;
 
 impl<C: Cost> Core<C> {
-    /// The priority that PRIMASK (if `primask`), BASEPRI and FAULTMASK give, ARM ARM B1.5.4.
+    /// The priority that PRIMASK (only if `primask` is true), BASEPRI and FAULTMASK set, ARM ARM B1.5.4.
     #[inline]
     pub(crate) fn mask_priority(&self, primask: bool) -> i16 {
         if self.faultmask {
@@ -48,7 +48,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The execution priority, ARM ARM B1.5.4: an exception is taken if its group priority is lower.
+    /// The execution priority, ARM ARM B1.5.4: the core takes an exception whose group priority is a lower number.
     #[inline]
     pub(crate) fn execution_priority(&self) -> i32 {
         self.mask_priority(true).min(self.system.nvic.active_priority).into()
@@ -60,7 +60,7 @@ impl<C: Cost> Core<C> {
         i32::from(self.system.nvic.best_priority) < self.execution_priority()
     }
 
-    /// Takes in the interrupt lines and outside events. Leaves `Signals::changed` to the run loop.
+    /// Takes in the interrupt lines and outside events. It leaves announced changes to the run loop.
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
@@ -77,8 +77,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Takes in what the part drives, then takes the highest pending exception if it preempts; wakes the core. To be
-    /// called between instructions whenever `attention` is set. Answers whether an exception was entered.
+    /// Takes in what the part drives, wakes the core, and takes the highest pending exception if it preempts. The run
+    /// loop calls it between instructions whenever `attention` is set. Returns whether an exception was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);
@@ -92,7 +92,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // else the step is still to come, see `debug_stepping`; of a core that hangs it is over
+            // Otherwise the step is still to come, see `debug_stepping`. For a core that hangs, the step is over.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {
@@ -106,7 +106,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if self.locked_up {
-            // only NMI leaves a lockup, and only one at HardFault's priority (ARM ARM B1.5.15)
+            // Only NMI ends a lockup, and only a lockup at HardFault's priority (ARM ARM B1.5.15).
             if self.system.nvic.best != NMI || !self.preempts() {
                 return false;
             }
@@ -124,14 +124,14 @@ impl<C: Cost> Core<C> {
         false
     }
 
-    /// Ends `WFI` or `WFE` if there is a reason to, ARM ARM B1.5.18, B1.5.19.
+    /// Ends `WFI` or `WFE` if something wakes the core, ARM ARM B1.5.18, B1.5.19.
     fn wake(&mut self) {
         if self.waiting == Some(true) && self.event {
             self.event = false;
             self.waiting = None;
             return;
         }
-        // WFI wakes for what would preempt if PRIMASK were clear; WFE only for what is taken
+        // WFI wakes for an exception that would preempt if PRIMASK were clear; WFE wakes only for one that is taken.
         let priority = self.mask_priority(self.waiting == Some(true)).min(self.system.nvic.active_priority);
         if self.system.nvic.best_priority < priority {
             self.waiting = None;

@@ -3,8 +3,9 @@
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// A system reset: registers, stack pointer and program counter as after reset (ARM ARM B1.5.5). Time and the
-    /// counts of it go on; the debug components keep their state, as only a power-on resets them.
+    /// Carries out a system reset: registers, stack pointer and program counter get their reset values (ARM ARM
+    /// B1.5.5). The cycle count and other counts go on. The debug components keep their state, since only a power-on
+    /// resets them.
     pub fn reset<B: Bus>(&mut self, bus: &mut B) {
         self.system_advance();
         self.system.reset();
@@ -29,7 +30,7 @@ impl<C: Cost> Core<C> {
         self.r[14] = 0xFFFF_FFFF;
         self.attention = true;
         let (Some(stack), Some(start)) = (self.vector(bus, 0), self.vector(bus, 1)) else {
-            // without them the core locks up at once (ARM ARM B1.5.15)
+            // A core that cannot read its stack pointer and reset vector locks up at once (ARM ARM B1.5.15).
             self.system.scb.hfsr |= HFSR_VECTTBL;
             self.lock_up_at(HARD_FAULT);
             return;
@@ -42,7 +43,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The supply came on: as [`Core::reset`], and the debug components are new too.
+    /// Carries out a power-on: it is a [`Core::reset`] that also resets the debug components.
     pub fn power_on<B: Bus>(&mut self, bus: &mut B) {
         self.halted = false;
         self.system.power_on();

@@ -1,8 +1,8 @@
-//! The arithmetic of instructions, without state: ARM ARM A2.2.1, A7.4 and the pseudocode of A7.7.
+//! The arithmetic of instructions, as functions without state: ARM ARM A2.2.1, A7.4 and the pseudocode of A7.7.
 
 use crate::op::{Extend, Lane, Lanes, Shift, Unary};
 
-/// AddWithCarry: the sum, the carry out of it and whether it overflows as signed numbers.
+/// Adds with carry (AddWithCarry): returns the sum, the carry out, and whether the signed sum overflows.
 #[inline(always)]
 pub(crate) const fn add_with_carry(a: u32, b: u32, carry: bool) -> (u32, bool, bool) {
     let (sum, c1) = a.overflowing_add(b);
@@ -10,7 +10,7 @@ pub(crate) const fn add_with_carry(a: u32, b: u32, carry: bool) -> (u32, bool, b
     (sum, c1 || c2, ((a ^ sum) & (b ^ sum)) >> 31 != 0)
 }
 
-/// Shift_C: the value and the carry out of it; any amount up to 255.
+/// Shifts by any amount up to 255 (Shift_C): returns the value and the carry out.
 #[inline(always)]
 pub(crate) const fn shift(value: u32, shift: Shift, amount: u32, carry: bool) -> (u32, bool) {
     if amount == 0 {
@@ -39,20 +39,20 @@ pub(crate) const fn shift(value: u32, shift: Shift, amount: u32, carry: bool) ->
     }
 }
 
-/// SignedSat to `bits` bits, and whether it saturated.
+/// Saturates to `bits` bits, signed (SignedSat), and tells whether it saturated.
 pub(crate) fn signed_saturate(value: i64, bits: u32) -> (i32, bool) {
     let most = (1_i64 << (bits - 1)) - 1;
     let held = value.clamp(-most - 1, most);
     (held as i32, held != value)
 }
 
-/// UnsignedSat to `bits` bits, and whether it saturated.
+/// Saturates to `bits` bits, unsigned (UnsignedSat), and tells whether it saturated.
 pub(crate) fn unsigned_saturate(value: i64, bits: u32) -> (u32, bool) {
     let held = value.clamp(0, (1_i64 << bits) - 1);
     (held as u32, held != value)
 }
 
-/// The extension of a rotated register, added to `base`.
+/// Extends a part of a register that the caller has rotated, and adds it to `base`.
 pub(crate) const fn extend(kind: Extend, base: u32, value: u32) -> u32 {
     match kind {
         Extend::SignedByte => base.wrapping_add(value as i8 as u32),
@@ -66,12 +66,12 @@ pub(crate) const fn extend(kind: Extend, base: u32, value: u32) -> u32 {
     }
 }
 
-/// The low halves of two numbers, side by side.
+/// Packs the low halves of two numbers into one word.
 const fn halves(low: u32, high: u32) -> u32 {
     high << 16 | low & 0xFFFF
 }
 
-/// Operations with one operand.
+/// Computes an operation with one operand.
 pub(crate) const fn unary(kind: Unary, value: u32) -> u32 {
     match kind {
         Unary::Rev => value.swap_bytes(),
@@ -82,26 +82,27 @@ pub(crate) const fn unary(kind: Unary, value: u32) -> u32 {
     }
 }
 
-/// Parallel addition and subtraction: the result, and APSR.GE where the operation sets it.
+/// Adds and subtracts lanes in parallel: returns the result, and APSR.GE where the operation sets it.
 pub(crate) fn parallel(lanes: Lanes, lane: Lane, a: u32, b: u32) -> (u32, Option<u8>) {
     let sets = matches!(lane, Lane::Signed | Lane::Unsigned);
     let signed = matches!(lane, Lane::Signed | Lane::SignedSaturating | Lane::SignedHalving);
     let (mut result, mut ge) = (0, 0);
     let (width, count, flags) = if matches!(lanes, Lanes::Add8 | Lanes::Sub8) { (8, 4, 1_u8) } else { (16, 2, 3) };
     for index in 0..count {
-        // The exchanging forms take the other half of the second operand.
+        // The exchanging forms combine each half with the opposite half of the second operand.
         let exchange = matches!(lanes, Lanes::Exchange16AddSub | Lanes::Exchange16SubAdd);
         let other = if exchange { 1 - index } else { index };
         let subtract = match lanes {
             Lanes::Add16 | Lanes::Add8 => false,
             Lanes::Sub16 | Lanes::Sub8 => true,
-            // ASX: the upper half adds, the lower subtracts.
+            // In ASX the upper half adds and the lower half subtracts; in SAX it is the other way round.
             Lanes::Exchange16AddSub => index == 0,
             Lanes::Exchange16SubAdd => index == 1,
         };
         let (x, y) = (part(a, index, width, signed), part(b, other, width, signed));
         let value = if subtract { x - y } else { x + y };
-        // GE: of signed lanes, not negative; of unsigned sums, a carry; of unsigned differences, no borrow.
+        // GE is set for a signed lane that is not negative, an unsigned sum with a carry, and an unsigned difference
+        // without borrow.
         let flag = if signed || subtract { value >= 0 } else { value >= 1 << width };
         if flag {
             ge |= flags << (index * flags.count_ones());
@@ -117,7 +118,7 @@ pub(crate) fn parallel(lanes: Lanes, lane: Lane, a: u32, b: u32) -> (u32, Option
     (result, sets.then_some(ge))
 }
 
-/// Lane `index` of `width` bits.
+/// Extracts lane `index`, which has `width` bits.
 fn part(value: u32, index: u32, width: u32, signed: bool) -> i64 {
     let value = value >> (index * width);
     match (width, signed) {
@@ -128,12 +129,12 @@ fn part(value: u32, index: u32, width: u32, signed: bool) -> i64 {
     }
 }
 
-/// The signed half of a register that xy forms multiply.
+/// The signed half of a register that the SMULxy family multiplies.
 pub(crate) fn half(value: u32, top: bool) -> i64 {
     i64::from((if top { value >> 16 } else { value }) as i16)
 }
 
-/// The two products of SMLAD and its kin, the second subtracted where `subtract`.
+/// Computes the two products of the SMLAD family and adds them, or subtracts the second one where `subtract`.
 pub(crate) fn dual(a: u32, b: u32, subtract: bool, exchange: bool) -> i64 {
     let b = if exchange { b.rotate_left(16) } else { b };
     let (first, second) = (half(a, false) * half(b, false), half(a, true) * half(b, true));

@@ -1,9 +1,9 @@
-//! Conditions and branches (ARM ARM A7.3): what changes the program counter, and when.
+//! Conditions and branches (ARM ARM A7.3).
 
 use super::*;
 use crate::Bound;
 
-/// Of each condition, the sets of flags that pass it: bit n of an entry is for the flags n, with N in bit 3, Z in
+/// For each condition, the set of flags that pass it. Bit n of an entry stands for the flags n, with N in bit 3, Z in
 /// bit 2, C in bit 1 and V in bit 0 (ARM ARM A7.3).
 const PASSES: [u16; 16] = passes();
 
@@ -35,7 +35,7 @@ pub(super) const fn passes() -> [u16; 16] {
 }
 
 impl<C: Cost> Core<C> {
-    /// ConditionPassed.
+    /// Whether the flags pass a condition (ConditionPassed).
     #[inline(always)]
     pub(crate) fn passes(&self, condition: u8) -> bool {
         let flags = u8::from(self.flag_n) << 3
@@ -45,7 +45,8 @@ impl<C: Cost> Core<C> {
         PASSES[usize::from(condition & 15)] >> flags & 1 != 0
     }
 
-    /// BXWritePC and LoadWritePC: bit 0 becomes EPSR.T; EXC_RETURN in handler mode.
+    /// Branches as BXWritePC and LoadWritePC do: bit 0 of the target becomes EPSR.T. In handler mode the target may be
+    /// an EXC_RETURN.
     pub(crate) fn branch_exchange<B: Bus>(&mut self, bus: &mut B, target: u32) -> u32 {
         self.refill();
         if target >= 0xF000_0000 && self.ipsr != 0 {
@@ -60,7 +61,7 @@ impl<C: Cost> Core<C> {
         target & !1
     }
 
-    /// A branch is taken: the pipeline is filled anew. At worst the words it held are fetched again.
+    /// Refills the pipeline after a taken branch. At worst the core fetches words again that the pipeline held.
     #[inline(always)]
     pub(super) fn refill(&mut self) {
         self.cycle += C::REFILL;
@@ -69,7 +70,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// BranchWritePC, taken.
+    /// Takes a branch (BranchWritePC).
     #[inline(always)]
     pub(super) fn branch(&mut self, target: u32) -> u32 {
         self.refill();

@@ -1,10 +1,10 @@
-//! Data processing, multiplication and saturation with the flags they set (ARM ARM A5.3.1, A7.7).
+//! Data processing, multiplication and saturation with the flags that they set (ARM ARM A5.3.1, A7.7).
 
 use super::*;
 use crate::op::{Alu, Long, Saturating};
 
 impl<C: Cost> Core<C> {
-    /// One of the operations of ARM ARM A5.3.1. `carry` is that of the operand.
+    /// Executes one of the operations of ARM ARM A5.3.1. `carry` is the carry out of the operand's shift.
     pub(super) fn alu(&mut self, alu: Alu, s: bool, d: u8, a: u32, b: u32, carry: bool) {
         let logical = |value| (value, carry, self.flag_v);
         let (value, c, v) = match alu {
@@ -31,7 +31,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// SMLAxy and its kin: `product` plus register `a` (15: nothing), with Q where the sum overflows.
+    /// Accumulates for the SMLAxy family: adds `product` to register `a` (15 adds nothing) and sets Q where the sum
+    /// overflows.
     pub(super) fn accumulate(&mut self, d: u8, a: u8, product: i64) {
         let sum = if a == 15 { product } else { product + i64::from(self.get(a) as i32) };
         self.put(d, sum as u32);

@@ -1,6 +1,6 @@
-//! What instructions do, ARM ARM A7.7.
+//! The execution of decoded instructions, ARM ARM A7.7.
 //!
-//! | here | what |
+//! | module | what it has |
 //! |---|---|
 //! | this file | the dispatch, registers and flags, control |
 //! | `data` | data processing and multiplication with their flags |
@@ -21,7 +21,7 @@ use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
 use arithmetic::{add_with_carry, dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
 
 impl<C: Cost> Core<C> {
-    /// Register `n` as an operand.
+    /// Reads register `n` as an operand.
     #[inline(always)]
     pub(crate) fn get(&self, n: u8) -> u32 {
         self.r[usize::from(n & 15)]
@@ -60,7 +60,7 @@ impl<C: Cost> Core<C> {
         sum
     }
 
-    /// Executes the instruction `op` at `pc`, which is in r15; gives the address of the next.
+    /// Executes the instruction `op` at `pc`, which is also in r15, and returns the address of the next one.
     #[inline(always)]
     pub(crate) fn execute<B: Bus>(&mut self, bus: &mut B, op: &Op, pc: u32) -> Result<u32, Fault> {
         let next = pc.wrapping_add(u32::from(op.size));
@@ -351,7 +351,7 @@ impl<C: Cost> Core<C> {
                 return Ok(self.branch(target));
             }
             Do::Bx { m } => {
-                // BX PC reads the address of the instruction plus 4.
+                // BX PC uses the address of the instruction plus 4.
                 let target = if m == 15 { pc.wrapping_add(4) & !1 } else { self.get(m) };
                 return Ok(self.branch_exchange(bus, target));
             }
@@ -435,13 +435,13 @@ impl<C: Cost> Core<C> {
             Do::Fault(fault) => return Err(fault),
             Do::Breakpoint => self.pause(Exit::Breakpoint),
             Do::HostCall => self.pause(Exit::HostCall),
-            // The run loop has put the instruction in its place.
+            // The run loop decodes an instruction before it gets here.
             Do::Unknown => return Err(Fault::BusInstruction),
         }
         Ok(next)
     }
 
-    /// The memory width of `format`.
+    /// The width of the memory access that `format` makes.
     pub(crate) const fn width(format: Format) -> Width {
         match format {
             Format::Byte | Format::SignedByte => Width::Byte,

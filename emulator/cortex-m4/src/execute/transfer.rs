@@ -1,18 +1,18 @@
-//! Loads and stores that are more than one access or one register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
+//! Loads and stores of more than one access or register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
 //!
-//! On the clocks with bounds a load/store multiple in whose middle something is due is left there, with the register to
-//! go on with in EPSR.ICI, and continued afterwards (ARM ARM B1.5.10). Three kinds are completed first instead, which
-//! costs an interrupt up to 16 cycles on the pessimistic clock and nothing on the optimistic one (`Core::cut_short`):
-//! those in an IT block, those whose base is in the list, and PUSH.
+//! On the clocks with bounds, the core leaves a load/store multiple in whose middle something is due. It keeps the
+//! register to continue with in EPSR.ICI and continues afterwards (ARM ARM B1.5.10). It completes three kinds first
+//! instead: those in an IT block, those whose base is in the list, and PUSH. That delays an interrupt by up to 16
+//! cycles on the pessimistic clock and not at all on the optimistic one (`Core::cut_short`).
 //!
-//! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space): a STREX
-//! succeeds if no exception and no CLREX or STREX came since the LDREX, whatever its address.
+//! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space). A STREX
+//! therefore succeeds at any address if no exception, CLREX or STREX came since the LDREX.
 
 use crate::op::{Format, Index};
 use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
 impl<C: Cost> Core<C> {
-    /// Loads and extends. `privilege` is that of the core where `None`.
+    /// Loads a value and extends it. `privilege` overrides the core's privilege where it is not `None`.
     pub(super) fn load_format<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -52,7 +52,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Puts a loaded value into register `t`, which may be the program counter; gives the next address.
+    /// Puts a loaded value into register `t`, which may be the program counter. Returns the address of the next
+    /// instruction.
     pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32, next: u32) -> u32 {
         if t == 15 {
             return self.branch_exchange(bus, value);
@@ -61,7 +62,7 @@ impl<C: Cost> Core<C> {
         next
     }
 
-    /// The addresses of a dual access, and what is written back.
+    /// The address of an access of two words, and the value that is written back to the base.
     fn dual_address(&self, index: Index, n: u8, imm: u32) -> Result<(u32, u32), Fault> {
         let base = if n == 15 { self.r[15].wrapping_add(4) & !3 } else { self.get(n) };
         let offset = base.wrapping_add(imm);
@@ -160,7 +161,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// The first address of a load/store multiple, and what is written back.
+    /// The first address of a load/store multiple, and the value that is written back to the base.
     fn multiple_address(&self, n: u8, list: u16, down: bool) -> Result<(u32, u32), Fault> {
         let base = self.get(n);
         let size = 4 * list.count_ones();
@@ -169,8 +170,8 @@ impl<C: Cost> Core<C> {
         if start & 3 == 0 { Ok((start, end)) } else { Err(Fault::Unaligned) }
     }
 
-    /// Whether a load/store multiple is to be left before its register number `done` (counted from 0): the next thing
-    /// due falls there, and the instruction can be continued.
+    /// Whether to leave a load/store multiple before its register number `done` (counted from 0), because the next
+    /// event is due there and the instruction can be continued.
     fn is_interrupted<B: Bus>(&self, bus: &mut B, list: u16, n: u8, down: bool, done: u32) -> bool {
         let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
         C::BOUND.is_some()
@@ -181,24 +182,26 @@ impl<C: Cost> Core<C> {
             && self.cycle + u64::from(1 + done) >= self.limit_of_multiple(bus)
     }
 
-    /// Leaves a load/store multiple before `register`, with `left` registers to go: the run loop looks around and comes
-    /// back to it, perhaps after an exception.
+    /// Leaves a load/store multiple before `register`, with `left` registers to go. The run loop handles what is due
+    /// and comes back to the instruction, perhaps after an exception.
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
         self.limit = 0;
-        // The run loop adds what the whole instruction costs and counts it, now and when it is completed.
+        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one of them
+        // is taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
     }
 
-    /// The registers of a load/store multiple that is continued, and how many were moved before.
+    /// The registers that a continued load/store multiple still has to move, and how many it moved before.
     fn continued(&mut self, list: u16) -> (u16, u32) {
         let from = std::mem::take(&mut self.ici);
         let rest = list & (u16::MAX << (from & 15));
         let before = list.count_ones() - rest.count_ones();
-        // What was moved before is not paid again; beginning anew is, at the most.
+        // The cycles of registers that were moved before are not counted again, but the one cycle for the start of the
+        // instruction is.
         self.cycle -= u64::from(before).min(self.cycle);
         (rest, before)
     }
@@ -238,7 +241,7 @@ impl<C: Cost> Core<C> {
         if list & 0x8000 != 0 { Ok(self.branch_exchange(bus, values[15])) } else { Ok(next) }
     }
 
-    /// Puts the values of the registers in `list`.
+    /// Writes the values of the registers in `list`.
     fn put_list(&mut self, values: &[u32; 16], list: u16) {
         let mut rest = list;
         while rest != 0 {

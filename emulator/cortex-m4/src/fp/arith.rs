@@ -10,58 +10,59 @@
 //! | Integers and fixed point | FPToFixed, FixedToFP |
 //! | Half precision, IEEE and alternative | FPHalfToSingle, FPSingleToHalf |
 //!
-//! Two ways lead to each result. [`exact`] holds integer arithmetic that covers everything. The functions here first
-//! try the host's arithmetic, where that gives the same bits and flags: rounding to nearest without flush-to-zero, and
-//! a result so far inside the normal range that neither underflow, overflow, NaN nor infinity is possible. There, the
-//! host's operation is the correctly rounded one of IEEE 754, and the only flag is IXC. Arithmetic in `f64` that is
-//! itself exact, as noted at each function, tells whether the result is inexact.
+//! Each result can be computed in two ways. [`exact`] uses integer arithmetic, which covers all cases. The functions
+//! here first try the host's arithmetic where it gives the same bits and flags. That needs rounding to nearest without
+//! flush-to-zero, and a result so far inside the normal range that underflow, overflow, NaN and infinity are all
+//! impossible. There, the host's operation is the correctly rounded one of IEEE 754, and the only flag is IXC. `f64`
+//! arithmetic that is itself exact, as noted at each function, tells whether the result is inexact.
 //!
-//! Left out: nothing that FPv4-SP has. The Advanced SIMD forms of the manual's functions (the standard FPSCR value) do
-//! not exist on this core.
+//! Everything that FPv4-SP has is covered. The Advanced SIMD forms of the manual's functions (the standard FPSCR value)
+//! do not exist on this core.
 
 pub(super) mod exact;
 
 pub(super) const SIGN: u32 = 0x8000_0000;
 
-// FPSCR, A2.5.3.
+// The following constants are bits of FPSCR, A2.5.3.
 pub(super) const IOC: u32 = 1;
 pub(super) const DZC: u32 = 1 << 1;
 pub(super) const OFC: u32 = 1 << 2;
 pub(super) const UFC: u32 = 1 << 3;
 pub(super) const IXC: u32 = 1 << 4;
 pub(super) const IDC: u32 = 1 << 7;
-/// RMode: 0 to nearest, 1 towards plus infinity, 2 towards minus infinity, 3 towards zero.
+/// The lowest bit of the field RMode: 0 rounds to nearest, 1 towards plus infinity, 2 towards minus infinity, 3 towards
+/// zero.
 pub(super) const RMODE_SHIFT: u32 = 22;
 pub(super) const RMODE: u32 = 3 << RMODE_SHIFT;
 pub(super) const FZ: u32 = 1 << 24;
 pub(super) const DN: u32 = 1 << 25;
 pub(super) const AHP: u32 = 1 << 26;
 
-/// The integer or fixed-point side of a conversion.
+/// The format of the integer or fixed-point number of a conversion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Integer {
-    /// Bits: 16 or 32.
+    /// The number of bits: 16 or 32.
     pub(super) size: u8,
     pub(super) unsigned: bool,
-    /// Bits below the point, at most `size`.
+    /// The number of bits below the point, at most `size`.
     pub(super) fraction_bits: u8,
 }
 
-/// Whether the host's arithmetic rounds as FPSCR says and flushes nothing, as FPSCR says.
+/// Whether FPSCR asks for the host's arithmetic: rounding to nearest, and no flush-to-zero.
 #[inline(always)]
 fn host_rounding(fpscr: u32) -> bool {
     fpscr & (RMODE | FZ) == 0
 }
 
-/// Whether a rounded result is normal, finite and not the least normal number, to which a result that underflows (the
-/// manual looks before rounding) may be rounded.
+/// Whether a rounded result is normal, finite and not the least normal number. The manual detects underflow before
+/// rounding, so a result that underflows may be rounded to the least normal number.
 #[inline(always)]
 fn well_inside(result: f32) -> bool {
     (result.to_bits() >> 23 & 0xFF).wrapping_sub(2) < 253
 }
 
-/// The rounding error of `a + b` being `sum`, exactly (Knuth's TwoSum): the `f64` operands come from `f32` numbers and
-/// their products, far from `f64`'s underflow and overflow.
+/// The exact rounding error of `a + b`, where `sum` is the rounded sum (Knuth's TwoSum). The operands come from `f32`
+/// numbers and their products, so they are far from `f64`'s underflow and overflow.
 #[inline(always)]
 fn sum_error(a: f64, b: f64, sum: f64) -> f64 {
     let b_part = sum - a;
@@ -87,7 +88,7 @@ pub(super) fn add(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     exact::add(a, b, fpscr)
 }
 
-/// `a - b`. Not a sum with the sign of `b` changed where `b` is a NaN.
+/// Computes `a - b`. It differs from adding a negated `b` where `b` is a NaN, whose sign stays.
 #[inline]
 pub(super) fn subtract(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {
@@ -113,7 +114,7 @@ pub(super) fn multiply(a: u32, b: u32, fpscr: &mut u32) -> u32 {
         let (x, y) = (f32::from_bits(a), f32::from_bits(b));
         let result = x * y;
         if well_inside(result) {
-            // 24 by 24 bits are 48: exact in f64.
+            // A product of two 24-bit mantissas has 48 bits, which f64 holds exactly.
             if *fpscr & IXC == 0 && f64::from(x) * f64::from(y) != f64::from(result) {
                 *fpscr |= IXC;
             }
@@ -129,7 +130,7 @@ pub(super) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
         let (x, y) = (f32::from_bits(a), f32::from_bits(b));
         let result = x / y;
         if well_inside(result) {
-            // The quotient is exact where quotient times divisor, exact in f64, is the dividend.
+            // The quotient is exact where quotient times divisor, which f64 holds exactly, equals the dividend.
             if *fpscr & IXC == 0 && f64::from(result) * f64::from(y) != f64::from(x) {
                 *fpscr |= IXC;
             }
@@ -154,18 +155,20 @@ pub(super) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
     exact::square_root(a, fpscr)
 }
 
-/// `addend + a * b`, rounded once.
+/// Computes `addend + a * b`, rounded once.
 #[inline]
 pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 {
     if host_rounding(*fpscr) {
         let z = f64::from(f32::from_bits(addend));
-        // Exact; only the sum rounds. Rounded to odd in f64 (S. Boldo, G. Melquiond: Emulation of FMA and correctly
-        // rounded sums, 2008), it rounds to the right f32, since 53 bits are more than 24 + 2.
+        // The product is exact, and only the sum rounds. A sum that is rounded to odd in f64 then rounds to the right
+        // f32, since 53 bits are more than 24 + 2 (S. Boldo, G. Melquiond: Emulation of FMA and correctly rounded sums,
+        // 2008).
         let product = f64::from(f32::from_bits(a)) * f64::from(f32::from_bits(b));
         let sum = product + z;
         let error = sum_error(product, z, sum);
         let to_odd = if error != 0.0 && sum.to_bits() & 1 == 0 {
-            // One step towards the exact sum; the bits of numbers of either sign grow with their magnitude.
+            // The sum moves one step towards the exact sum. The bit pattern of a number of either sign grows with its
+            // magnitude.
             let outwards = (error > 0.0) == (sum > 0.0);
             f64::from_bits(if outwards { sum.to_bits() + 1 } else { sum.to_bits() - 1 })
         } else {
@@ -182,11 +185,11 @@ pub(super) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 
     exact::multiply_add(addend, a, b, fpscr)
 }
 
-/// VCMP and VCMPE (`signals`): sets N, Z, C and V of FPSCR.
+/// Compares as VCMP and, if `signals`, as VCMPE: sets N, Z, C and V of FPSCR.
 #[inline]
 pub(super) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     let (x, y) = (f32::from_bits(a), f32::from_bits(b));
-    // Flush-to-zero changes operands; a NaN raises flags.
+    // Flush-to-zero changes operands, and a NaN raises flags, so the integer arithmetic handles both.
     if *fpscr & FZ != 0 || x.is_nan() || y.is_nan() {
         exact::compare(a, b, signals, fpscr);
     } else {
@@ -201,13 +204,13 @@ pub(super) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     }
 }
 
-/// To an integer or a fixed-point number, extended to 32 bits; saturates.
+/// Converts to an integer or a fixed-point number, extended to 32 bits. Values out of range saturate.
 #[inline]
 pub(super) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpscr: &mut u32) -> u32 {
     let x = f32::from_bits(a);
     if toward_zero && *fpscr & FZ == 0 && target.size == 32 && target.fraction_bits == 0 {
         let truncated = if target.unsigned {
-            // Below zero, down to -1, everything rounds to zero.
+            // Every value between -1 and 0 rounds to zero.
             (x > -1.0 && x < 4_294_967_296.0).then(|| (x as u32, f64::from(x as u32)))
         } else {
             (-2_147_483_648.0..2_147_483_648.0).contains(&x).then(|| (x as i32 as u32, f64::from(x as i32)))
@@ -222,7 +225,7 @@ pub(super) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpscr: &mut
     exact::to_integer(a, target, toward_zero, fpscr)
 }
 
-/// From an integer or a fixed-point number in the low bits of `a`.
+/// Converts from an integer or a fixed-point number in the low bits of `a`.
 #[inline]
 pub(super) fn from_integer(a: u32, source: Integer, to_nearest: bool, fpscr: &mut u32) -> u32 {
     if (to_nearest || *fpscr & RMODE == 0) && source.size == 32 && source.fraction_bits == 0 {

@@ -1,4 +1,4 @@
-//! Encodings of coprocessors 10 and 11.
+//! The decoder of instructions of coprocessors 10 and 11.
 //!
 //! | Encodings | ARM ARM | Function |
 //! |---|---|---|
@@ -7,11 +7,11 @@
 //! | 0xEExx, bit 4 set: transfers of 32 bits | A6.6 | `transfer` |
 //! | 0xEC4x, 0xEC5x: transfers of 64 bits | A6.7 | `transfer_pair` |
 //!
-//! `None` is everything that FPv4-SP does not define, and what the manual calls UNPREDICTABLE.
+//! `None` stands for every encoding that FPv4-SP does not define, and for what the manual calls UNPREDICTABLE.
 
 use super::FpOp;
 
-/// Decodes an instruction of coprocessor 10 or 11; `None` where FPv4-SP has none.
+/// Decodes an instruction of coprocessor 10 or 11. Returns `None` where FPv4-SP has none.
 pub(crate) fn decode(first: u16, second: u16) -> Option<FpOp> {
     if second & 0x0E00 != 0x0A00 {
         return None;
@@ -39,8 +39,9 @@ const fn field(halfword: u16, low: u32) -> u8 {
     (halfword >> low & 15) as u8
 }
 
-/// A register's number: four bits and a fifth, which is the lowest of a single register and the highest of a double
-/// one. A double register is told as the lower of its two single ones; d16 and above are absent.
+/// A register's number, encoded in four bits and a fifth. The fifth bit is the lowest of a single register's number and
+/// the highest of a double one's. A double register is given as the lower of its two single ones; d16 and above are
+/// absent.
 fn register(four: u8, fifth: bool, double: bool) -> Option<u8> {
     match (double, fifth) {
         (false, fifth) => Some(four << 1 | u8::from(fifth)),
@@ -49,7 +50,7 @@ fn register(four: u8, fifth: bool, double: bool) -> Option<u8> {
     }
 }
 
-/// SP and PC are UNPREDICTABLE in transfers.
+/// A core register's number. SP and PC are UNPREDICTABLE in transfers, so they give `None`.
 fn core_register(number: u8) -> Option<u8> {
     (number != 13 && number != 15).then_some(number)
 }
@@ -58,7 +59,7 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     let d = field(second, 12) << 1 | u8::from(bit(first, 6));
     let n = field(first, 0) << 1 | u8::from(bit(second, 7));
     let m = field(second, 0) << 1 | u8::from(bit(second, 5));
-    // Opc1 without its bit for D: bit 23 and bits 21:20 of the instruction.
+    // The first number is Opc1 without the bit that belongs to D: bit 23 and bits 21:20 of the instruction.
     Some(match (bit(first, 7), first >> 4 & 3, bit(second, 6)) {
         (false, 0, false) => FpOp::Vmla { d, n, m },
         (false, 0, true) => FpOp::Vmls { d, n, m },
@@ -84,7 +85,7 @@ fn data_processing(first: u16, second: u16) -> Option<FpOp> {
     })
 }
 
-/// Opc1 is 1x11 and Opc3 x1; Opc2 is the low four bits of the first halfword, A6.4.
+/// Decodes the instructions with Opc1 = 1x11 and Opc3 = x1. Opc2 is the low four bits of the first halfword, A6.4.
 fn other_data_processing(first: u16, second: u16, d: u8, m: u8) -> Option<FpOp> {
     let high = bit(second, 7);
     let opc2 = field(first, 0);
@@ -127,7 +128,7 @@ fn load_store(first: u16, second: u16, double: bool) -> Option<FpOp> {
             (false, _) => Some(FpOp::Vstr { d, words, base, add, imm8 }),
         };
     }
-    // Increment after, with or without write-back, and decrement before with it; the rest is undefined.
+    // Defined are increment after, with or without write-back, and decrement before with write-back.
     if before == add {
         return None;
     }
@@ -159,7 +160,7 @@ fn transfer(first: u16, second: u16, double: bool) -> Option<FpOp> {
             let n = register(field(first, 0), bit(second, 7), true)? | (half & 1) as u8;
             Some(if to_core { FpOp::VmovToCore { n, t } } else { FpOp::VmovFromCore { n, t } })
         }
-        // Of the system registers, an M profile core has FPSCR alone.
+        // FPSCR is the only FP system register of an M profile core.
         (false, 0b111) if field(first, 0) == 1 && !bit(second, 7) => {
             if to_core {
                 (t != 13).then_some(FpOp::Vmrs { t })

@@ -1,4 +1,4 @@
-//! What each instruction does to registers and memory.
+//! The execution of floating-point instructions: what each does to registers and memory.
 //!
 //! | What | ARM ARM |
 //! |---|---|
@@ -12,7 +12,7 @@ use crate::{Bus, Core, Cost, Fault, Purpose, Width};
 
 const SIGN: u32 = arith::SIGN;
 
-/// `VFPExpandImm` for 32 bits, A6.4.1.
+/// Expands an immediate to 32 bits (`VFPExpandImm`, A6.4.1).
 fn expand_immediate(imm8: u8) -> u32 {
     let imm8 = u32::from(imm8);
     let exponent = if imm8 & 0x40 == 0 { 0x80 } else { 0x7C } | imm8 >> 4 & 3;
@@ -20,9 +20,9 @@ fn expand_immediate(imm8: u8) -> u32 {
 }
 
 impl<C: Cost> Core<C> {
-    /// Carries out one floating-point instruction, after its access is checked and the state of an interrupted context
-    /// is saved (`fp_ready`). A load or store multiple that faults leaves its base register as it was; registers that
-    /// it had loaded before keep what was loaded, as the manual allows, and a restart loads them again.
+    /// Executes one floating-point instruction, after `fp_ready` has checked the access and saved the state of an
+    /// interrupted context. A load or store multiple that faults leaves its base register as it was. Registers that it
+    /// has loaded keep the loaded values, as the manual allows, and a restart loads them again.
     #[inline]
     pub(crate) fn execute_fp<B: Bus>(&mut self, bus: &mut B, op: FpOp) -> Result<(), Fault> {
         self.fp_ready(bus)?;
@@ -130,7 +130,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    // The masks tell the compiler that no index is out of range.
+    // The masks show the compiler that no index is out of range.
     #[inline]
     fn s(&self, register: u8) -> u32 {
         self.s[usize::from(register & 31)]
@@ -153,8 +153,8 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// VMLA and its relatives: the product is rounded, then the sum. The signs of the addend and of the product are
-    /// changed by exclusive or, NaNs included, as FPNeg does.
+    /// Executes VMLA and its relatives: first the product is rounded, then the sum. The signs of the addend and of the
+    /// product, NaNs included, are changed by exclusive or, as FPNeg does.
     #[inline]
     fn chained(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, product_sign: u32) {
         let product = arith::multiply(self.s(n), self.s(m), &mut self.fpscr) ^ product_sign;
@@ -162,7 +162,7 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// VFMA and its relatives: one rounding; the sign of the first factor is changed.
+    /// Executes VFMA and its relatives, which round once. The sign of the first factor is changed.
     #[inline]
     fn fused(&mut self, d: u8, n: u8, m: u8, addend_sign: u32, factor_sign: u32) {
         let (addend, factor) = (self.s(d) ^ addend_sign, self.s(n) ^ factor_sign);
@@ -170,7 +170,7 @@ impl<C: Cost> Core<C> {
         self.set_s(d, result);
     }
 
-    /// The address of VLDR and VSTR, and what the access is for.
+    /// The address and the access purpose of VLDR and VSTR.
     #[inline]
     fn address(&self, base: u8, add: bool, imm8: u8) -> Result<(u32, Purpose), Fault> {
         let (base, purpose) = if base == 15 {
@@ -183,7 +183,7 @@ impl<C: Cost> Core<C> {
         if address & 3 == 0 { Ok((address, purpose)) } else { Err(Fault::Unaligned) }
     }
 
-    /// The lowest address of a load or store multiple, and the base register afterwards.
+    /// The lowest address of a load or store multiple, and the new value of its base register.
     #[inline]
     fn block(&self, base: u8, add: bool, imm8: u8) -> Result<(u32, u32), Fault> {
         let base = self.r[usize::from(base & 15)];

@@ -7,19 +7,19 @@
 //! | Arithmetic, comparison, conversion, rounding, NaNs, cumulative flags | A2.5 | `arith` |
 //! | Instruction timings | TRM table 7-1 and the text below it | [`cycles`] |
 //!
-//! Left out, and how that shows:
+//! Left out, and how firmware sees it:
 //!
 //! - Double-precision arithmetic and FPv5 do not exist in FPv4-SP: the instructions are undefined (UFSR.UNDEFINSTR).
-//! - What the manual calls UNPREDICTABLE (a should-be-zero bit that is one, a register list past s31, a double register
-//!   past d15, SP or PC as the core register of a transfer) is taken as undefined too: compilers emit none of it, and a
-//!   fault is seen where a guessed result is not.
-//! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI): on the pessimistic clock an interrupt
-//!   waits for its end, as for that of lazy stacking. On the optimistic one neither delays it: see
-//!   `Core::cut_short`.
-//! - The stall between a floating-point result and the next instruction that reads it is not tracked instruction by
-//!   instruction: it is the difference between the least and the most that [`cycles`] tells.
+//! - What the manual calls UNPREDICTABLE is taken as undefined too: a should-be-zero bit that is one, a register list
+//!   past s31, a double register past d15, SP or PC as the core register of a transfer. Compilers emit none of these,
+//!   and a fault is noticed where a guessed result is not.
+//! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI). On the pessimistic clock an interrupt
+//!   waits for its end, as it does for the end of lazy stacking. On the optimistic clock neither delays an interrupt,
+//!   see `Core::cut_short`.
+//! - The stall of an instruction that reads the floating-point result of the one before is not tracked for each
+//!   instruction. It is the difference between the least and the most cycles that [`cycles`] returns.
 //! - The exception outputs of the FPU (FPIXC, FPIDC and the others), which a part may wire to an interrupt line, are
-//!   not driven: that interrupt never becomes pending. The cumulative flags in FPSCR are exact.
+//!   not driven, so that interrupt never becomes pending. The cumulative flags in FPSCR are exact.
 
 mod arith;
 mod decode;
@@ -30,10 +30,11 @@ mod tests;
 pub(crate) use decode::decode;
 
 /// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3). Whatever
-/// writes FPSCR, a return from an exception too, keeps only these.
+/// writes FPSCR keeps only these; a return from an exception does so too.
 pub(crate) const FPSCR_BITS: u32 = 0xF7C0_009F;
 
-/// A decoded instruction. `d`, `n` and `m` number single-precision registers, `t`, `t2` and `base` core registers.
+/// A decoded instruction. `d`, `n` and `m` number single-precision registers; `t`, `t2` and `base` number core
+/// registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FpOp {
     Vadd {
@@ -117,12 +118,12 @@ pub(crate) enum FpOp {
         d: u8,
         m: u8,
     },
-    /// `imm8` as encoded; A6.4.1 expands it.
+    /// VMOV of an immediate. `imm8` is as encoded, and A6.4.1 expands it.
     VmovImmediate {
         d: u8,
         imm8: u8,
     },
-    /// `signals`: VCMPE, a quiet NaN is an invalid operation too.
+    /// VCMP, or VCMPE if `signals`, for which a quiet NaN is an invalid operation too.
     Vcmp {
         d: u8,
         m: u8,
@@ -132,7 +133,7 @@ pub(crate) enum FpOp {
         d: u8,
         signals: bool,
     },
-    /// VCVT to an integer, or VCVTR where it does not round `toward_zero`.
+    /// VCVT to an integer if `toward_zero`, else VCVTR.
     VcvtToInteger {
         d: u8,
         m: u8,
@@ -156,19 +157,19 @@ pub(crate) enum FpOp {
         size: u8,
         fraction_bits: u8,
     },
-    /// VCVTB and VCVTT (`top`) from half precision.
+    /// A conversion from half precision: VCVTT if `top`, else VCVTB.
     VcvtFromHalf {
         d: u8,
         m: u8,
         top: bool,
     },
-    /// VCVTB and VCVTT (`top`) to half precision.
+    /// A conversion to half precision: VCVTT if `top`, else VCVTB.
     VcvtToHalf {
         d: u8,
         m: u8,
         top: bool,
     },
-    /// VLDR of one word, or of the two of a double register.
+    /// VLDR of one word, or of the two words of a double register.
     Vldr {
         d: u8,
         words: u8,
@@ -183,7 +184,7 @@ pub(crate) enum FpOp {
         add: bool,
         imm8: u8,
     },
-    /// VLDM, VPOP. `imm8` is the step of the base in words, one more than `words` for the deprecated FLDMX.
+    /// VLDM or VPOP. `imm8` is the step of the base in words, which is one more than `words` for the deprecated FLDMX.
     Vldm {
         d: u8,
         words: u8,
@@ -192,7 +193,7 @@ pub(crate) enum FpOp {
         write_back: bool,
         imm8: u8,
     },
-    /// VSTM, VPUSH; `imm8` as of `Vldm`.
+    /// VSTM or VPUSH; `imm8` has the meaning that it has in `Vldm`.
     Vstm {
         d: u8,
         words: u8,
@@ -201,7 +202,7 @@ pub(crate) enum FpOp {
         write_back: bool,
         imm8: u8,
     },
-    /// Core register to `s<n>`, also to one half of a double register.
+    /// A move from a core register to `s<n>`, which may be one half of a double register.
     VmovFromCore {
         n: u8,
         t: u8,
@@ -210,7 +211,7 @@ pub(crate) enum FpOp {
         n: u8,
         t: u8,
     },
-    /// Two core registers to `s<m>` and `s<m+1>`, also to a double register.
+    /// A move from two core registers to `s<m>` and `s<m+1>`, which may be a double register.
     VmovFromCorePair {
         m: u8,
         t: u8,
@@ -221,7 +222,7 @@ pub(crate) enum FpOp {
         t: u8,
         t2: u8,
     },
-    /// VMRS of FPSCR; `t` 15 is APSR_nzcv.
+    /// VMRS of FPSCR; `t` = 15 means APSR_nzcv.
     Vmrs {
         t: u8,
     },
@@ -232,11 +233,11 @@ pub(crate) enum FpOp {
 
 const _: () = assert!(size_of::<FpOp>() <= 8);
 
-/// The cycles of an instruction, at least and at most, without wait states: TRM table 7-1.
+/// The least and the most cycles of an instruction, without wait states: TRM table 7-1.
 ///
-/// The most includes the cycle that an arithmetic instruction or a conversion takes longer if the next instruction
-/// reads its result. The least of VDIV and VSQRT is 1, since integer instructions that follow are carried out while the
-/// division goes on; their figure in the table is 14.
+/// The most includes the extra cycle of an arithmetic instruction or a conversion whose result the next instruction
+/// reads. The least of VDIV and VSQRT is 1, since integer instructions that follow execute while the division goes on;
+/// the table has 14 for them.
 pub(crate) fn cycles(op: FpOp) -> (u8, u8) {
     match op {
         FpOp::Vadd { .. }

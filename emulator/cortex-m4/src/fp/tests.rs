@@ -1,11 +1,11 @@
 //! Tests of FPv4-SP.
 //!
-//! | Module | What it compares with |
+//! | Module | What it compares the results with |
 //! |---|---|
 //! | `arithmetic` | Host arithmetic in `f32` and `f64`, on random operands |
 //! | `edges` | The manual's text, in tables of edge cases |
 //! | `encodings` | What the GNU assembler emits for each instruction |
-//! | `execution` | Registers and memory after each kind of load, store and transfer |
+//! | `execution` | The expected registers and memory after each kind of load, store and transfer |
 
 mod arithmetic;
 mod edges;
@@ -14,11 +14,11 @@ mod execution;
 
 use super::arith::RMODE_SHIFT;
 
-/// FPSCR's rounding modes.
+/// The rounding modes of FPSCR.
 const TO_PLUS: u32 = 1 << RMODE_SHIFT;
 const TO_MINUS: u32 = 2 << RMODE_SHIFT;
 
-/// Operands of single precision.
+/// Some operands of single precision.
 const ONE: u32 = 0x3F80_0000;
 const INFINITY: u32 = 0x7F80_0000;
 const MAXIMUM: u32 = 0x7F7F_FFFF;

@@ -1,31 +1,31 @@
-//! ITM, TPIU, ETM and ROM table as far as ordinary start-up code touches them: identification, locks, and registers
-//! that read back. No trace comes out: stimulus ports are always ready and what is written to them is gone.
+//! ITM, TPIU, ETM and ROM table as far as ordinary start-up code uses them: identification, locks, and registers that
+//! read back. There is no trace output: stimulus ports are always ready, and what is written to them is lost.
 
-/// CoreSight's unlock key, ARM ARM appendix D2.
+/// The unlock key of CoreSight components, ARM ARM appendix D2.
 const UNLOCK: u32 = 0xC5AC_CE55;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CoreSight {
     itm_unlocked: bool,
     etm_unlocked: bool,
-    /// ITM_TER.
+    /// The register ITM_TER.
     itm_enable: u32,
-    /// ITM_TPR.
+    /// The register ITM_TPR.
     pub(crate) itm_privilege: u32,
-    /// ITM_TCR.
+    /// The register ITM_TCR.
     itm_control: u32,
-    /// TPIU: CSPSR, ACPR, SPPR, FFCR.
+    /// The TPIU registers CSPSR, ACPR, SPPR and FFCR.
     port_size: u32,
     prescaler: u32,
     protocol: u32,
     formatter: u32,
-    /// ETM CR and TRACEIDR.
+    /// The ETM registers CR and TRACEIDR.
     etm_control: u32,
     etm_identifier: u32,
 }
 
-/// Peripheral and component identification at 0xFD0 to 0xFFC: PIDR4 to 7, PIDR0 to 3, CIDR0 to 3. All are Arm's
-/// (JEP106 0x3B, continuation 4).
+/// The peripheral and component identification at 0xFD0 to 0xFFC: PIDR4 to 7, PIDR0 to 3, CIDR0 to 3. All of them name
+/// Arm (JEP106 0x3B, continuation 4).
 fn identification(offset: u32, part: u32, revision: u32, class: u32) -> Option<u32> {
     Some(match offset {
         0xFD0 => 0x04,
@@ -46,7 +46,7 @@ impl CoreSight {
         Self { port_size: 1, protocol: 1, formatter: 0x102, etm_control: 0x411, ..Self::default() }
     }
 
-    /// Reads anything that DWT, FPB and SCS do not answer themselves; `None` where there is nothing.
+    /// Reads any address that DWT, FPB and SCS do not answer. Returns `None` where there is no register.
     pub(crate) fn read(&self, address: u32) -> Option<u32> {
         let offset = address & 0xFFF;
         match address >> 12 & 0xFF {
@@ -56,7 +56,7 @@ impl CoreSight {
                 0xE40 => Some(self.itm_privilege),
                 0xE80 => Some(self.itm_control),
                 0xEF8 | 0xFB0 => Some(0),
-                // LSR: a lock is there; bit 1 says locked
+                // LSR shows that there is a lock; bit 1 shows that it is locked.
                 0xFB4 => Some(1 | u32::from(!self.itm_unlocked) << 1),
                 _ => identification(offset, 0x001, 3, 0xE),
             },
@@ -100,7 +100,7 @@ impl CoreSight {
         }
     }
 
-    /// Writes likewise; `false` where there is nothing.
+    /// Writes any address that DWT, FPB and SCS do not answer. Returns `false` where there is no register.
     pub(crate) fn write(&mut self, address: u32, value: u32) -> bool {
         let offset = address & 0xFFF;
         match (address >> 12 & 0xFF, offset) {

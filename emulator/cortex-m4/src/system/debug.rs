@@ -1,6 +1,6 @@
-//! Debug control, ARM ARM C1.6: DHCSR, DCRSR, DCRDR, DEMCR, and debug events, C1.5.
+//! Debug control, ARM ARM C1.6: DHCSR, DCRSR, DCRDR and DEMCR; and debug events, C1.5.
 //!
-//! Left out: C_SNAPSTALL is kept without effect; MON_STEP steps only after the monitor's own exception return.
+//! Left out: C_SNAPSTALL is kept without effect, and MON_STEP steps only after the monitor's own exception return.
 
 use super::{Core, Cost, DFSR_HALTED, nvic};
 
@@ -9,17 +9,17 @@ const C_HALT: u32 = 1 << 1;
 const C_STEP: u32 = 1 << 2;
 const C_MASKINTS: u32 = 1 << 3;
 
-/// What the program counter reads in a lockup (ARM ARM B1.5.15).
+/// The value that the program counter reads as in a lockup (ARM ARM B1.5.15).
 const LOCKUP_ADDRESS: u32 = 0xFFFF_FFFE;
 
 const MON_EN: u32 = 1 << 16;
 const MON_PEND: u32 = 1 << 17;
 const MON_STEP: u32 = 1 << 18;
 const TRCENA: u32 = 1 << 24;
-/// What DEMCR keeps: VC_*, MON_EN, MON_STEP, MON_REQ, TRCENA. MON_PEND is the pending state of DebugMonitor.
+/// The bits that DEMCR stores: VC_*, MON_EN, MON_STEP, MON_REQ, TRCENA. MON_PEND is the pending state of DebugMonitor.
 const DEMCR_KEPT: u32 = 0x010D_07F1;
 
-/// DEMCR's vector catch bits.
+/// The vector catch bits of DEMCR.
 pub(crate) const VC_CORERESET: u32 = 1;
 pub(crate) const VC_MMERR: u32 = 1 << 4;
 pub(crate) const VC_NOCPERR: u32 = 1 << 5;
@@ -31,17 +31,17 @@ pub(crate) const VC_HARDERR: u32 = 1 << 10;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Debug {
-    /// DHCSR bits 5:0.
+    /// Bits 5:0 of DHCSR.
     control: u32,
     demcr: u32,
     dcrdr: u32,
-    /// DHCSR.S_RESET_ST.
+    /// The bit DHCSR.S_RESET_ST.
     was_reset: bool,
-    /// What `retired` was when DHCSR was last read, for S_RETIRE_ST.
+    /// The value of `retired` when DHCSR was last read, for S_RETIRE_ST.
     retired_seen: u64,
-    /// DFSR bits of why the core halts before the next instruction, 0 if it does not.
+    /// The DFSR bits that say why the core halts before the next instruction, 0 if it does not halt.
     pub(crate) halt_wanted: u32,
-    /// The core steps, debugged by halting or by the monitor: what `retired` was before the step.
+    /// The value of `retired` before the step, while the core steps under a halting debugger or the monitor.
     pub(crate) stepping: Option<u64>,
 }
 
@@ -51,7 +51,7 @@ impl Debug {
         self.halt_wanted = 0;
         self.stepping = None;
         self.control &= !(C_HALT | C_STEP);
-        // the monitor's bits are reset with the core, the rest only by a power-on (ARM ARM C1.6.5)
+        // A reset of the core resets the monitor's bits, and only a power-on resets the others (ARM ARM C1.6.5).
         self.demcr &= !(MON_EN | MON_STEP | 1 << 19);
     }
 
@@ -82,7 +82,7 @@ impl<C: Cost> Core<C> {
                     | u32::from(self.locked_up) << 19
                     | u32::from(retired) << 24
                     | u32::from(debug.was_reset) << 25;
-                // sticky bits are the debugger's to clear, by reading
+                // Only a debugger's read clears the sticky bits.
                 if debugger {
                     debug.retired_seen = self.retired;
                     debug.was_reset = false;
@@ -124,7 +124,7 @@ impl<C: Cost> Core<C> {
             return;
         }
         let debug = &mut self.system.debug;
-        // C_DEBUGEN is out of the core's own reach (ARM ARM C1.6.2)
+        // The core itself cannot write C_DEBUGEN (ARM ARM C1.6.2).
         let enable = if debugger { value & C_DEBUGEN } else { debug.control & C_DEBUGEN };
         debug.control = if enable != 0 { value & 0x2E | enable } else { 0 };
         let control = debug.control;
@@ -143,7 +143,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The core halts for debug: time goes on, it does not.
+    /// Halts the core for debug. Time goes on, but the core does not.
     pub(crate) fn halt(&mut self, reason: u32) {
         self.system.scb.dfsr |= reason;
         self.system.debug.halt_wanted = 0;
@@ -173,8 +173,8 @@ impl<C: Cost> Core<C> {
         self.system.settle();
     }
 
-    /// A debug event that halts the core or makes DebugMonitor pending before the next instruction, and is lost if
-    /// neither is on (ARM ARM C1.5.1).
+    /// Raises a debug event, which halts the core or makes DebugMonitor pending before the next instruction. The event
+    /// is lost if neither is enabled (ARM ARM C1.5.1).
     pub(crate) fn debug_event(&mut self, reason: u32) {
         if self.system.debug.halting() {
             self.system.debug.halt_wanted |= reason;
@@ -191,7 +191,8 @@ impl<C: Cost> Core<C> {
             && i32::from(self.system.nvic.group_priority(nvic::DEBUG_MONITOR)) < self.execution_priority()
     }
 
-    /// After an exception return: the monitor steps the code that it interrupted (ARM ARM C1.5.2).
+    /// Begins a step of the monitor after an exception return, in the code that the monitor interrupted (ARM ARM
+    /// C1.5.2).
     pub(crate) fn begin_monitor_step(&mut self) {
         let debug = &self.system.debug;
         if debug.demcr & MON_STEP != 0 && !debug.halting() && self.monitor_can_be_taken() {
@@ -200,7 +201,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// DCRSR: moves between DCRDR and a register of the halted core, ARM ARM C1.6.3.
+    /// Executes a write of DCRSR: moves a value between DCRDR and a register of the halted core, ARM ARM C1.6.3.
     fn transfer(&mut self, selector: u32) {
         let write = selector & 1 << 16 != 0;
         let value = self.system.debug.dcrdr;

@@ -3,17 +3,17 @@
 //! | Covered | ARM ARM |
 //! |---|---|
 //! | CTRL, CYCCNT, PCSR | C1.8.7, C1.8.8 |
-//! | comparators: data address, data value, PC and cycle match as debug events | C1.8.3 to C1.8.5 |
+//! | comparators: debug events at a match of data address, data value, PC or cycle | C1.8.3 to C1.8.5 |
 //!
-//! Left out: the profiling counters (CPICNT and the rest) hold what is written and do not count; trace packets. CYCCNT
-//! stops while the core is halted, not in sleep. The comparator functions that make trace packets or ETM triggers do
-//! nothing.
+//! Left out: the profiling counters (CPICNT and the others) hold what is written and do not count, and there are no
+//! trace packets. CYCCNT stops while the core is halted, but not in sleep. The comparator functions that make trace
+//! packets or ETM triggers do nothing.
 
 const CYCCNTENA: u32 = 1;
 const CYCMATCH: u32 = 1 << 7;
 const DATAVMATCH: u32 = 1 << 8;
 const MATCHED: u32 = 1 << 24;
-/// NUMCOMP: four comparators, TRM 9.2.
+/// The NUMCOMP field of CTRL: four comparators, TRM 9.2.
 const COMPARATORS: u32 = 4 << 28;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,22 +32,22 @@ impl Comparator {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dwt {
     control: u32,
-    /// While counting: the cycle at which CYCCNT was 0, modulo 2^32. Else what CYCCNT holds.
+    /// While CYCCNT counts, the cycle at which it was 0, modulo 2^32. Otherwise the value that CYCCNT holds.
     count: u32,
     counting: bool,
-    /// DEMCR.TRCENA.
+    /// The bit DEMCR.TRCENA, which enables the DWT.
     on: bool,
     paused: bool,
-    /// CPICNT, EXCCNT, SLEEPCNT, LSUCNT, FOLDCNT.
+    /// The counters CPICNT, EXCCNT, SLEEPCNT, LSUCNT and FOLDCNT.
     counters: [u8; 5],
     comparators: [Comparator; 4],
-    /// When comparator 0 matches CYCCNT next.
+    /// The cycle at which comparator 0 next matches CYCCNT.
     due: u64,
-    /// A comparator watches data accesses, or the caller does.
+    /// Whether a comparator or the caller watches data accesses.
     pub(crate) watching: bool,
-    /// A comparator does.
+    /// Whether a comparator watches data accesses.
     watches: bool,
-    /// The caller does, see `Core::set_watchpoint`.
+    /// Whether the caller watches data accesses, see `Core::set_watchpoint`.
     caller_watches: bool,
 }
 
@@ -60,7 +60,7 @@ impl Dwt {
         if self.counting { (cycle as u32).wrapping_sub(self.count) } else { self.count }
     }
 
-    /// Starts or stops CYCCNT and works out what is watched, after anything that these depend on changed.
+    /// Starts or stops CYCCNT and finds out what is watched. To be called after any change on which these depend.
     fn settle(&mut self, cycle: u64) {
         let now = self.cycle_count(cycle);
         let counting = self.on && self.control & CYCCNTENA != 0 && !self.paused;
@@ -80,7 +80,7 @@ impl Dwt {
         self.watches
     }
 
-    /// The caller wants to be told of data accesses, or no longer. Nothing that the firmware could see changes.
+    /// Sets whether the caller watches data accesses. Firmware cannot see the difference.
     pub(crate) fn set_caller_watches(&mut self, on: bool) {
         self.caller_watches = on;
         self.settle_watching();
@@ -108,7 +108,7 @@ impl Dwt {
     }
 
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
-        // CYCCNT is taken at this cycle before it stops, and goes on from there
+        // The value of CYCCNT is taken at this cycle before the counter stops, and it continues from there.
         let now = self.cycle_count(cycle);
         self.set_count(now, false, cycle);
         self.paused = paused;
@@ -119,7 +119,7 @@ impl Dwt {
         self.due
     }
 
-    /// Whether comparator 0 matched CYCCNT at or before `cycle`, since the last call.
+    /// Whether comparator 0 matched CYCCNT at or before `cycle` since the last call.
     pub(crate) fn advance(&mut self, cycle: u64) -> bool {
         if cycle < self.due {
             return false;
@@ -131,7 +131,7 @@ impl Dwt {
         true
     }
 
-    /// Whether an access matches a comparator that asks for a debug event.
+    /// Whether an access matches a comparator that requests a debug event.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: u32, value: u32) -> bool {
         if !self.on {
             return false;
@@ -151,7 +151,7 @@ impl Dwt {
             let matched = if comparator.function & DATAVMATCH != 0 {
                 self.value_matches(comparator, address, width, value)
             } else {
-                // an address that a wider access covers matches too
+                // A wide access matches if any of its bytes does.
                 (0..width).any(|byte| comparator.has(address.wrapping_add(byte)))
             };
             if matched {
@@ -162,7 +162,8 @@ impl Dwt {
         hit
     }
 
-    /// DATAVMATCH: the value, of the size DATAVSIZE, at the addresses of the linked comparators (C1.8.5).
+    /// Whether the value of an access matches (DATAVMATCH): it has the size DATAVSIZE and lies at the addresses of the
+    /// linked comparators (C1.8.5).
     fn value_matches(&self, comparator: Comparator, address: u32, width: u32, value: u32) -> bool {
         let size = 1 << (comparator.function >> 10 & 3).min(2);
         if width != size {
@@ -182,7 +183,7 @@ impl Dwt {
         })
     }
 
-    /// Addresses and how many of their low bits do not count, at which a PC match is a debug event.
+    /// The addresses at which a PC match is a debug event, each with the number of its low bits that do not count.
     pub(crate) fn pc_matches(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.comparators
             .iter()
@@ -203,7 +204,7 @@ impl Dwt {
         hit && self.on
     }
 
-    /// Reads at an offset from 0xE000_1000, `None` where there is nothing.
+    /// Reads the register at an offset from 0xE000_1000. Returns `None` where there is none.
     pub(crate) fn read(&mut self, offset: u32, cycle: u64, pc: u32, debugger: bool) -> Option<u32> {
         Some(match offset {
             0x00 => self.control | COMPARATORS,
@@ -225,13 +226,13 @@ impl Dwt {
                     _ => return None,
                 }
             }
-            // there is no lock: LAR ignores writes, LSR reads 0 (TRM 9.2)
+            // The DWT has no lock: writes of LAR are ignored, and LSR reads as 0 (TRM 9.2).
             0xFB0 | 0xFB4 => 0,
             _ => return None,
         })
     }
 
-    /// Writes at an offset from 0xE000_1000; `false` where there is nothing.
+    /// Writes the register at an offset from 0xE000_1000. Returns `false` where there is none.
     pub(crate) fn write(&mut self, offset: u32, value: u32, cycle: u64) -> bool {
         match offset {
             0x00 => {
@@ -250,7 +251,7 @@ impl Dwt {
                     0x0 => self.comparators[index].value = value,
                     0x4 => self.comparators[index].mask = value & 0xF,
                     0x8 => {
-                        // CYCMATCH is comparator 0's, the data value comparator 1's (TRM 9.2)
+                        // Only comparator 0 has CYCMATCH, and only comparator 1 compares data values (TRM 9.2).
                         let extra = match index {
                             0 => CYCMATCH,
                             1 => 0x000F_FD00,

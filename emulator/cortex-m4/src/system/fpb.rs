@@ -1,9 +1,9 @@
 //! The flash patch and breakpoint unit, ARM ARM C1.11.
 //!
-//! Covered: CTRL, REMAP, COMP0 to COMP7, instruction breakpoints. Left out: remapping (a comparator with REPLACE 0 is
-//! told as unmodelled and does nothing), so the two literal comparators do nothing.
+//! Covered: CTRL, REMAP, COMP0 to COMP7, instruction breakpoints. Left out: remapping. A comparator with REPLACE 0 is
+//! reported as unmodelled and does nothing, so the two literal comparators do nothing either.
 
-/// Six instruction and two literal comparators, TRM 8.3.
+/// The numbers in CTRL: six instruction and two literal comparators, TRM 8.3.
 const NUMBERS: u32 = 0x260;
 
 #[derive(Clone, Debug, Default)]
@@ -14,7 +14,7 @@ pub(crate) struct Fpb {
 }
 
 impl Fpb {
-    /// The addresses at which an instruction is a breakpoint.
+    /// The addresses of the instructions at which the FPB has a breakpoint.
     pub(crate) fn breakpoints(&self) -> impl Iterator<Item = u32> + '_ {
         self.comparators[..6].iter().filter(|&&comparator| self.enabled && comparator & 1 != 0).flat_map(
             |&comparator| {
@@ -25,7 +25,7 @@ impl Fpb {
         )
     }
 
-    /// Whether a comparator that is on asks for remapping.
+    /// Whether an enabled comparator requests remapping.
     pub(crate) fn remaps(&self) -> bool {
         self.enabled
             && self
@@ -35,7 +35,7 @@ impl Fpb {
                 .any(|(index, &comparator)| comparator & 1 != 0 && (index >= 6 || comparator >> 30 == 0))
     }
 
-    /// Reads at an offset from 0xE000_2000.
+    /// Reads the register at an offset from 0xE000_2000.
     pub(crate) fn read(&self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x00 => NUMBERS | u32::from(self.enabled),
@@ -46,11 +46,11 @@ impl Fpb {
         })
     }
 
-    /// Writes at an offset from 0xE000_2000; `false` where there is nothing.
+    /// Writes the register at an offset from 0xE000_2000. Returns `false` where there is none.
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> bool {
         match offset {
             0x00 => {
-                // the KEY bit must be written as one
+                // The KEY bit must be written as one, or the write is ignored.
                 if value & 2 != 0 {
                     self.enabled = value & 1 != 0;
                 }

@@ -11,8 +11,8 @@
 //! | debug control | C1.6 | `debug` |
 //! | ITM, TPIU, ETM, ROM table: identification only | C1.7, C1.10, D2 | `coresight` |
 //!
-//! Every address in it that no register is at, and every access narrower than its register allows, is on a list that
-//! the owner takes with [`Core::take_unmodelled`]; it reads zero and ignores what is written.
+//! An access in this space to an address without a register, or narrower than its register allows, reads zero or
+//! ignores what is written. It goes onto a list that the owner takes with [`Core::take_unmodelled`].
 
 mod coresight;
 mod debug;
@@ -31,7 +31,7 @@ use crate::{Access, Bus, BusError, Config, Core, Cost, Fault, Purpose, Width};
 
 pub(crate) use scb::*;
 
-/// DEMCR's vector catch bits.
+/// The vector catch bits of DEMCR.
 pub(crate) mod debug_catch {
     pub(crate) use super::debug::{
         VC_BUSERR as BUSERR, VC_CHKERR as CHKERR, VC_CORERESET as CORERESET, VC_HARDERR as HARDERR,
@@ -51,14 +51,14 @@ pub(crate) struct System {
     coresight: coresight::CoreSight,
     /// The next cycle at which SysTick or the DWT does something.
     due: u64,
-    /// The set of addresses at which [`Core::hardware_breakpoint`] wants to be called changed.
+    /// Whether the set of addresses at which [`Core::hardware_breakpoint`] has to be called changed.
     pub(crate) breakpoints_changed: bool,
     unmodelled: Vec<(u32, u32, u64)>,
     known: BTreeSet<u32>,
     config: Config,
 }
 
-/// The part's share of the external private peripheral bus (ARM ARM B3.1): between the ETM and the ROM table.
+/// The part's share of the external private peripheral bus (ARM ARM B3.1), between the ETM and the ROM table.
 const EXTERNAL: std::ops::Range<u32> = 0xE004_2000..0xE00F_F000;
 
 impl System {
@@ -80,7 +80,8 @@ impl System {
         }
     }
 
-    /// A system reset: everything but the debug components, which only a power-on resets (ARM ARM C1.6.5, C1.8, C1.11).
+    /// Carries out a system reset of everything but the debug components, which only a power-on resets (ARM ARM C1.6.5,
+    /// C1.8, C1.11).
     pub(crate) fn reset(&mut self) {
         let config = self.config;
         self.nvic = nvic::Nvic::new(config.lines, config.priority_bits);
@@ -91,7 +92,7 @@ impl System {
         self.settle();
     }
 
-    /// The supply came on: everything is new but the list of what is not modelled.
+    /// Carries out a power-on: everything gets its initial state, except the list of unmodelled accesses.
     pub(crate) fn power_on(&mut self) {
         let unmodelled = std::mem::take(&mut self.unmodelled);
         let known = std::mem::take(&mut self.known);
@@ -100,12 +101,12 @@ impl System {
         self.set_watching(watched);
     }
 
-    /// Data accesses are to be told for the caller's watchpoints too, or no longer.
+    /// Sets whether data accesses are reported for the caller's watchpoints too.
     pub(crate) fn set_watching(&mut self, on: bool) {
         self.dwt.set_caller_watches(on);
     }
 
-    /// Works out again what is due, after a timer changed.
+    /// Finds the next due cycle again, after a timer changed.
     fn settle(&mut self) {
         self.due = self.systick.due().min(self.dwt.due());
     }
@@ -120,13 +121,13 @@ impl System {
 }
 
 impl<C: Cost> Core<C> {
-    /// What was read or written in the core's own address space that is not modelled: address, instruction, cycle. Each
-    /// address is told once.
+    /// Takes the list of accesses in the core's own address space that are not modelled: address, instruction, cycle.
+    /// Each address is reported once.
     pub fn take_unmodelled(&mut self) -> Vec<(u32, u32, u64)> {
         std::mem::take(&mut self.system.unmodelled)
     }
 
-    /// SCR.SLEEPDEEP: which sleep `WFI` and `WFE` ask the part for.
+    /// SCR.SLEEPDEEP: whether `WFI` and `WFE` ask the part for deep sleep.
     #[must_use]
     pub fn sleep_deep(&self) -> bool {
         self.system.scb.scr & SCR_SLEEPDEEP != 0
@@ -137,11 +138,11 @@ impl<C: Cost> Core<C> {
         std::mem::take(&mut self.system.scb.reset_request)
     }
 
-    /// Reads a word as a debugger does: without effect on anything that only a real access changes.
+    /// Reads a word as a debugger does, without the side effects of a real access.
     ///
     /// # Errors
     ///
-    /// [`Fault::BusData`] where nothing answers.
+    /// Returns [`Fault::BusData`] where nothing answers.
     pub fn debug_read<B: Bus>(&mut self, bus: &mut B, address: u32) -> Result<u32, Fault> {
         let access = self.debugger_access(address);
         if address >> 20 == 0xE00 {
@@ -151,11 +152,11 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes a word as a debugger does; only so can DHCSR.C_DEBUGEN be written (ARM ARM C1.6.2).
+    /// Writes a word as a debugger does. Only such a write can change DHCSR.C_DEBUGEN (ARM ARM C1.6.2).
     ///
     /// # Errors
     ///
-    /// [`Fault::BusData`] where nothing answers.
+    /// Returns [`Fault::BusData`] where nothing answers.
     pub fn debug_write<B: Bus>(&mut self, bus: &mut B, address: u32, value: u32) -> Result<(), Fault> {
         let access = self.debugger_access(address);
         if address >> 20 == 0xE00 {
@@ -165,12 +166,13 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Reads as the AHB-AP of the debug port does, an address that is aligned to `width`: a real access, which sets off
-    /// what a load there does, but past the MPU, and in the core's own space with a debugger's rights. `cycle` is when.
+    /// Reads as the AHB-AP of the debug port does, from an address that is aligned to `width`. It is a real access with
+    /// the side effects of a load, but it bypasses the MPU, and in the core's own space it has a debugger's rights.
+    /// `cycle` is the cycle of the access.
     ///
     /// # Errors
     ///
-    /// [`Fault::BusData`] where nothing answers.
+    /// Returns [`Fault::BusData`] where nothing answers.
     pub fn access_port_read<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -186,11 +188,11 @@ impl<C: Cost> Core<C> {
         bus.read(&access).map_err(|BusError| Fault::BusData(address))
     }
 
-    /// Writes as [`Core::access_port_read`] reads.
+    /// Writes as the AHB-AP of the debug port does, see [`Core::access_port_read`].
     ///
     /// # Errors
     ///
-    /// [`Fault::BusData`] where nothing answers, or what is there refuses.
+    /// Returns [`Fault::BusData`] where nothing answers, or where the address refuses the write.
     pub fn access_port_write<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -222,11 +224,11 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Reads in 0xE000_0000 to 0xE00F_FFFF.
+    /// Reads from 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) fn system_read<B: Bus>(&mut self, bus: &mut B, access: &Access) -> Result<u32, Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
-        // unprivileged code reaches nothing but the ITM (ARM ARM B3.1.1, C1.7.1)
+        // Unprivileged code can read nothing here but the ITM (ARM ARM B3.1.1, C1.7.1).
         if !access.privileged && !debugger && address >> 12 != 0xE_0000 {
             return Err(Fault::BusData(access.address));
         }
@@ -261,7 +263,7 @@ impl<C: Cost> Core<C> {
         })
     }
 
-    /// Writes in 0xE000_0000 to 0xE00F_FFFF.
+    /// Writes to 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) fn system_write<B: Bus>(&mut self, bus: &mut B, access: &Access, value: u32) -> Result<(), Fault> {
         let address = access.address & !3;
         let debugger = access.purpose == Purpose::Debugger;
@@ -270,7 +272,8 @@ impl<C: Cost> Core<C> {
                 && address & 0xFFF < 0x80
                 && self.system.coresight.itm_privilege >> (address >> 5 & 3) & 1 == 0;
             let trigger = address == 0xE000_EF00 && self.system.scb.ccr & CCR_USERSETMPEND != 0;
-            // writes to the ITM's other registers are ignored (ARM ARM C1.7.1)
+            // The ITM ignores writes of unprivileged code to all registers but the stimulus ports that are open to it
+            // (ARM ARM C1.7.1).
             if address >> 12 == 0xE_0000 && !stimulus {
                 return Ok(());
             }
@@ -290,7 +293,8 @@ impl<C: Cost> Core<C> {
             let shift = 8 * (access.address & 3);
             let mask = if access.width == Width::Byte { 0xFF } else { 0xFFFF };
             value = (value & mask) << shift;
-            // the fault status bits are cleared by ones, priorities keep their neighbours
+            // A narrow write of the fault status register must not copy the other bits, since ones clear them. A narrow
+            // write of a priority keeps the neighbouring priorities.
             if address != 0xE000_ED28 && address >> 12 == 0xE_000E {
                 value |= self.scs_read(address & 0xFFF, true).unwrap_or(0) & !(mask << shift);
             }
@@ -322,19 +326,19 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// CCR.UNALIGN_TRP.
+    /// The bit CCR.UNALIGN_TRP.
     #[inline]
     pub(crate) fn traps_unaligned(&self) -> bool {
         self.system.scb.ccr & CCR_UNALIGN_TRP != 0
     }
 
-    /// CCR.DIV_0_TRP.
+    /// The bit CCR.DIV_0_TRP.
     #[inline]
     pub(crate) fn traps_zero_division(&self) -> bool {
         self.system.scb.ccr & CCR_DIV_0_TRP != 0
     }
 
-    /// Whether the core steps, debugged by halting or by the monitor.
+    /// Whether the core is in a debug step, under a halting debugger or the monitor.
     #[cfg(test)]
     pub(crate) fn debug_stepping(&self) -> bool {
         self.system.debug.stepping.is_some()
@@ -350,14 +354,14 @@ impl<C: Cost> Core<C> {
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether an access to memory needs no further look at the MPU: it is off, or open to the code there.
+    /// Whether accesses to this memory need no check by the MPU: it is off, or it opens all of the memory to the code.
     #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         self.system.mpu.opens(address, bytes, write, privileged)
     }
 
-    /// Whether no instruction of the page of `1 << bits` bytes that has `address` needs a look at the MPU or at the
-    /// default memory map.
+    /// Whether instructions in the page of `1 << bits` bytes that has `address` need no check by the MPU or the default
+    /// memory map.
     #[inline(always)]
     pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
         let privileged = self.is_privileged();
@@ -377,7 +381,7 @@ impl<C: Cost> Core<C> {
         self.system.due
     }
 
-    /// Carries out what is due up to `self.cycle`.
+    /// Carries out what is due in SysTick and the DWT up to `self.cycle`.
     #[inline]
     pub(crate) fn system_advance(&mut self) {
         if self.system.due <= self.cycle {
@@ -396,7 +400,8 @@ impl<C: Cost> Core<C> {
         self.system.settle();
     }
 
-    /// A data access took place while [`Self::watching`]: whether a DWT comparator makes a debug event of it.
+    /// Takes note of a data access while [`Self::watching`]: a DWT comparator or the caller's watchpoints may act on
+    /// it.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: Width, value: u32) {
         if self.system.dwt.watches() {
             if self.system.dwt.watch(address, write, width.bytes(), value) {
@@ -407,13 +412,14 @@ impl<C: Cost> Core<C> {
         self.watch_for_caller(address, write, width);
     }
 
-    /// Whether data accesses are to be told to [`Self::watch`].
+    /// Whether [`Self::watch`] has to be called for data accesses.
     #[inline]
     pub(crate) fn watching(&self) -> bool {
         self.system.dwt.watching
     }
 
-    /// The addresses of instructions at which [`Self::hardware_breakpoint`] is to be called: of the FPB and of the DWT.
+    /// The addresses of instructions at which [`Self::hardware_breakpoint`] has to be called, which the FPB and the DWT
+    /// set.
     pub(crate) fn fpb_breakpoints(&self) -> impl Iterator<Item = u32> {
         let matches = self.system.dwt.pc_matches();
         self.system
@@ -428,8 +434,8 @@ impl<C: Cost> Core<C> {
         std::mem::take(&mut self.system.breakpoints_changed)
     }
 
-    /// The next instruction is at one of [`Self::fpb_breakpoints`]. Answers whether it must not be executed now: the
-    /// core is halted or elsewhere.
+    /// Handles a next instruction that is at one of [`Self::fpb_breakpoints`]. Returns whether it must not be executed
+    /// now, since the core is halted or has gone elsewhere.
     pub(crate) fn hardware_breakpoint<B: Bus>(&mut self, bus: &mut B) -> bool {
         let pc = self.r[15];
         if self.system.fpb.breakpoints().any(|address| address == pc) {
@@ -444,8 +450,8 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// Registers that may be accessed by bytes and halfwords: ITM stimulus ports, IPR, SHPR and CFSR (ARM ARM B3.2.1,
-/// B3.4.2). STIR is not among them.
+/// Whether the register at `address` may be accessed by bytes and halfwords: the ITM stimulus ports, IPR, SHPR and CFSR
+/// (ARM ARM B3.2.1, B3.4.2). STIR may not.
 fn narrow_allowed(address: u32) -> bool {
     matches!(address, 0xE000_0000..=0xE000_007F | 0xE000_E400..=0xE000_E4EF | 0xE000_ED18..=0xE000_ED2B)
         && address != 0xE000_ED24

@@ -5,7 +5,7 @@
 //! | TYPE, CTRL, RNR, RBAR, RASR and their three aliases | B3.5.5 to B3.5.10 |
 //! | sizes, subregions, overlap, AP, XN, the background map | B3.5.1 to B3.5.3 |
 //!
-//! Left out: memory attributes (TEX, S, C, B) are kept and read back, nothing depends on them.
+//! Left out: the memory attributes (TEX, S, C, B) are kept and read back, but nothing depends on them.
 
 const ENABLE: u32 = 1;
 const HFNMIENA: u32 = 1 << 1;
@@ -13,31 +13,32 @@ const PRIVDEFENA: u32 = 1 << 2;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Region {
-    /// RBAR bits 31:5.
+    /// Bits 31:5 of RBAR.
     base: u32,
-    /// RASR.
+    /// The register RASR.
     attributes: u32,
 }
 
 impl Region {
-    /// The region has 2 to the power of this many bytes, where it is on, ARM ARM B3.5.9.
+    /// The exponent of the size of an enabled region: the region has two to the power of it bytes, ARM ARM B3.5.9.
+    /// `None` if the region is off.
     fn size(self) -> Option<u32> {
         let size = (self.attributes >> 1 & 0x1F) + 1;
         (self.attributes & 1 != 0 && size >= 5).then_some(size)
     }
 
-    /// Whether the region is on and has `address`, ARM ARM B3.5.3.
+    /// Whether the region is on and contains `address`, ARM ARM B3.5.3.
     fn has(self, address: u32) -> bool {
         let Some(size) = self.size() else { return false };
-        // the base's bits below the size do not take part
+        // The bits of the base below the region's size do not count.
         if u64::from(address ^ self.base) >> size != 0 {
             return false;
         }
-        // eighths of a region of 256 bytes or more can be off
+        // Each eighth of a region of 256 bytes or more can be switched off.
         size < 8 || self.attributes >> (8 + ((address >> (size - 3)) & 7)) & 1 == 0
     }
 
-    /// RASR.AP, ARM ARM table B3-15.
+    /// Whether RASR.AP allows an access, ARM ARM table B3-15.
     fn allows(self, write: bool, privileged: bool) -> bool {
         match self.attributes >> 24 & 7 {
             1 => privileged,
@@ -50,25 +51,25 @@ impl Region {
     }
 }
 
-/// Addresses next to each other with the same rights, while the MPU applies. Sixteen bytes, so that one is found in a
-/// list by a shift.
+/// A range of addresses that all have the same rights while the MPU applies. It has sixteen bytes, so that a shift
+/// finds one in a list.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
     first: u32,
-    /// The last address less the first.
+    /// The last address minus the first.
     extent: u32,
-    /// What privileged code may do, and [`UNPRIVILEGED`] places higher what other code may.
+    /// The rights of privileged code. Those of unprivileged code are [`UNPRIVILEGED`] bits higher.
     rights: u32,
 }
 
 impl Span {
-    /// A span that has no address whose highest four bits are `place`.
+    /// Makes a span that contains no address whose highest four bits are `place`.
     const fn elsewhere(place: u32) -> Self {
         Self { first: (place ^ 8) << 28, extent: 0, rights: 0 }
     }
 
-    /// Whether all of `bytes`, 1 or more, from `address` on are in it.
+    /// Whether the span contains all of `bytes` (1 or more) from `address` on.
     #[inline(always)]
     const fn has(&self, address: u32, bytes: u32) -> bool {
         let offset = address.wrapping_sub(self.first);
@@ -82,9 +83,10 @@ pub(crate) struct Mpu {
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// All addresses, in rising order; empty where the registers have changed since they were worked out.
+    /// The spans of all addresses, in rising order. The list is empty where the registers changed since the spans were
+    /// worked out.
     spans: Vec<Span>,
-    /// The span that was last asked for, by the highest four bits of the address.
+    /// The span that was last looked up, for each value of the highest four bits of the address.
     near: [Span; 16],
 }
 
@@ -93,19 +95,19 @@ const WRITE: u32 = 2;
 const EXECUTE: u32 = 4;
 const UNPRIVILEGED: u32 = 3;
 
-/// The place in [`Span::rights`] of the right to read or write.
+/// The bit of the right to read or write in [`Span::rights`].
 #[inline(always)]
 pub(crate) const fn data_right(write: bool, privileged: bool) -> u32 {
     (if write { WRITE } else { READ }) << if privileged { 0 } else { UNPRIVILEGED }
 }
 
-/// The place of the right to execute.
+/// The bit of the right to execute in [`Span::rights`].
 #[inline(always)]
 const fn fetch_right(privileged: bool) -> u32 {
     EXECUTE << if privileged { 0 } else { UNPRIVILEGED }
 }
 
-/// Whether code may run there without a region that says so, ARM ARM table B3-1: code, SRAM and external RAM.
+/// Whether the default memory map lets code execute at `address`, ARM ARM table B3-1: in code, SRAM and external RAM.
 fn default_executable(address: u32) -> bool {
     matches!(address >> 29, 0 | 1 | 3 | 4)
 }
@@ -122,16 +124,16 @@ impl Mpu {
         }
     }
 
-    /// Forgets what was decided by registers that are now others.
+    /// Forgets all spans, after a change of the registers from which they were worked out.
     fn forget(&mut self) {
         self.spans.clear();
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
     }
 
-    /// Works out the spans: between two neighbours of all addresses at which a region, an eighth of one or the default
-    /// map may begin or end, every address has the same rights.
+    /// Works out the spans. A region, an eighth of a region or the default map may begin or end at certain addresses
+    /// only, and between two neighbours of these every address has the same rights.
     fn work_out(&mut self) {
-        // The default map has eight areas; a region begins and ends, and has seven places between eighths.
+        // The default map has eight areas. Each region adds its two ends and seven places between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
         let mut count = 0;
         let mut add = |edge: u32| {
@@ -143,7 +145,7 @@ impl Mpu {
             let Some(size) = region.size() else { continue };
             let parts = if size > 7 && region.attributes >> 8 & 0xFF != 0 { 8_u64 } else { 1 };
             let first = region.base & !(((1_u64 << size) - 1) as u32);
-            // The end of the address space is no edge: it wraps to 0, which is one already.
+            // The end of the address space wraps to 0, which is already an edge.
             (0..=parts).for_each(|part| add(first.wrapping_add(((part << size) / parts) as u32)));
         }
         let edges = &mut edges[..count];
@@ -161,7 +163,7 @@ impl Mpu {
         }
     }
 
-    /// What may be done at `address` while the MPU applies, or by the default map while it is off.
+    /// The rights at `address` while the MPU applies, or by the default map while the MPU is off.
     fn decide(&self, address: u32) -> u32 {
         let region = self.region(address);
         let mut rights = 0;
@@ -181,7 +183,7 @@ impl Mpu {
         rights
     }
 
-    /// Finds the span of `address` and keeps it near.
+    /// Looks up the span of `address` and keeps it in `near`.
     #[cold]
     #[inline(never)]
     fn approach(&mut self, address: u32) -> Span {
@@ -201,8 +203,8 @@ impl Mpu {
         if near.has(address, 1) { near } else { self.approach(address) }
     }
 
-    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority. An access that is aligned
-    /// is in one span as a whole, since all begin and end at multiples of 32.
+    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority is. An aligned access lies in
+    /// one span as a whole, since all spans begin and end at multiples of 32.
     #[inline(always)]
     pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
         let near = &self.near[(address >> 28) as usize];
@@ -210,16 +212,16 @@ impl Mpu {
         rights & right != 0
     }
 
-    /// Whether the code may read, or write, all bytes from `address` on, as far as one span tells, whatever the
-    /// priority.
+    /// Whether code may read, or write, all bytes from `address` on, whatever the priority is. It is false where they
+    /// lie in more than one span.
     #[inline(always)]
     pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         let span = self.span(address);
         span.rights & data_right(write, privileged) != 0 && span.has(address, bytes)
     }
 
-    /// Whether the code may execute all of the page of `1 << bits` bytes that has `address`, and an instruction that
-    /// begins at its end, whatever the priority.
+    /// Whether code may execute all of the page of `1 << bits` bytes that has `address`, and an instruction that
+    /// extends beyond the page's end, whatever the priority is.
     #[inline(always)]
     pub(crate) fn opens_page(&mut self, address: u32, bits: u32, privileged: bool) -> bool {
         let span = self.span(address);
@@ -230,7 +232,7 @@ impl Mpu {
         self.control & ENABLE != 0
     }
 
-    /// Whether the MPU is on for code of this priority: not in NMI and HardFault unless HFNMIENA.
+    /// Whether the MPU is on for code of this priority. It is off in NMI and HardFault unless HFNMIENA is set.
     fn applies(&self, priority: i32) -> bool {
         self.enabled() && (priority >= 0 || self.control & HFNMIENA != 0)
     }
@@ -241,7 +243,7 @@ impl Mpu {
 
     /// Whether data at `address` may be accessed. `priority` is the execution priority.
     pub(crate) fn data(&mut self, address: u32, write: bool, privileged: bool, priority: i32) -> bool {
-        // the private peripheral bus is always of the default map (B3.5.1)
+        // The default memory map always governs the private peripheral bus (B3.5.1).
         !self.applies(priority)
             || address >> 20 == 0xE00
             || self.span(address).rights & data_right(write, privileged) != 0
@@ -263,7 +265,7 @@ impl Mpu {
 
     fn decide_fetch(&self, region: Option<Region>, address: u32, privileged: bool) -> bool {
         match region {
-            // system space is execute-never whatever a region says (B3.1)
+            // System space is execute-never, whatever a region says (B3.1).
             Some(region) => {
                 region.allows(false, privileged) && region.attributes >> 28 & 1 == 0 && address < 0xE000_0000
             }
@@ -271,7 +273,7 @@ impl Mpu {
         }
     }
 
-    /// Reads at an offset from 0xE000_ED90.
+    /// Reads the register at an offset from 0xE000_ED90.
     pub(crate) fn read(&self, offset: u32) -> u32 {
         let region = self.regions[(self.number & 7) as usize];
         match offset {
@@ -284,7 +286,7 @@ impl Mpu {
         }
     }
 
-    /// Writes at an offset from 0xE000_ED90.
+    /// Writes the register at an offset from 0xE000_ED90.
     pub(crate) fn write(&mut self, offset: u32, value: u32) {
         if self.count == 0 {
             return;
@@ -295,7 +297,7 @@ impl Mpu {
             0x04 => self.control = value & (ENABLE | HFNMIENA | PRIVDEFENA),
             0x08 => self.number = (value & 0xFF) % self.count,
             0x0C | 0x14 | 0x1C | 0x24 => {
-                // VALID: the region is the one named here, and RNR becomes that
+                // With VALID, the write selects the region that it names, and RNR becomes that number.
                 if value & 1 << 4 != 0 {
                     self.number = (value & 0xF) % self.count;
                 }
@@ -313,14 +315,14 @@ impl Mpu {
 mod tests {
     use super::*;
 
-    /// SplitMix64.
+    /// A random generator, SplitMix64.
     fn next(state: &mut u64) -> u32 {
         *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let word = (*state ^ *state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB) as u32
     }
 
-    /// Regions of all sizes, near each other so that they overlap, with subregions.
+    /// The test draws regions of all sizes with subregions, close to each other so that they overlap.
     #[test]
     fn the_spans_say_of_every_address_what_the_regions_say() {
         let mut state = 1;
@@ -345,7 +347,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // Two words across the end of a span have no one answer.
+                // Two words across the end of a span have no common answer.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }

@@ -1,14 +1,14 @@
-//! The nested vectored interrupt controller's state: which exceptions are pending, enabled and active, and which is
-//! next.
+//! The state of the nested vectored interrupt controller: which exceptions are pending, enabled and active, and which
+//! is next.
 //!
 //! | Covered | ARM ARM |
 //! |---|---|
-//! | pending, enabled, active, for all exceptions and not interrupts only | B1.5.1, B3.4 |
-//! | priorities, priority grouping, the priority of what is active | B1.5.4 |
+//! | pending, enabled and active states of all exceptions, not only of interrupts | B1.5.1, B3.4 |
+//! | priorities, priority grouping, the priority of active exceptions | B1.5.4 |
 //! | level-sensitive lines and pulses | B3.4.1 |
 //!
-//! Left out: a pulse that is shorter than the time between two calls of the core's `look_at_exceptions` is seen only
-//! if the part keeps the line high until then.
+//! Left out: a pulse that is shorter than the time between two calls of the core's `look_at_exceptions` is detected
+//! only if the part keeps the line high until then.
 
 /// A set of exceptions: exception number n is bit n % 64 of word n / 64. Interrupt line n is exception 16 + n.
 pub(crate) type Set = [u64; 4];
@@ -24,10 +24,10 @@ pub(crate) const DEBUG_MONITOR: u16 = 12;
 pub(crate) const PEND_SV: u16 = 14;
 pub(crate) const SYS_TICK: u16 = 15;
 
-/// The priority that nothing runs at: thread mode with no mask, ARM ARM B1.5.4.
+/// A priority below all others: that of thread mode with no mask, ARM ARM B1.5.4.
 pub(crate) const IDLE_PRIORITY: i16 = 256;
 
-/// Exceptions without an enable bit. MemManage, BusFault and UsageFault have theirs in SHCSR.
+/// The exceptions without an enable bit. MemManage, BusFault and UsageFault have enable bits in SHCSR.
 const ALWAYS_ENABLED: u64 =
     1 << NMI | 1 << HARD_FAULT | 1 << SV_CALL | 1 << DEBUG_MONITOR | 1 << PEND_SV | 1 << SYS_TICK;
 
@@ -36,25 +36,25 @@ pub(crate) struct Nvic {
     pub(crate) pending: Set,
     pub(crate) enabled: Set,
     pub(crate) active: Set,
-    /// The levels of the inputs as last seen; NMI is bit 2.
+    /// The levels of the inputs when the core last checked them; NMI is bit 2.
     level: Set,
-    /// Bits of lines that are implemented.
+    /// The bits of the implemented lines.
     implemented: Set,
-    /// By exception number. Those of reset, NMI and HardFault are fixed and not here.
+    /// The priorities, by exception number. Those of reset, NMI and HardFault are fixed and not in this table.
     priority: [u8; 256],
-    /// Priority bits that are implemented.
+    /// The implemented bits of a priority.
     pub(crate) priority_mask: u8,
-    /// AIRCR.PRIGROUP.
+    /// The field AIRCR.PRIGROUP.
     group: u8,
-    /// DHCSR.C_MASKINTS: interrupts, SysTick and PendSV wait.
+    /// The bit DHCSR.C_MASKINTS, which holds back interrupts, SysTick and PendSV.
     masked: bool,
     /// The pending and enabled exception of highest priority, 0 for none.
     pub(crate) best: u16,
-    /// Its group priority, [`IDLE_PRIORITY`] for none.
+    /// The group priority of `best`, [`IDLE_PRIORITY`] for none.
     pub(crate) best_priority: i16,
     /// The highest group priority of the active exceptions.
     pub(crate) active_priority: i16,
-    /// An exception became pending since this was last cleared, for SCR.SEVONPEND.
+    /// Whether an exception became pending since this flag was last cleared, for SCR.SEVONPEND.
     pub(crate) newly_pending: bool,
 }
 
@@ -92,7 +92,7 @@ impl Nvic {
         }
     }
 
-    /// The full priority of an exception, subpriority included.
+    /// The full priority of an exception, including its subpriority.
     pub(crate) fn priority(&self, number: u16) -> i16 {
         match number {
             0 => IDLE_PRIORITY,
@@ -101,7 +101,7 @@ impl Nvic {
         }
     }
 
-    /// What is left of a priority without its subpriority, ARM ARM B1.5.4.
+    /// A priority without its subpriority, ARM ARM B1.5.4.
     pub(crate) fn group_of(&self, priority: i16) -> i16 {
         if (0..IDLE_PRIORITY).contains(&priority) { priority & !((2 << self.group) - 1) } else { priority }
     }
@@ -134,7 +134,8 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Finds out again what is next and what priority is active. To be called after the sets or priorities changed.
+    /// Finds again which exception is next and which priority is active. To be called after the sets or priorities
+    /// changed.
     pub(crate) fn refresh(&mut self) {
         self.refresh_best();
         let mut least = IDLE_PRIORITY;
@@ -160,7 +161,7 @@ impl Nvic {
                 let number = (index as u16) << 6 | bits.trailing_zeros() as u16;
                 bits &= bits - 1;
                 let priority = self.priority(number);
-                // of equal priorities the lowest number goes first
+                // Among equal priorities the lowest exception number comes first.
                 if priority < least {
                     (best, least) = (number, priority);
                 }
@@ -170,7 +171,8 @@ impl Nvic {
         self.best_priority = self.group_of(least);
     }
 
-    /// Takes in the levels of the interrupt lines and of NMI. A rising edge makes pending, whatever the line does next.
+    /// Takes in the levels of the interrupt lines and of NMI. A rising edge makes the exception pending, whatever the
+    /// line does next.
     #[inline]
     pub(crate) fn set_levels(&mut self, lines: &[u64; 4], nmi: bool) {
         let mut level = [
@@ -205,7 +207,8 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// Clears the pending state; a line that is still high and not being served stays pending, ARM ARM B3.4.1.
+    /// Clears the pending state. An exception stays pending if its line is still high and it is not active, ARM ARM
+    /// B3.4.1.
     pub(crate) fn unpend(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.pending[word] &= !bit;
@@ -233,7 +236,7 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// The exception is taken: no longer pending, active.
+    /// Takes an exception: it becomes active and is no longer pending.
     pub(crate) fn activate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.pending[word] &= !bit;
@@ -241,7 +244,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// The exception returns: a line that is still high is pending again.
+    /// Returns from an exception: it is pending again if its line is still high.
     pub(crate) fn deactivate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.active[word] &= !bit;
@@ -255,12 +258,12 @@ impl Nvic {
         self.active.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// Whether any interrupt (not a system exception) is pending: ICSR.ISRPENDING.
+    /// Whether any interrupt (as opposed to a system exception) is pending: ICSR.ISRPENDING.
     pub(crate) fn interrupt_pending(&self) -> bool {
         self.pending[0] >> 16 != 0 || self.pending[1..].iter().any(|&word| word != 0)
     }
 
-    /// The 32 bits of `set` of lines 32 * `index` and up, as the NVIC's registers show them.
+    /// The 32 bits of `set` for the lines from 32 * `index` on, as the NVIC's registers show them.
     pub(crate) fn register(set: &Set, index: u32) -> u32 {
         let first = 16 + 32 * index;
         let word = (first >> 6) as usize;
@@ -269,7 +272,7 @@ impl Nvic {
         (low | high) as u32
     }
 
-    /// Those of lines 32 * `index` and up that `value` names and that are implemented, as a set.
+    /// The implemented lines from 32 * `index` on whose bits are set in `value`, as a set.
     fn named(&self, index: u32, value: u32) -> Set {
         let mut set = [0; 4];
         let first = 16 + 32 * index;
@@ -288,7 +291,7 @@ impl Nvic {
         set
     }
 
-    /// ISER and ICER.
+    /// Writes ISER or ICER.
     pub(crate) fn write_enable(&mut self, index: u32, value: u32, enable: bool) {
         let named = self.named(index, value);
         for (enabled, bits) in self.enabled.iter_mut().zip(&named) {
@@ -297,7 +300,7 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// ISPR and ICPR.
+    /// Writes ISPR or ICPR.
     pub(crate) fn write_pending(&mut self, index: u32, value: u32, pend: bool) {
         let named = self.named(index, value);
         for (word, bits) in named.iter().enumerate() {
@@ -312,7 +315,7 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// STIR.
+    /// Writes STIR.
     pub(crate) fn trigger(&mut self, line: u32) {
         self.write_pending(line >> 5, 1 << (line & 31), true);
     }

@@ -1,7 +1,7 @@
-//! The system control space's registers, ARM ARM B3.2 to B3.4, and the FP context's, B3.2.21 to B3.2.24.
+//! The registers of the system control space, ARM ARM B3.2 to B3.4, and of the FP context, B3.2.21 to B3.2.24.
 //!
-//! Left out: ACTLR is kept and read back without effect; the core never makes an auxiliary fault (AFSR is zero);
-//! endianness is little.
+//! Left out: ACTLR is kept and read back without effect. The core never makes an auxiliary fault, so AFSR is zero. It
+//! is little-endian only.
 
 use super::nvic::{self, Nvic};
 use super::{Core, Cost};
@@ -55,7 +55,7 @@ pub(crate) const FPCCR_MONRDY: u32 = 1 << 8;
 pub(crate) const FPCCR_LSPEN: u32 = 1 << 30;
 pub(crate) const FPCCR_ASPEN: u32 = 1 << 31;
 
-/// Registers of the system control block that are plain storage or status.
+/// The registers of the system control block that are plain storage or status.
 #[derive(Clone, Debug)]
 pub(crate) struct Scb {
     pub(crate) vtor: u32,
@@ -64,7 +64,7 @@ pub(crate) struct Scb {
     pub(crate) cfsr: u32,
     pub(crate) hfsr: u32,
     pub(crate) dfsr: u32,
-    /// MMFAR and BFAR, the same register in this core (TRM table 4-1).
+    /// MMFAR and BFAR, which are one register in this core (TRM table 4-1).
     pub(crate) fault_address: u32,
     pub(crate) cpacr: u32,
     pub(crate) fpccr: u32,
@@ -79,7 +79,7 @@ impl Scb {
         Self {
             vtor: vtor & !0x7F,
             scr: 0,
-            // TRM table 4-1: STKALIGN is set after a reset
+            // STKALIGN is set after a reset (TRM table 4-1).
             ccr: CCR_STKALIGN,
             cfsr: 0,
             hfsr: 0,
@@ -95,7 +95,7 @@ impl Scb {
     }
 }
 
-/// Identification registers from 0xE000_ED40 (TRM table 4-1) and MVFR0, MVFR1 (TRM 7.3).
+/// The identification registers from 0xE000_ED40 on (TRM table 4-1) and MVFR0, MVFR1 (TRM 7.3).
 fn identification(offset: u32) -> Option<u32> {
     Some(match offset {
         0xD00 => 0x410F_C241,
@@ -109,7 +109,7 @@ fn identification(offset: u32) -> Option<u32> {
         0xD68 => 0x2123_2231,
         0xD6C => 0x0111_1131,
         0xD70 => 0x0131_0132,
-        // AFR0, MMFR1, MMFR3 and the cache registers of cores that have caches
+        // The registers here are AFR0, MMFR1, MMFR3 and the cache registers of cores that have caches.
         0xD4C | 0xD54 | 0xD5C | 0xD74..=0xD84 => 0,
         0xF40 => 0x1011_0021,
         0xF44 => 0x1100_0011,
@@ -118,7 +118,8 @@ fn identification(offset: u32) -> Option<u32> {
     })
 }
 
-/// SHCSR's active and pending bits: exception, bit of active, bit of pending (ARM ARM B3.2.13).
+/// The active and pending bits of SHCSR, each row with the exception, its active bit and its pending bit (ARM ARM
+/// B3.2.13).
 const HANDLERS: [(u16, Option<u32>, Option<u32>); 7] = [
     (nvic::MEM_MANAGE, Some(0), Some(13)),
     (nvic::BUS_FAULT, Some(1), Some(14)),
@@ -130,7 +131,7 @@ const HANDLERS: [(u16, Option<u32>, Option<u32>); 7] = [
 ];
 
 impl<C: Cost> Core<C> {
-    /// Reads a word at an offset from 0xE000_E000; `None` where there is nothing.
+    /// Reads the word at an offset from 0xE000_E000. Returns `None` where there is no register.
     pub(super) fn scs_read(&mut self, offset: u32, debugger: bool) -> Option<u32> {
         let system = &mut self.system;
         let index = (offset & 0x7F) / 4;
@@ -167,7 +168,7 @@ impl<C: Cost> Core<C> {
             0xD88 => scb.cpacr,
             0xD90..=0xDB8 => system.mpu.read(offset - 0xD90),
             0xDF0..=0xDFC => return self.debug_registers_read(offset, debugger),
-            // STIR is write-only
+            // STIR is write-only.
             0xF00 => 0,
             0xF34 => scb.fpccr,
             0xF38 => scb.fpcar,
@@ -176,7 +177,7 @@ impl<C: Cost> Core<C> {
         })
     }
 
-    /// Writes a word at an offset from 0xE000_E000; `false` where there is nothing.
+    /// Writes the word at an offset from 0xE000_E000. Returns `false` where there is no register.
     pub(super) fn scs_write(&mut self, offset: u32, value: u32, debugger: bool) -> bool {
         let index = (offset & 0x7F) / 4;
         match offset {
@@ -211,7 +212,7 @@ impl<C: Cost> Core<C> {
             0xD14 => scb.ccr = value & 0x31B,
             0xD18..=0xD20 => {
                 for (number, byte) in ((offset - 0xD18) as u16 + 4..).zip(value.to_le_bytes()) {
-                    // exceptions 7 to 10 and 13 do not exist
+                    // The exceptions 7 to 10 and 13 do not exist.
                     if matches!(number, 4..=6 | 11 | 12 | 14 | 15) {
                         system.nvic.set_priority_byte(number, byte);
                     }
@@ -222,25 +223,25 @@ impl<C: Cost> Core<C> {
             0xD2C => scb.hfsr &= !value,
             0xD30 => scb.dfsr &= !value,
             0xD34 | 0xD38 => scb.fault_address = value,
-            // the FPU's two coprocessors; 0b10 is reserved and taken as no access
+            // The FPU is coprocessors 10 and 11. The access value 0b10 is reserved and taken as no access.
             0xD88 => scb.cpacr = value & 0x00F0_0000,
             0xD90..=0xDB8 => system.mpu.write(offset - 0xD90, value),
             0xF00 => system.nvic.trigger(value & 0x1FF),
             0xF34 => scb.fpccr = value & 0xC000_017B,
             0xF38 => scb.fpcar = value & !7,
             0xF3C => scb.fpdscr = value & 0x07C0_0000,
-            // read-only registers ignore writes
+            // Read-only registers ignore writes.
             0x004 | 0x300..=0x31C | 0xD3C | 0xD04 | 0xD0C | 0xD24 => {}
             _ => return identification(offset).is_some(),
         }
         true
     }
 
-    /// ICSR, ARM ARM B3.2.4.
+    /// The value of ICSR, ARM ARM B3.2.4.
     fn icsr(&self) -> u32 {
         let nvic = &self.system.nvic;
         let pending = |number| u32::from(nvic::contains(&nvic.pending, number));
-        // what BASEPRI or FAULTMASK holds back is not shown, what PRIMASK holds back is
+        // ICSR does not show an exception that BASEPRI or FAULTMASK holds back, but shows one that PRIMASK holds back.
         let vector = if nvic.best_priority < self.mask_priority(false) { u32::from(nvic.best) } else { 0 };
         pending(nvic::NMI) << 31
             | pending(nvic::PEND_SV) << 28
@@ -265,14 +266,14 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// AIRCR, ARM ARM B3.2.6.
+    /// Writes AIRCR, ARM ARM B3.2.6.
     fn write_aircr(&mut self, value: u32, debugger: bool) {
         if value >> 16 != 0x05FA {
             return;
         }
         self.system.nvic.set_prigroup((value >> 8 & 7) as u8);
         self.system.scb.reset_request |= value & 4 != 0;
-        // VECTRESET and VECTCLRACTIVE are for halted debug
+        // VECTRESET and VECTCLRACTIVE work only while the core is halted for debug.
         if debugger && self.halted {
             self.system.scb.reset_request |= value & 1 != 0;
             if value & 2 != 0 {

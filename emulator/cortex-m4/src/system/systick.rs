@@ -5,11 +5,11 @@
 //! | CSR, RVR, CVR, CALIB | B3.3.3 to B3.3.6 |
 //! | both clocks, the exact cycle of each wrap | B3.3.1 |
 //!
-//! It goes on counting while the core sleeps: it is clocked by FCLK, which the core's sleep does not stop (TRM 4.1,
-//! "power management"). A part that stops FCLK in a deep sleep stops the core's cycle count with it. It stands still
-//! while the core is halted for debug (B3.3.1).
+//! SysTick counts on while the core sleeps: its clock is FCLK, which the core's sleep does not stop (TRM 4.1, "power
+//! management"). A part that stops FCLK in deep sleep stops the core's cycle count with it. SysTick stands still while
+//! the core is halted for debug (B3.3.1).
 //!
-//! The counter is not stepped: its value is worked out from the cycle at which it was last known.
+//! The counter is not stepped. Its value is computed from the cycle at which it was last known.
 
 const ENABLE: u32 = 1;
 const TICKINT: u32 = 1 << 1;
@@ -17,16 +17,16 @@ const CLKSOURCE: u32 = 1 << 2;
 
 #[derive(Clone, Debug)]
 pub(crate) struct SysTick {
-    /// CSR bits 2:0.
+    /// Bits 2:0 of CSR.
     control: u32,
     reload: u32,
-    /// CVR at cycle `at`.
+    /// The value of CVR at the cycle `at`.
     value: u32,
     at: u64,
-    /// CSR.COUNTFLAG.
+    /// The bit CSR.COUNTFLAG.
     counted: bool,
     paused: bool,
-    /// Core cycles of a tick of the reference clock, 0 for none.
+    /// The core cycles in one tick of the reference clock, 0 if there is none.
     reference: u32,
     calibration: u32,
 }
@@ -36,12 +36,13 @@ impl SysTick {
         Self { control: 0, reload: 0, value: 0, at: 0, counted: false, paused: false, reference, calibration }
     }
 
-    /// Core cycles of a tick. Without a reference clock, CLKSOURCE reads as one (B3.3.3).
+    /// The core cycles in one tick. Without a reference clock, CLKSOURCE reads as one (B3.3.3).
     fn step(&self) -> u64 {
         if self.control & CLKSOURCE != 0 || self.reference == 0 { 1 } else { u64::from(self.reference) }
     }
 
-    /// Sets `at` to the last tick at or before `cycle`: the reference runs freely, its ticks are at multiples.
+    /// Sets `at` to the last tick at or before `cycle`. The reference clock runs freely, so its ticks are at multiples
+    /// of its period.
     fn align(&mut self, cycle: u64) {
         self.at = cycle - cycle % self.step();
     }
@@ -50,7 +51,7 @@ impl SysTick {
         self.control & ENABLE != 0 && !self.paused
     }
 
-    /// Counts up to `cycle`. Answers whether the counter reached zero and its exception is enabled.
+    /// Counts up to `cycle`. Returns whether the counter reached zero with its exception enabled.
     pub(crate) fn advance(&mut self, cycle: u64) -> bool {
         if !self.counting() || cycle <= self.at {
             return false;
@@ -65,7 +66,7 @@ impl SysTick {
             self.value -= ticks as u32;
             return false;
         }
-        // a counter that was cleared reloads with its next tick, and counts as reaching zero only from one
+        // A counter that was cleared reloads with its next tick. It reaches zero only when it counts down from one.
         let mut reached = self.value != 0;
         ticks -= u64::from(self.value);
         self.value = 0;
@@ -79,7 +80,7 @@ impl SysTick {
         reached && self.control & TICKINT != 0
     }
 
-    /// The cycle at which the exception becomes pending next.
+    /// The cycle at which SysTick's exception next becomes pending.
     pub(crate) fn due(&self) -> u64 {
         if !self.counting() || self.control & TICKINT == 0 {
             return u64::MAX;
@@ -91,7 +92,8 @@ impl SysTick {
         }
     }
 
-    /// The core is halted for debug, or no longer. The counter was advanced to `cycle` before.
+    /// Stops the counter when the core halts for debug (`paused`), or lets it go on. The caller has advanced the
+    /// counter to `cycle`.
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
         if self.paused && !paused {
             self.align(cycle);
@@ -99,7 +101,8 @@ impl SysTick {
         self.paused = paused;
     }
 
-    /// Reads at offset 0x0, 0x4, 0x8 or 0xC; the counter was advanced before. A debugger's read clears nothing.
+    /// Reads the register at offset 0x0, 0x4, 0x8 or 0xC. The caller has advanced the counter. A debugger's read clears
+    /// nothing.
     pub(crate) fn read(&mut self, offset: u32, debugger: bool) -> u32 {
         match offset {
             0x0 => {
@@ -114,7 +117,7 @@ impl SysTick {
         }
     }
 
-    /// Writes at offset 0x0, 0x4 or 0x8 at `cycle`; the counter was advanced before.
+    /// Writes the register at offset 0x0, 0x4 or 0x8 at `cycle`. The caller has advanced the counter.
     pub(crate) fn write(&mut self, offset: u32, value: u32, cycle: u64) {
         match offset {
             0x0 => {
@@ -127,7 +130,7 @@ impl SysTick {
             }
             0x4 => self.reload = value & 0x00FF_FFFF,
             0x8 => {
-                // any write clears the counter and COUNTFLAG, without an exception (B3.3.5)
+                // Any write clears the counter and COUNTFLAG without raising the exception (B3.3.5).
                 self.value = 0;
                 self.counted = false;
                 self.align(cycle);

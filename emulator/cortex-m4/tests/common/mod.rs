@@ -1,23 +1,24 @@
-//! A part that is nothing but memory: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
+//! A test part that is nothing but memory: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
 #![allow(dead_code, reason = "each test program uses a part of it")]
 
 use std::collections::BTreeSet;
 
 use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Register, Signals, Width};
 
-/// Where the device is.
+/// The address of the device.
 pub(crate) const DEVICE: u32 = 0x4000_0000;
 /// Where RAM begins.
 pub(crate) const RAM: u32 = 0x2000_0000;
 /// Where a test's code begins.
 pub(crate) const CODE: u32 = 0x100;
 
-/// Flash, RAM and a device that logs.
+/// The bus of a test: flash, RAM and a device that logs.
 #[derive(Clone, Debug)]
 pub(crate) struct Board {
     pub(crate) flash: Vec<u8>,
     pub(crate) ram: Vec<u8>,
-    /// Address, bytes and value of each access to the device; a read is answered with `answer`.
+    /// The accesses to the device: address, bytes and cycle of each read; address, bytes, value and cycle of each
+    /// write. A read returns `answer`.
     pub(crate) reads: Vec<(u32, u32, u64)>,
     pub(crate) writes: Vec<(u32, u32, u32, u64)>,
     pub(crate) answer: u32,
@@ -26,15 +27,15 @@ pub(crate) struct Board {
     pub(crate) signals: Signals,
     pub(crate) due: u64,
     pub(crate) advanced: Vec<u64>,
-    /// Wait states of each access.
+    /// The wait states of each access.
     pub(crate) waits: u32,
     pub(crate) fetches: Vec<u32>,
     pub(crate) bit_banding: bool,
-    /// Whether pages of RAM can be watched for writes, which are, and how many watches a write has ended.
+    /// Whether pages of RAM can be watched for writes, which pages are watched, and how many watches a write has ended.
     pub(crate) watches: bool,
     pub(crate) watched: BTreeSet<u32>,
     pub(crate) rewritten: u64,
-    /// Until when, and by which device address, an access asks the core to stop.
+    /// The device address at which an access asks the core to stop.
     pub(crate) stop_at: Option<u32>,
 }
 
@@ -203,7 +204,7 @@ impl Bus for Board {
     }
 }
 
-/// A core without MPU, with 16 interrupt lines.
+/// The configuration of a core without MPU, with 16 interrupt lines.
 pub(crate) const CONFIG: Config = Config {
     lines: 16,
     priority_bits: 4,
@@ -221,7 +222,7 @@ pub(crate) struct Rig<C: Cost> {
 }
 
 impl Rig<Fast> {
-    /// A core that is reset and about to execute `code`, on the fast clock.
+    /// Makes a core that is reset and about to execute `code`, on the fast clock.
     pub(crate) fn new(code: &[u16]) -> Self {
         Self::with_clock(code)
     }
@@ -244,7 +245,7 @@ impl<C: Cost> Rig<C> {
         self
     }
 
-    /// N, Z, C, V as the highest four bits of the xPSR have them, as digits of a binary number.
+    /// The flags N, Z, C and V as digits of a binary number, as in the highest four bits of the xPSR.
     pub(crate) fn nzcv(&self) -> u32 {
         self.core.register(Register::Xpsr) >> 28
     }

@@ -1,4 +1,4 @@
-//! Branches and IT blocks.
+//! Tests of branches and IT blocks.
 
 use crate::{Case, check};
 

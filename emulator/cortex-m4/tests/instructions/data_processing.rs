@@ -1,4 +1,4 @@
-//! Shifts, sums, immediates, moves and bit fields with their flags.
+//! Tests of shifts, sums, immediates, moves and bit fields with their flags.
 
 use crate::{Case, check};
 

@@ -1,4 +1,4 @@
-//! Saturation, extension and packing, parallel sums.
+//! Tests of saturation, extension and packing, and parallel sums.
 
 use crate::{Case, check};
 

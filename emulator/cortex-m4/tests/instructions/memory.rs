@@ -1,4 +1,4 @@
-//! Loads, stores, exclusive accesses and bit-banding.
+//! Tests of loads, stores, exclusive accesses and bit-banding.
 
 use crate::common::{RAM, Rig};
 use crate::{Case, check};
@@ -143,8 +143,8 @@ fn exclusive_stores_succeed_once() {
 
 #[test]
 fn stores_write_their_width_and_their_base_back() {
-    // str r0, [r2]; strh r0, [r2, #6]; strb r0, [r2, #8]; str r0, [r2, #-4]!; strd r0, r1, [r2], #8
-    // stmdb r2!, {r0, r1}
+    // The code is: str r0, [r2]; strh r0, [r2, #6]; strb r0, [r2, #8]; str r0, [r2, #-4]!; strd r0, r1, [r2], #8; stmdb
+    // r2!, {r0, r1}.
     let code = [0x6010, 0x80D0, 0x7210, 0xF842, 0x0D04, 0xE8E2, 0x0102, 0xE922, 0x0003];
     let mut rig = Rig::new(&code);
     rig.set(0, 0x1122_3344).set(1, 0x5566_7788).set(2, RAM + 0x100).steps(3);
@@ -160,7 +160,7 @@ fn stores_write_their_width_and_their_base_back() {
 
 #[test]
 fn a_bit_band_alias_reaches_single_bits_where_the_part_has_it() {
-    // str r0, [r2]; ldr r1, [r2]
+    // The code is: str r0, [r2]; ldr r1, [r2].
     let mut rig = Rig::new(&[0x6010, 0x6811]);
     rig.board.bit_banding = true;
     rig.board.set_word(RAM + 0x100, 0xFFFF_0000);

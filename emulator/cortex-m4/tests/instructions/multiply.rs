@@ -1,4 +1,4 @@
-//! Multiplication and division.
+//! Tests of multiplication and division.
 
 use crate::{Case, check};
 

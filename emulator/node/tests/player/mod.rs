@@ -1,16 +1,16 @@
-//! A board with one wire out and one wire in.
+//! A test board with one wire out and one wire in.
 
 use emulator_node::{Board, Firmware, Input, Node};
 use emulator_part::{Pad, Pin};
 use stm32f429::{Oscillators, Stm32f429, pin};
 
-/// The pin that leaves the board.
+/// The pin whose wire leaves the board.
 pub(crate) const OUT: Pin = pin('D', 14);
-/// The pin that is driven from outside.
+/// The pin that the outside drives.
 #[allow(dead_code, reason = "every test binary uses its own part of it")]
 pub(crate) const IN: Pin = pin('A', 3);
 
-/// The board.
+/// The test board.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Player {
     level: bool,
@@ -18,13 +18,13 @@ pub(crate) struct Player {
 }
 
 impl Player {
-    /// The board with this firmware.
+    /// Makes the board with this firmware.
     pub(crate) fn with(firmware: &Firmware) -> Node<Player> {
         Node::new(Stm32f429::new(Oscillators::default()), Self::default(), firmware).unwrap()
     }
 
     #[allow(dead_code, reason = "every test binary uses its own part of it")]
-    /// The levels that the wire out took since the last call, each with its instant (ns).
+    /// Takes the levels of the wire out since the last call, each with its instant (ns).
     pub(crate) fn take_edges(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.edges)
     }

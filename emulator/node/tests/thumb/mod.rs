@@ -1,9 +1,9 @@
-//! Just enough Thumb to write a test's firmware in the test: each method appends one instruction.
+//! A minimal Thumb assembler, with which a test writes its firmware: each method appends one instruction or a few.
 #![allow(dead_code, reason = "every test binary uses its own part of it")]
 
 use emulator_node::Firmware;
 
-/// The vector table's place and the stack's end of every test firmware, on an STM32F4.
+/// The address of the vector table and the initial stack pointer of every test firmware, on an STM32F4.
 pub(crate) const FLASH: u32 = 0x0800_0000;
 pub(crate) const STACK: u32 = 0x2000_4000;
 
@@ -16,7 +16,7 @@ pub(crate) enum If {
     CarryClear = 3,
 }
 
-/// A stretch of code at an address.
+/// A piece of code at an address.
 pub(crate) struct Thumb {
     base: u32,
     code: Vec<u16>,
@@ -37,7 +37,7 @@ impl Thumb {
         self
     }
 
-    /// `rd` = `value`, by MOVW and MOVT.
+    /// Appends `rd` = `value`, by MOVW and MOVT.
     pub(crate) fn mov(&mut self, rd: u16, value: u32) -> &mut Self {
         for (opcode, half) in [(0xF240_u16, value as u16), (0xF2C0, (value >> 16) as u16)] {
             let (imm4, i, imm3, imm8) = (half >> 12, half >> 11 & 1, half >> 8 & 7, half & 0xFF);
@@ -46,7 +46,7 @@ impl Thumb {
         self
     }
 
-    /// The word at `address` = `value`; uses r0 and r1.
+    /// Appends: the word at `address` = `value`. It uses r0 and r1.
     pub(crate) fn store(&mut self, address: u32, value: u32) -> &mut Self {
         self.mov(0, address).mov(1, value).str(1, 0, 0)
     }
@@ -59,12 +59,12 @@ impl Thumb {
         self.raw(&[0x6800 | (offset / 4) << 6 | rn << 3 | rt])
     }
 
-    /// The word at `address` += 1; uses r0 and r1.
+    /// Appends: the word at `address` += 1. It uses r0 and r1.
     pub(crate) fn count(&mut self, address: u32) -> &mut Self {
         self.mov(0, address).ldr(1, 0, 0).raw(&[0x3101]).str(1, 0, 0)
     }
 
-    /// Carry = bit `bit` (from 0) of `rn`; spoils `rn`.
+    /// Appends: carry = bit `bit` (from 0) of `rn`. It destroys `rn`.
     pub(crate) fn test(&mut self, rn: u16, bit: u16) -> &mut Self {
         self.raw(&[0x0800 | (bit + 1) << 6 | rn << 3 | rn])
     }
@@ -79,7 +79,7 @@ impl Thumb {
         self.raw(&[0xD000 | (condition as u16) << 8 | offset as u16 & 0xFF])
     }
 
-    /// Reads the word at `address` until bit `bit` is set; uses r0 and r1.
+    /// Appends a loop that reads the word at `address` until bit `bit` is set. It uses r0 and r1.
     pub(crate) fn wait_for(&mut self, address: u32, bit: u16) -> &mut Self {
         self.mov(0, address);
         let again = self.here();
@@ -90,13 +90,13 @@ impl Thumb {
         self.raw(&[0xBF30])
     }
 
-    /// Sleeps for ever, interrupts aside.
+    /// Appends code that sleeps for ever, except for interrupts.
     pub(crate) fn idle(&mut self) -> &mut Self {
         let again = self.here();
         self.wfi().branch(again)
     }
 
-    /// Returns from a function or an interrupt, once its stores have reached their peripherals.
+    /// Appends a return from a function or an interrupt, once all stores have reached their peripherals.
     pub(crate) fn ret(&mut self) -> &mut Self {
         self.raw(&[0xF3BF, 0x8F4F, 0x4770])
     }
@@ -110,7 +110,7 @@ impl Thumb {
     }
 }
 
-/// An image with `main` at reset and `handlers` at their interrupts, its vector table at `base`.
+/// Makes an image with `main` at reset and `handlers` at their interrupts. Its vector table is at `base`.
 pub(crate) fn firmware_at(base: u32, name: &str, main: &Thumb, handlers: &[(u32, &Thumb)]) -> Firmware {
     let mut table = vec![0_u32; 16 + 96];
     table[0] = STACK;
@@ -124,7 +124,7 @@ pub(crate) fn firmware_at(base: u32, name: &str, main: &Thumb, handlers: &[(u32,
     Firmware::raw(name, segments)
 }
 
-/// [`firmware_at`] for an STM32F4.
+/// Makes an image as [`firmware_at`] does, for an STM32F4.
 pub(crate) fn firmware(name: &str, main: &Thumb, handlers: &[(u32, &Thumb)]) -> Firmware {
     firmware_at(FLASH, name, main, handlers)
 }
@@ -142,17 +142,17 @@ pub(crate) const EXTI: u32 = 0x4001_3C00;
 const NVIC_ISER: u32 = 0xE000_E100;
 
 impl Thumb {
-    /// Enables an interrupt at the core.
+    /// Appends the enabling of an interrupt at the core.
     pub(crate) fn enable(&mut self, interrupt: u32) -> &mut Self {
         self.store(NVIC_ISER + 4 * (interrupt / 32), 1 << (interrupt % 32))
     }
 
-    /// TIM2's update interrupt every `ticks` cycles of its clock.
+    /// Appends the setup of TIM2's update interrupt, every `ticks` cycles of its clock.
     pub(crate) fn tim2_every(&mut self, ticks: u32) -> &mut Self {
         self.store(RCC + 0x40, 1).store(TIM2 + 0x2C, ticks - 1).store(TIM2 + 0x0C, 1).enable(28).store(TIM2, 1)
     }
 
-    /// EXTI3 on a rising edge of PA3.
+    /// Appends the setup of EXTI3 on a rising edge of PA3.
     pub(crate) fn exti3_on_pa3(&mut self) -> &mut Self {
         self.store(RCC + 0x30, 1 | 1 << 3) // GPIOA, GPIOD
             .store(RCC + 0x44, 1 << 14) // SYSCFG

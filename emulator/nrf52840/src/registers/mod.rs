@@ -1,7 +1,8 @@
 //! The register tables: name, offset, direction and reset value of every register of the part.
 //!
-//! They are data, made from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it). Instances
-//! that share a block share a table, and a register that only the second of them has carries its name as prefix.
+//! The tables were generated from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it).
+//! Instances that share a block share a table. A register that only the second of two such instances has carries that
+//! instance's name as prefix.
 //!
 //! | module | registers of |
 //! |---|---|
@@ -26,7 +27,7 @@ pub(crate) use system::{CLOCK_POWER, EGU, GPIO, GPIOTE, MWU, NVMC_ACL, PPI};
 pub(crate) use time::{PWM, QDEC, RTC, TIMER, TIMER_WIDE, WDT};
 pub(crate) use usb::USBD;
 
-/// One register.
+/// One register of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Register {
     pub(crate) name: &'static str,
@@ -43,7 +44,7 @@ const fn ro(name: &'static str, offset: u32, reset: u32) -> Register {
     Register { name, offset, reset, writable: false }
 }
 
-/// A task: written to start something, read as 0 (PS 6.1).
+/// A task, which is written to start something and reads as 0 (PS 6.1).
 const fn wo(name: &'static str, offset: u32, reset: u32) -> Register {
     rw(name, offset, reset)
 }

@@ -1,8 +1,8 @@
-//! Serial interfaces: UARTE and UART, the shared SPI and two-wire blocks, SPIM3, I2S, QSPI.
+//! Registers of the serial interfaces: UARTE and UART, the shared SPI and two-wire blocks, SPIM3, I2S, QSPI.
 
 use super::{Register, ro, rw, wo};
 
-/// UARTE, and what the legacy UART has beside it.
+/// The registers of UARTE and the further ones of the legacy UART.
 pub(crate) static UART: &[Register] = &[
     wo("TASKS_STARTRX", 0x000, 0),
     wo("TASKS_STOPRX", 0x004, 0),
@@ -43,7 +43,8 @@ pub(crate) static UART: &[Register] = &[
     rw("CONFIG", 0x56c, 0),
 ];
 
-/// SPIM, with what SPIS, SPI, TWIM, TWIS and TWI have beside it: five instances in one block, told apart by ENABLE.
+/// The registers of SPIM and the further ones of SPIS, SPI, TWIM, TWIS and TWI. These five share one block, and ENABLE
+/// selects one of them.
 pub(crate) static SERIAL: &[Register] = &[
     wo("TWIM.TASKS_STARTRX", 0x000, 0),
     wo("TWIM.TASKS_STARTTX", 0x008, 0),
@@ -109,7 +110,7 @@ pub(crate) static SERIAL: &[Register] = &[
     rw("ORC", 0x5c0, 0),
 ];
 
-/// SPIM3.
+/// The registers of SPIM3.
 pub(crate) static SPIM3: &[Register] = &[
     wo("TASKS_START", 0x010, 0),
     wo("TASKS_STOP", 0x014, 0),
@@ -147,7 +148,7 @@ pub(crate) static SPIM3: &[Register] = &[
     rw("ORC", 0x5c0, 0),
 ];
 
-/// I2S.
+/// The registers of I2S.
 pub(crate) static I2S: &[Register] = &[
     wo("TASKS_START", 0x000, 0),
     wo("TASKS_STOP", 0x004, 0),
@@ -178,7 +179,7 @@ pub(crate) static I2S: &[Register] = &[
     rw("PSEL.SDOUT", 0x570, 0xffffffff),
 ];
 
-/// QSPI.
+/// The registers of QSPI.
 pub(crate) static QSPI: &[Register] = &[
     wo("TASKS_ACTIVATE", 0x000, 0),
     wo("TASKS_READSTART", 0x004, 0),

@@ -1,8 +1,8 @@
-//! USBD.
+//! Registers of USBD.
 
 use super::{Register, ro, rw, wo};
 
-/// USBD.
+/// The registers of USBD.
 pub(crate) static USBD: &[Register] = &[
     wo("TASKS_STARTEPIN[0]", 0x004, 0),
     wo("TASKS_STARTEPIN[1]", 0x008, 0),

@@ -1,25 +1,25 @@
-//! SPIM and SPIS: the shared serial blocks, SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
+//! The shared serial blocks with SPIM and SPIS: SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
 //!
-//! SPIM*n*, SPIS*n*, TWIM*n* and the rest of one number are one block with one set of registers; ENABLE says which of
-//! them it is.
+//! SPIM, SPIS, TWIM, TWIS and the others of one number *n* are one block with one set of registers. ENABLE selects one
+//! of them.
 //!
 //! | module | covers | PS |
 //! |---|---|---|
-//! | this one | the registers that all share, the buffers of EasyDMA | 4.6 |
-//! | `spim` | the controller of SPI | 6.25 |
-//! | `spis` | the target of SPI with its semaphore | 6.26 |
+//! | this one | the registers that all of them share, the buffers of EasyDMA | 4.6 |
+//! | `spim` | the SPI controller | 6.25 |
+//! | `spis` | the SPI target with its semaphore | 6.26 |
 //! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
-//! The PS wants SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin configuration*), and all four
-//! pins of SPIS as inputs (6.26): "to ensure correct behavior". Here an output pin of SPIM that GPIO does not have as
-//! one carries nothing, and an input whose buffer is disconnected reads 0; both are reported.
+//! "To ensure correct behavior", the PS wants SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
+//! configuration*), and all four pins of SPIS as inputs (6.26). Here an output of SPIM that GPIO does not configure as
+//! an output carries nothing, and an input whose buffer is disconnected reads 0. Both are reported.
 //!
 //! | left out | why |
 //! |---|---|
 //! | legacy SPI and TWI | reported when enabled |
-//! | IFTIMING, DCX, STALLSTAT | registers only: nothing here stalls, and no display hangs on SPIM3 |
+//! | IFTIMING, DCX, STALLSTAT | they only store values: nothing stalls here, and no display is wired to SPIM3 |
 //! | bits within a byte on the pins | the outside exchanges bytes |
-//! | EasyDMA outside data RAM | the part may fault (PS 4.6); here TXD reads ORC, RXD is dropped: reported |
+//! | EasyDMA outside data RAM | the part may fault (PS 4.6); here, reported: TXD reads ORC, RXD is dropped |
 
 mod spim;
 mod spis;
@@ -34,7 +34,7 @@ use emulator_part::{Cycle, I2cAnswer, I2cEvent, SpiMode};
 use twim::TwoWire;
 use twis::Target;
 
-/// Events by number.
+/// The numbers of the events.
 const STOPPED: u32 = 1;
 const ENDRX: u32 = 4;
 const SPIM_END: u32 = 6;
@@ -43,11 +43,11 @@ const STARTED: u32 = 19;
 const SPIS_END: u32 = 1;
 const ACQUIRED: u32 = 10;
 
-/// Shortcuts.
+/// The bits of the shortcuts.
 const END_START: u32 = 17;
 const END_ACQUIRE: u32 = 2;
 
-/// ENABLE.
+/// Values of ENABLE.
 const SPIM: u32 = 7;
 const SPIS: u32 = 2;
 const TWIM: u32 = 6;
@@ -56,7 +56,7 @@ const TWIS: u32 = 9;
 /// MAXCNT is 16 bits wide in every instance of the part.
 const MAXCNT_MASK: u32 = 0xFFFF;
 
-/// Who has the semaphore, as SEMSTAT reads it.
+/// The holder of the semaphore, as SEMSTAT shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Semaphore {
     Free = 0,
@@ -88,7 +88,7 @@ impl Channel {
         }
     }
 
-    /// The buffer as it is when a transfer takes it, and where the next one starts with LIST.
+    /// Takes the buffer for a transfer. With LIST, the pointer moves on to the next buffer.
     pub(crate) fn take(&mut self) -> Buffer {
         let buffer = Buffer { at: self.ptr, len: self.maxcnt, done: 0 };
         if self.list & 0b111 == 1 {
@@ -98,7 +98,7 @@ impl Channel {
     }
 }
 
-/// A buffer a transfer works through.
+/// A buffer that a transfer works through.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct Buffer {
     at: u32,
@@ -107,14 +107,14 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    /// The address of the next byte, while there is one.
+    /// The address of the next byte, if there is one.
     #[inline]
     pub(crate) fn next(&self) -> Option<u32> {
         (self.done < self.len).then(|| self.at.wrapping_add(self.done))
     }
 }
 
-/// Puts `byte` where `rx` wants it; `false` past its end.
+/// Stores `byte` in the buffer `rx`. Returns `false` past the buffer's end.
 #[inline]
 fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     let Some(address) = rx.next() else {
@@ -125,13 +125,13 @@ fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
     true
 }
 
-/// The next byte of `tx`; `None` where EasyDMA gets none.
+/// Reads the next byte of `tx`. Returns `None` where EasyDMA reads nothing.
 #[inline]
 fn fetch(tx: &Buffer, cx: &mut Cx<'_>) -> Option<u8> {
     tx.next().and_then(|address| cx.dma_read(address))
 }
 
-/// Where a controller's lines are.
+/// The pins of a controller's lines.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Wires {
     pub(crate) sck: Option<Pin>,
@@ -140,7 +140,7 @@ pub(crate) struct Wires {
     pub(crate) mode: SpiMode,
 }
 
-/// Polarity and phase as CONFIG has them: CPHA in bit 1, CPOL in bit 2.
+/// The mode with CONFIG's polarity and phase: CPHA is in bit 1, CPOL in bit 2.
 #[inline]
 pub(crate) const fn mode(config: u32) -> SpiMode {
     match config >> 1 & 3 {
@@ -151,38 +151,39 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
     }
 }
 
-/// A transfer of the controller.
+/// A transfer of the SPI controller.
 #[derive(Debug, Clone, Copy)]
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte on its way, and the tick at which its last edge is.
+    /// The byte that is being exchanged, and the tick of its last edge.
     byte: u8,
     ends: u64,
     stopping: bool,
 }
 
-/// A transaction of the peripheral.
+/// A transaction of the SPI target.
 #[derive(Debug, Clone, Copy)]
 struct Transaction {
     granted: bool,
     tx: Buffer,
     rx: Buffer,
-    /// What EasyDMA has ready for the next byte.
+    /// The byte that EasyDMA has ready to be sent next.
     ready: Option<u8>,
-    /// CSN's fall and the last byte's end.
+    /// The cycles of CSN's fall and of the last byte's end.
     since: Cycle,
     last: Option<Cycle>,
-    /// The last byte each way, for a controller in another mode.
+    /// The last byte in each direction, for a controller in another mode.
     heard: u8,
     said: u8,
 }
 
-/// One block.
+/// One serial block.
 #[derive(Clone, Debug)]
 pub(crate) struct Serial {
     block: Block,
-    /// SPIM0–2 share with SPIS and end at 8 MHz; SPIM3 stands alone and reaches 32.
+    /// Whether the block also has an SPIS and is limited to 8 MHz, as SPIM0–2 are. SPIM3 has its own block and reaches
+    /// 32 MHz.
     shared: bool,
     enable: u32,
     psel: [u32; 4],
@@ -193,7 +194,7 @@ pub(crate) struct Serial {
     def: u32,
     orc: u32,
     csnpol: u32,
-    /// IFTIMING.RXDELAY, IFTIMING.CSNDUR, PSELDCX, DCXCNT, STALLSTAT.
+    /// The registers IFTIMING.RXDELAY, IFTIMING.CSNDUR, PSELDCX, DCXCNT and STALLSTAT.
     plain: [u32; 5],
     transfer: Option<Transfer>,
     suspended: bool,
@@ -258,7 +259,7 @@ impl Instance for Serial {
                 None if self.enable == SPIM => self.block.raise(STOPPED, cx),
                 None => {}
             },
-            // It stands until RESUME, also between transfers.
+            // The suspension lasts until RESUME, even between transfers.
             0x01C => self.suspended = self.enable == SPIM,
             0x020 => {
                 if self.suspended {
@@ -315,7 +316,7 @@ impl Instance for Serial {
             cx.misuse("pins or mode written during a transfer, at offset", offset);
         }
         match offset {
-            // Stalls never happen; SEMSTAT is read-only.
+            // Stalls never happen, and SEMSTAT is read-only.
             0x400 => {}
             0x440 => self.status &= !value,
             0x500 => {
@@ -334,10 +335,10 @@ impl Instance for Serial {
                     self.suspended = false;
                     self.two_wire.stop();
                     self.target.stop();
-                    // Enabled anew, an SPIS is the CPU's (SEMSTAT's reset value).
+                    // When an SPIS is enabled, the CPU holds its semaphore (SEMSTAT's reset value).
                     self.semaphore = Semaphore::Cpu;
                     if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {
-                        // SPIM3's select rests inactive while it is enabled, and is given back with it.
+                        // While SPIM3 is enabled, its chip select rests inactive. Disabling it returns the pin to GPIO.
                         let level = (enable == SPIM).then_some(self.csnpol & 1 == 0);
                         self.drive_select(pin, level, cx);
                     }
@@ -377,7 +378,7 @@ impl Instance for Serial {
         if self.enable == TWIM { self.two_wire.next() } else { self.next }
     }
 
-    /// The last edge of the byte under way.
+    /// Handles the last edge of the byte under way.
     fn due(&mut self, cx: &mut Cx<'_>) {
         if self.enable == TWIM {
             self.two_wire.due(cx);
@@ -409,7 +410,7 @@ impl Serial {
         self.enable == TWIS && self.two_wire_pins() == [Some(scl), Some(sda)]
     }
 
-    /// A controller acts on the bus that a TWIS hears. `None` while it holds SCL low.
+    /// Handles what a controller does on the bus of a TWIS. Returns `None` while the TWIS holds SCL low.
     pub(crate) fn target_heard(&mut self, event: I2cEvent, cx: &mut Cx<'_>) -> Option<I2cAnswer> {
         let channels = [&mut self.rxd, &mut self.txd];
         self.target.heard(event, self.orc as u8, &mut self.block, channels, cx)
@@ -420,7 +421,7 @@ impl Serial {
         [Pin::selected(self.psel[0]), Pin::selected(self.psel[1])]
     }
 
-    /// The bus answered what a TWIM did.
+    /// Takes the bus's answer to an action of a TWIM.
     pub(crate) fn two_wire_answer(&mut self, answer: I2cAnswer, cx: &mut Cx<'_>) {
         let (rx, tx) = (&mut self.rxd, &mut self.txd);
         self.two_wire.answer(answer, &mut self.block, rx, tx, cx);

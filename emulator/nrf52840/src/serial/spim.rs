@@ -1,18 +1,18 @@
-//! SPIM: the controller of SPI (PS 6.25).
+//! SPIM: the SPI controller (PS 6.25).
 //!
 //! | covered, SPIM | PS 6.25 |
 //! |---|---|
 //! | START, STOP, SUSPEND, RESUME; STARTED, STOPPED, ENDRX, ENDTX, END; END_START | |
 //! | EasyDMA with MAXCNT, AMOUNT and LIST, its pointers taken at START | 6.25, 4.6 |
 //! | FREQUENCY to 8 MHz (SPIM3: 32 MHz), CONFIG mode and bit order, ORC | |
-//! | each byte crosses at its own last edge, on the pins of PSEL; its reception is in RAM at that instant | |
-//! | CSN driven by SPIM3 with CSNPOL | |
+//! | each byte crosses at its last edge on the pins of PSEL, and the received byte is in RAM at that instant | |
+//! | CSN of SPIM3 with CSNPOL | |
 //!
-//! A transaction starts [`START_LATENCY`] after START (PS 6.25, tSPIM,START).
+//! A transaction begins [`START_LATENCY`] after START (PS 6.25, tSPIM,START).
 
 use super::*;
 
-/// From START to the first edge of SCK, in PCLK16M ticks: 1 µs.
+/// The time from START to the first edge of SCK, in PCLK16M ticks: 1 µs.
 const START_LATENCY: u64 = 16;
 
 impl Serial {
@@ -21,7 +21,7 @@ impl Serial {
         Wires { sck: pin(0), mosi: pin(1), miso: pin(2), mode: mode(self.config) }
     }
 
-    /// PCLK16M ticks of one byte, or `None` for a FREQUENCY that is none.
+    /// The PCLK16M ticks of one byte, or `None` if FREQUENCY has no valid value.
     pub(super) fn byte_ticks(&self) -> Option<u64> {
         Some(match self.frequency {
             0x0200_0000 => 1024,
@@ -37,7 +37,7 @@ impl Serial {
         })
     }
 
-    /// A byte in the order it travels, most significant bit first.
+    /// Converts a byte to or from the bit order of the wire, with the first bit as the most significant.
     pub(super) fn on_the_wire(&self, byte: u8) -> u8 {
         if self.config & 1 == 0 { byte } else { byte.reverse_bits() }
     }
@@ -73,7 +73,7 @@ impl Serial {
         self.next_byte(cx);
     }
 
-    /// The pin SPIM3 selects its chip with, where it has one.
+    /// Drives the chip select pin of SPIM3, if it has one.
     fn chip_select(&mut self, active: bool, cx: &mut Cx<'_>) {
         if let Some(pin) = Pin::selected(self.psel[3]) {
             let level = active == (self.csnpol & 1 != 0);
@@ -89,7 +89,7 @@ impl Serial {
         cx.act(Act::Hold { pin, level });
     }
 
-    /// Sets out the next byte from the end of the last, or ends the transfer.
+    /// Begins the next byte at the end of the last one, or ends the transfer.
     pub(super) fn next_byte(&mut self, cx: &mut Cx<'_>) {
         self.next = None;
         let Some(transfer) = &mut self.transfer else {
@@ -111,14 +111,14 @@ impl Serial {
         };
     }
 
-    /// The transfer is over, or was stopped. Stopped early, ENDRX and ENDTX come all the same (PS 6.25).
+    /// Ends a transfer that is over or was stopped. ENDRX and ENDTX come even if it was stopped early (PS 6.25).
     fn end(&mut self, stopped: bool, cx: &mut Cx<'_>) {
         let Some(transfer) = self.transfer.take() else {
             return;
         };
         (self.rxd.amount, self.txd.amount) = (transfer.rx.done, transfer.tx.done);
         for (buffer, event) in [(transfer.tx, ENDTX), (transfer.rx, ENDRX)] {
-            // A buffer that was full said so as its last byte crossed; an empty one has its end here.
+            // A buffer that became full has raised its event with its last byte. Any other buffer raises it here.
             if buffer.done < buffer.len || buffer.len == 0 {
                 self.block.raise(event, cx);
             }
@@ -138,7 +138,7 @@ impl Serial {
         }
     }
 
-    /// The byte under way has crossed, and `miso` came back.
+    /// Completes the byte under way, for which `miso` came back.
     pub(crate) fn exchanged(&mut self, miso: u8, cx: &mut Cx<'_>) {
         let byte = self.on_the_wire(miso);
         let ticks = self.byte_ticks().unwrap_or(0);

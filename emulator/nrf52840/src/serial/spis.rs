@@ -1,34 +1,35 @@
-//! SPIS: the target of SPI (PS 6.26).
+//! SPIS: the SPI target (PS 6.26).
 //!
 //! | covered, SPIS | PS 6.26 |
 //! |---|---|
 //! | the semaphore with its four states, arbitrated when CSN falls | 6.26 |
-//! | ACQUIRE at once where it is free or the CPU's; at the end of the transaction where it is not | |
+//! | ACQUIRE at once if the semaphore is free or the CPU's, otherwise at the end of the transaction | |
 //! | END and ACQUIRED raised together with END_ACQUIRE | |
-//! | DEF through a transaction that was not granted, ORC and OVERREAD past TXD, OVERFLOW past RXD, ENDRX | |
-//! | CSN that falls and rises without a clock: END with AMOUNT 0 if it was granted, nothing if it was not | 6.26.3 |
+//! | DEF in a transaction that was not granted; ORC and OVERREAD past TXD; OVERFLOW past RXD; ENDRX | |
+//! | a CSN pulse without a clock: END with AMOUNT 0 if it was granted, nothing if it was not | 6.26.3 |
 //! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26 |
 //!
-//! The PS names no least number of clocks: the peripheral takes the semaphore when CSN falls, and the transaction that
-//! was granted is completed when it rises. Whether silicon misses a CSN that is low for less than 0.1 µs or so, the PS
-//! does not say; here every edge counts, which is the worse case for the processor.
+//! The PS states no minimum number of clocks: the peripheral takes the semaphore when CSN falls, and a granted
+//! transaction is complete when CSN rises. The PS does not say whether silicon misses a CSN that is low for less than
+//! about 0.1 µs. Here every edge counts, which is the worse case for the processor.
 //!
-//! A controller that clocks an SPIS in another mode than its own (assumed, the PS has nothing on it): where both
-//! sample on the same edge (modes 0 and 3, 1 and 2), what it sends arrives as it was, and what it reads comes one bit
-//! late, because the first edge finds nothing shifted out yet. Where they sample on opposite edges, both come one bit
-//! late. The bit before the first is 0.
+//! The PS does not say what happens if a controller clocks an SPIS in another mode than the SPIS's; the following is
+//! assumed. If both sample on the same edge (modes 0 and 3, 1 and 2), data from the controller arrives correctly, and
+//! data from the SPIS comes one bit late, because at the first edge nothing is shifted out yet. If they sample on
+//! opposite edges, both come one bit late. The bit before the first is 0.
 
 use super::*;
 use crate::memory::Memory;
 
-/// SPIS: from CSN to the first edge of SCK (tSPIS,SUCSN), and the shortest byte, 8 bits at 8 MHz, in cycles.
+/// Limits of SPIS in cycles: the time from CSN to the first edge of SCK (tSPIS,SUCSN), and the shortest byte, 8 bits at
+/// 8 MHz.
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// How much earlier than that is not told, in cycles: clocks differ by their crystals' errors, and instants are
+/// By how many cycles a limit may be missed without a report, since clocks have their crystals' errors and instants are
 /// rounded to a cycle.
 const SLACK: u64 = cycles(100);
 
-/// How what crosses between two ends in their modes is shifted: what the peripheral hears, what it says.
+/// Whether data comes one bit late between two ends in their modes: what the target receives, and what it sends.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {
@@ -39,7 +40,7 @@ const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
 }
 
 impl Serial {
-    /// The pin that selects this block as a peripheral, where it is one.
+    /// The chip select pin of this block, if it is an SPIS.
     pub(crate) fn csn(&self) -> Option<Pin> {
         (self.enable == SPIS).then(|| Pin::selected(self.psel[3])).flatten()
     }
@@ -48,7 +49,7 @@ impl Serial {
         self.transaction.is_some()
     }
 
-    /// How many bytes may be clocked before an event: ENDRX comes with the last that RXD takes.
+    /// How many bytes may be clocked before an event. ENDRX comes with the last byte that fits RXD.
     pub(crate) fn quiet(&self) -> usize {
         match &self.transaction {
             Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {
@@ -58,7 +59,7 @@ impl Serial {
         }
     }
 
-    /// What a transaction that began now would read, as far as the buffer goes.
+    /// The bytes that a transaction would read if it began now, up to the buffer's end.
     pub(crate) fn offers(&self, memory: &Memory) -> Vec<u8> {
         memory.slice(self.txd.ptr, self.txd.maxcnt as usize).unwrap_or_default().to_vec()
     }
@@ -68,14 +69,14 @@ impl Serial {
         cx.act(Act::Spis { id, event });
     }
 
-    /// SCK, MOSI, MISO, CSN of an SPIS, whose selectors stand in another order than an SPIM's: SCK, MISO, MOSI, CSN (PS
-    /// 6.25.6 and 6.26.6, *Registers*).
+    /// The pins SCK, MOSI, MISO and CSN of an SPIS. Its selectors have another order than an SPIM's: SCK, MISO, MOSI,
+    /// CSN (PS 6.25.6 and 6.26.6, *Registers*).
     fn spis_pins(&self) -> [Option<Pin>; 4] {
         let [sck, miso, mosi, csn] = self.psel.map(Pin::selected);
         [sck, mosi, miso, csn]
     }
 
-    /// CSN moved: the semaphore is arbitrated when it falls, and given back when it rises.
+    /// Handles an edge of CSN: its fall arbitrates the semaphore, and its rise returns it.
     pub(crate) fn csn_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         if level {
             self.finish(cx);
@@ -121,8 +122,8 @@ impl Serial {
         }
     }
 
-    /// The controller at the far end of `wires` clocked one byte in `controller`'s mode: what its MISO carried
-    /// meanwhile, `None` where this block does not drive it.
+    /// Clocks one byte from the controller at the far end of `wires`, which is in the mode `controller`. Returns what
+    /// the controller's MISO carried meanwhile, `None` if this block does not drive it.
     pub(crate) fn clock(&mut self, wires: &SsiWires, mosi: u8, controller: SpiMode, cx: &mut Cx<'_>) -> Option<u8> {
         let [sck, mosi_pin, miso, _] = self.spis_pins();
         let is = |pin: Option<Pin>, wire| pin.is_some_and(|pin| pin.named() == wire);
@@ -154,7 +155,7 @@ impl Serial {
         drives.then_some(miso)
     }
 
-    /// A byte crosses, as it travels.
+    /// Exchanges one byte, in the bit order of the wire.
     fn exchange(&mut self, mosi: u8, cx: &mut Cx<'_>) -> u8 {
         let heard = self.on_the_wire(mosi);
         let Some(transaction) = &mut self.transaction else {
@@ -179,7 +180,7 @@ impl Serial {
                 transaction.tx.done += 1;
                 byte
             }
-            // Past the end of TXD, or from where EasyDMA does not reach.
+            // The byte is past the end of TXD, or where EasyDMA does not reach.
             (left, _) => {
                 transaction.tx.done += u32::from(left.is_some());
                 if left.is_none() {
@@ -199,7 +200,7 @@ impl Serial {
         self.on_the_wire(said)
     }
 
-    /// CSN rose.
+    /// Ends a transaction as CSN rises.
     fn finish(&mut self, cx: &mut Cx<'_>) {
         let Some(transaction) = self.transaction.take() else {
             return;
@@ -244,13 +245,13 @@ impl Serial {
                     self.say(SpisEvent::Ready, cx);
                 }
             }
-            // A pending acquire is taken back.
+            // A release cancels a pending acquire.
             Semaphore::CpuPending => self.semaphore = Semaphore::Spis,
             Semaphore::Free | Semaphore::Spis => {}
         }
     }
 
-    /// Writes to what the SPIS transfers with are safe only while the CPU has the semaphore.
+    /// Reports a write to a register that the SPIS uses in transfers, unless the CPU holds the semaphore.
     pub(super) fn guard(&self, offset: u32, cx: &mut Cx<'_>) {
         if self.enable == SPIS && !matches!(self.semaphore, Semaphore::Cpu) {
             cx.misuse("a buffer register written without the semaphore, at offset", offset);

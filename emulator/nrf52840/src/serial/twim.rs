@@ -5,17 +5,17 @@
 //! | STARTTX, STARTRX, STOP, SUSPEND, RESUME; TXSTARTED, RXSTARTED, LASTTX, LASTRX, STOPPED, SUSPENDED, ERROR | 6.31 |
 //! | LASTTX_STARTRX, LASTTX_SUSPEND, LASTTX_STOP, LASTRX_STARTTX, LASTRX_STOP | 6.31 |
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ANACK and DNACK | 6.31 |
-//! | each byte on the bus at its own end, with the bus's clock stretching | 6.31 |
+//! | each byte on the bus at its own end, with clock stretching by the bus | 6.31 |
 //!
-//! The PS wants SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*); their pull-ups are outside.
+//! The PS wants SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*). Their pull-ups are outside the part.
 //!
 //! | left out | why |
 //! |---|---|
-//! | OVERRUN | EasyDMA always keeps up |
+//! | OVERRUN | EasyDMA is always fast enough |
 //! | LASTRX_SUSPEND | reported |
 //! | arbitration with another controller | a TWIM has none |
 //!
-//! A byte lasts nine bits of FREQUENCY; a start and a stop one bit each (assumed).
+//! A byte takes nine bits of FREQUENCY, and a start and a stop take one bit each (assumed).
 use super::{Buffer, Channel};
 use crate::clocks::CYCLES_PER_TICK;
 use crate::instance::{Act, Block, Cx, address_of};
@@ -39,20 +39,20 @@ const LASTRX_STOP: u32 = 12;
 const ANACK: u32 = 1 << 1;
 const DNACK: u32 = 1 << 2;
 
-/// What is on its way.
+/// The action that is under way on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Idle,
-    /// A transfer is to start: `true` to read.
+    /// A transfer begins with its address; `true` means a read.
     Address(bool),
     Write,
     Read,
     Stop,
-    /// A transfer ended without a stop: SCL is held.
+    /// A transfer ended without a stop, so the TWIM holds SCL.
     Held,
 }
 
-/// What a serial block is as a TWIM.
+/// The state of a serial block as a TWIM.
 #[derive(Clone, Debug)]
 pub(crate) struct TwoWire {
     address: u32,
@@ -63,7 +63,7 @@ pub(crate) struct TwoWire {
     due: Option<Cycle>,
     suspended: bool,
     stopping: bool,
-    /// Cycles of a bit.
+    /// The cycles of one bit.
     bit: u64,
 }
 
@@ -84,7 +84,7 @@ impl Default for TwoWire {
 }
 
 impl TwoWire {
-    /// The block was disabled.
+    /// Stops everything, since the block was disabled.
     pub(crate) fn stop(&mut self) {
         (self.step, self.due, self.suspended, self.stopping) = (Step::Idle, None, false, false);
     }
@@ -120,7 +120,7 @@ impl TwoWire {
     ) {
         match offset {
             0x000 | 0x008 => {
-                // FREQUENCY: 100, 250 and 400 kbit/s.
+                // FREQUENCY has values for 100, 250 and 400 kbit/s.
                 let ticks = match frequency {
                     0x0198_0000 => 160,
                     0x0400_0000 => 64,
@@ -188,7 +188,7 @@ impl TwoWire {
         cx.act(Act::TwoWire { id, event });
     }
 
-    /// The bus answered what was on its way.
+    /// Handles the bus's answer to the action under way.
     pub(crate) fn answer(
         &mut self,
         answer: I2cAnswer,
@@ -238,7 +238,7 @@ impl TwoWire {
         }
     }
 
-    /// The next byte, or the end. LASTTX and LASTRX come as the last byte begins (PS 6.31).
+    /// Begins the next byte, or ends the transfer. LASTTX and LASTRX come as the last byte begins (PS 6.31).
     fn go_on(&mut self, late: u64, block: &mut Block, rx: &mut Channel, tx: &mut Channel, cx: &mut Cx<'_>) {
         let writes = self.step == Step::Write;
         let buffer = if writes { self.tx } else { self.rx };

@@ -4,12 +4,12 @@
 //! |---|---|
 //! | two addresses with CONFIG and MATCH; READ and WRITE, WRITE_SUSPEND and READ_SUSPEND | 6.32 |
 //! | PREPARERX, PREPARETX, SUSPEND, RESUME, STOP; RXSTARTED, TXSTARTED, STOPPED, ERROR | 6.32 |
-//! | SCL held low from the address on until a buffer is prepared, and while suspended | 6.32 |
+//! | SCL held low after the address until a buffer is prepared, and while suspended | 6.32 |
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ORC past TXD with OVERREAD, a NACK past RXD with OVERFLOW and DNACK | 6.32 |
 //! | a stop, and a repeated start | 6.32 |
 //!
 //! The PS wants SCL and SDA as inputs with drive S0D1 (6.32, *Pin configuration*). Here a block whose input buffer is
-//! disconnected hears nothing.
+//! disconnected does not react to the bus.
 //!
 //! | left out | why |
 //! |---|---|
@@ -28,22 +28,22 @@ const READ: u32 = 26;
 const WRITE_SUSPEND: u32 = 13;
 const READ_SUSPEND: u32 = 14;
 
-/// ERRORSRC.
+/// Bits of ERRORSRC.
 const OVERFLOW: u32 = 1;
 const DNACK: u32 = 1 << 2;
 const OVERREAD: u32 = 1 << 3;
 
-/// What the controller was answered by now.
+/// The state of the target between two actions of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
-    /// Addressed to be written (`false`) or read, with no buffer yet.
+    /// The target was addressed for a write (`false`) or a read, and has no buffer yet.
     Waiting(bool),
     Receiving,
     Sending,
 }
 
-/// What a serial block is as a TWIS.
+/// The state of a serial block as a TWIS.
 #[derive(Clone, Debug)]
 pub(crate) struct Target {
     addresses: [u32; 2],
@@ -74,7 +74,7 @@ impl Default for Target {
 }
 
 impl Target {
-    /// The block was disabled.
+    /// Stops everything, since the block was disabled.
     pub(crate) fn stop(&mut self) {
         (self.rx_prepared, self.tx_prepared, self.suspended, self.state) = (false, false, false, State::Idle);
     }
@@ -115,7 +115,7 @@ impl Target {
         self.begin(block, rx, tx, cx);
     }
 
-    /// Takes up the prepared buffer for what it was addressed for, and lets go of SCL.
+    /// Begins the transfer with the prepared buffer and releases SCL.
     fn begin(&mut self, block: &mut Block, rx: &mut Channel, tx: &mut Channel, cx: &mut Cx<'_>) {
         match self.state {
             State::Waiting(false) if self.rx_prepared && !self.suspended => {
@@ -132,7 +132,7 @@ impl Target {
         }
     }
 
-    /// A transfer is over.
+    /// Ends a transfer and sets its AMOUNT.
     fn end(&mut self, rx: &mut Channel, tx: &mut Channel) {
         match self.state {
             State::Receiving => rx.amount = self.buffer.done,
@@ -142,7 +142,7 @@ impl Target {
         self.state = State::Idle;
     }
 
-    /// The controller acts on the bus. `None` while SCL is held low.
+    /// Handles an action of the controller on the bus. Returns `None` while SCL is held low.
     pub(crate) fn heard(
         &mut self,
         event: I2cEvent,
@@ -199,7 +199,7 @@ impl Target {
                     answer(true, orc)
                 }
             },
-            // Against the direction that it was addressed for: nobody drives SDA.
+            // The action contradicts the direction of the transfer, so nobody drives SDA.
             (I2cEvent::Write(_) | I2cEvent::Read(_), State::Receiving | State::Sending) => answer(false, 0xFF),
         }
     }

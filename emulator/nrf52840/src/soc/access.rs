@@ -1,11 +1,11 @@
-//! The core's reads and writes: memory, registers, tasks, events (PS 4.2, 6.1), and what an access costs.
+//! The core's reads and writes: memory, registers, tasks, events (PS 4.2, 6.1), and the cost of an access.
 
 use super::*;
 
-/// The instance that is faster than the others.
+/// The ID of the only SPIM that is faster than 8 MHz.
 const SPIM3: u32 = 0x2F;
 
-/// What is said of a block that is not modelled.
+/// The text of a finding about a block that is not modelled.
 const NOT_MODELLED: &str = "is not modelled, first used at offset";
 
 impl Soc {
@@ -83,7 +83,7 @@ impl Soc {
         Ok(())
     }
 
-    /// Time and place of an access.
+    /// Takes over the time and the instruction of an access.
     #[inline]
     fn take_up<O: Outside>(&mut self, access: &Access, outside: &mut O) {
         if access.purpose == Purpose::Debugger {
@@ -138,7 +138,7 @@ impl Soc {
                 _ => instance.read(offset, *now, clocks),
             }
         });
-        // Only the legacy UART has a register that reading changes.
+        // Only the legacy UART has a register that changes when it is read.
         if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
             call!(self, id, instance, cx => instance.was_read(offset, cx));
             self.carry(outside);
@@ -153,7 +153,7 @@ impl Soc {
         Some(value)
     }
 
-    /// A write that there is a register for.
+    /// Carries out a write to an existing register.
     fn write_register(&mut self, id: Id, offset: u32, value: u32) {
         if id == GPIO {
             let Self { gpio, out, now, .. } = self;
@@ -188,16 +188,16 @@ impl Soc {
         }
     }
 
-    /// How many cycles are at least between two accesses of EasyDMA: what works with it moves at most 8 Mbit/s in each
-    /// direction (PS 6.25, 6.26; SPIM3 alone 32 Mbit/s), a byte each in 64 cycles.
+    /// The least number of cycles between two accesses of EasyDMA. Peripherals that use it move at most 8 Mbit/s in
+    /// each direction (PS 6.25, 6.26; only SPIM3 reaches 32 Mbit/s), which is a byte each in 64 cycles.
     fn dma_interval(&self) -> Cycle {
         if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
     }
 
-    /// The most wait states of an access.
+    /// The most wait states that an access may have.
     pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
-        // The processor has the highest priority on the AHB multilayer; what it may have to wait for is an access that
-        // EasyDMA has begun to the same slave (PS 4.7).
+        // The processor has the highest priority on the AHB multilayer. It has to wait only for an access to the same
+        // slave that EasyDMA has already begun (PS 4.7).
         let contention = u32::from(
             self.moving != 0
                 && self.memory.may_meet_dma(access.address)

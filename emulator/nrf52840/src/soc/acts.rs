@@ -1,13 +1,12 @@
-//! Time, and the queue of what is to happen: events, tasks, pads, conversions, each carried out in order (PS 6.1,
-//! 6.16).
+//! Time, and the queue of effects: events, tasks, pads, conversions, each carried out in order (PS 6.1, 6.16).
 
 use super::*;
 
-/// Acts that one access or one instant may set off before something must be going round in circles.
+/// The maximum number of acts that one access or one instant may set off. More than that must be an endless loop.
 const LOOP_LIMIT: u32 = 100_000;
 
 impl Soc {
-    /// Everything due up to and at `to` happens, in order.
+    /// Carries out everything that is due up to and at `to`, in order.
     pub(crate) fn advance<O: Outside>(&mut self, to: Cycle, outside: &mut O) {
         while self.next <= to {
             self.now = self.now.max(self.next);
@@ -18,13 +17,13 @@ impl Soc {
         self.now = self.now.max(to);
     }
 
-    /// Everything due by now, by ID where more than one is.
+    /// Carries out everything that is due by now, in the order of the IDs.
     fn fire<O: Outside>(&mut self, outside: &mut O) {
-        // In System OFF only LPCOMP is there.
+        // In System OFF only LPCOMP still works.
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // One that something else called since may have become due as well.
+            // An instance that another one has called since may have become due as well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;
@@ -38,13 +37,14 @@ impl Soc {
             let due = instance!(parts, id, instance => instance.next().is_some_and(|at| at <= *now));
             if due == Some(true) {
                 call!(self, id, instance, cx => instance.due(cx));
-                // Before the next instance: two that are due at one instant happen one after the other.
+                // The acts are carried out before the next instance is called: two instances that are due at one
+                // instant happen one after the other.
                 self.drain(outside);
             }
         }
     }
 
-    /// Carries everything out that is waiting, and takes up what moved.
+    /// Carries out all queued acts, and takes over the resulting state.
     pub(crate) fn carry<O: Outside>(&mut self, outside: &mut O) {
         self.drain(outside);
         self.look_at_touched();
@@ -54,7 +54,7 @@ impl Soc {
         }
     }
 
-    /// Carries out what is waiting, in order.
+    /// Carries out all queued acts in order.
     #[inline]
     fn drain<O: Outside>(&mut self, outside: &mut O) {
         let mut turns = 0;
@@ -69,8 +69,8 @@ impl Soc {
         }
     }
 
-    /// Takes up the interrupt lines and the next cycles of the instances called since last asked: no other's can have
-    /// moved.
+    /// Takes over the interrupt lines and the next cycles of the instances that were called since the last time. Those
+    /// of other instances cannot have changed.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;
@@ -202,7 +202,7 @@ impl Soc {
         }
     }
 
-    /// The part wants to restart: nothing more happens in it until it does.
+    /// Requests a restart of the part. Nothing more happens in the part until the restart.
     fn request(&mut self, cause: Reset) {
         self.restarting = Some(cause);
         self.halted = true;

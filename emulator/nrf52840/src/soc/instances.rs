@@ -1,4 +1,4 @@
-//! The instances of the blocks that are modelled, and how one is called by its ID.
+//! The instances of the modelled blocks, and the call of an instance by its ID.
 
 use super::*;
 use crate::analog::{Comparator, Saadc};
@@ -17,7 +17,7 @@ use crate::timer::Timer;
 use crate::uarte::Uarte;
 use crate::wdt::Wdt;
 
-/// The instances but GPIO, which everyone's pins go through.
+/// All instances except GPIO, which all pins go through.
 #[derive(Clone, Debug)]
 pub(super) struct Parts {
     pub(super) clock_power: ClockPower,
@@ -65,7 +65,8 @@ impl Parts {
     }
 }
 
-/// Evaluates `$call` with the instance that `$id` is, each with its own type; `None` for an ID that is not modelled.
+/// Evaluates `$call` for the instance with the ID `$id`, with that instance's own type. Gives `None` for an ID that is
+/// not modelled.
 macro_rules! instance {
     ($parts:expr, $id:expr, $instance:ident => $call:expr) => {{
         macro_rules! on {
@@ -106,7 +107,7 @@ macro_rules! instance {
     }};
 }
 
-/// Calls an instance with what it may reach.
+/// Calls an instance with its context.
 macro_rules! call {
     ($soc:expr, $id:expr, $instance:ident, $cx:ident => $call:expr) => {{
         let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = &mut *$soc;

@@ -1,4 +1,4 @@
-//! Which block is at which address, and which registers each has (PS 4.2, *Instantiation*).
+//! The block at each address, and the registers that each block has (PS 4.2, *Instantiation*).
 
 use super::*;
 use crate::registers as r;
@@ -11,7 +11,7 @@ pub(super) const SAADC: Id = 0x07;
 pub(super) const WDT: Id = 0x10;
 pub(super) const CLOCK_POWER: Id = 0x00;
 
-/// One block of the part.
+/// The description of one block.
 #[derive(Debug)]
 pub(super) struct BlockSpec {
     pub(super) id: Id,
@@ -24,7 +24,7 @@ const fn at(id: Id, name: &'static str, registers: &'static [Register], modelled
     BlockSpec { id, name, registers, modelled }
 }
 
-/// Every block, by address (PS 4.2, *Instantiation*).
+/// All blocks, by address (PS 4.2, *Instantiation*).
 pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(0x00, "CLOCK/POWER", r::CLOCK_POWER, true),
     at(0x01, "RADIO", r::RADIO, false),
@@ -72,13 +72,13 @@ pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(GPIO, "GPIO", r::GPIO, true),
 ];
 
-/// Where the CryptoCell is, of which nothing is modelled.
+/// The addresses of the CryptoCell, of which nothing is modelled.
 const CRYPTOCELL: std::ops::Range<u32> = 0x5002_A000..0x5002_C000;
 
-/// Registers that the workarounds of anomalies 166, 171 and 187 of USBD write, and no table lists.
+/// Registers that the workarounds of anomalies 166, 171 and 187 of USBD write, and that no table lists.
 const USBD_TEST: std::ops::Range<u32> = 0x4006_E000..0x4006_F000;
 
-/// Blocks past those with an ID, of which nothing is modelled.
+/// Finds a block without an ID, of which nothing is modelled.
 pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     match address {
         _ if CRYPTOCELL.contains(&address) => Some(("CRYPTOCELL", address - CRYPTOCELL.start)),
@@ -87,7 +87,7 @@ pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     }
 }
 
-/// Where in [`BLOCKS`] each ID is.
+/// The place in [`BLOCKS`] of each ID.
 static PLACES: [u8; 64] = {
     let mut places = [u8::MAX; 64];
     let mut n = 0;
@@ -109,7 +109,7 @@ static NAMES: [&str; 64] = {
     names
 };
 
-/// A bit for each word of each block that holds a register; and for each that is writable.
+/// For each block, one bit for each word that holds a register, and one for each that is writable.
 pub(super) static REGISTERS: [[[u64; 16]; 2]; BLOCKS.len()] = {
     let mut maps = [[[0; 16]; 2]; BLOCKS.len()];
     let mut block = 0;
@@ -141,7 +141,7 @@ pub(super) fn name_of(id: Id) -> &'static str {
     NAMES[id & 63]
 }
 
-/// The block an address is in.
+/// The block that contains an address.
 #[inline]
 pub(super) fn block_at(address: u32) -> Option<(Id, usize, &'static BlockSpec)> {
     let id = match address {
@@ -152,7 +152,7 @@ pub(super) fn block_at(address: u32) -> Option<(Id, usize, &'static BlockSpec)> 
     spec(id).map(|(n, block)| (id, n, block))
 }
 
-/// What is said of a register that is not modelled in a block that is.
+/// The name for findings of a register that is not modelled, in a block that is.
 pub(super) fn register_name(block: &BlockSpec, offset: u32) -> &'static str {
     block.registers.iter().find(|register| register.offset == offset).map_or("?", |register| register.name)
 }

@@ -1,22 +1,22 @@
-//! The interconnect: which block is where, and what carries the effect of one to another.
+//! The interconnect: it finds blocks by address, and carries the effects of one block to another.
 //!
 //! | module | covered | PS |
 //! |---|---|---|
 //! | `map` | peripheral IDs, bases and interrupts | 4.2 |
-//! | `instances` | the blocks that are modelled, and how one is called by its ID | 4.2 |
+//! | `instances` | the modelled blocks, and the call of an instance by its ID | 4.2 |
 //! | `access` | tasks (write 1, read 0), events (write 0 clears, 1 sets), SHORTS, INTEN | 6.1 |
-//! | `acts` | what happens, in order; PPI; EasyDMA to data RAM, byte by byte | 4.6, 6.16 |
+//! | `acts` | the queue of effects, in order; PPI; EasyDMA to data RAM, byte by byte | 4.6, 6.16 |
 //! | `outside` | levels, bytes and frames that cross the pins | 6.10, 6.25, 6.26, 6.31, 6.32, 6.34 |
-//! | `power` | clock sources, System OFF, what each source of reset leaves as it was | 5.3, 5.4 |
+//! | `power` | clock sources, System OFF, and what each kind of reset keeps | 5.3, 5.4 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | the one PCLK16M cycle that a PPI channel takes | below the resolution anything here is asked for; order is kept |
-//! | RAM\[n\].POWER taking a section's contents while the part is on | registers only |
+//! | the one PCLK16M cycle that a PPI channel takes | it is below the resolution that anything needs; order is kept |
+//! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | the registers only store values |
 //!
-//! Everything that happens is an [`Act`] in one queue, carried out in order. An event that triggers, through PPI, the
-//! task that raises it again never ends on the part, one turn per clock cycle; here it is cut after a number of turns
-//! and reported.
+//! Everything that happens is an [`Act`] in one queue, which is carried out in order. If an event triggers, through
+//! PPI, the task that raises the event again, that never ends on the part, with one turn per clock cycle. Here the loop
+//! is cut after a number of turns and reported.
 
 #[macro_use]
 mod instances;
@@ -47,47 +47,47 @@ use emulator_part::{
 use instances::*;
 use map::*;
 
-/// Interrupt lines of the NVIC.
+/// The number of interrupt lines of the NVIC.
 pub(crate) const INTERRUPT_LINES: u16 = 48;
 
-/// What ended System OFF where it was not a pin's DETECT.
+/// The name of the cause that ended System OFF, if it was not a pin's DETECT.
 const BY_LPCOMP: &str = "LPCOMP";
 
-/// Everything inside the part but the core.
+/// Everything inside the part except the core.
 #[derive(Clone, Debug)]
 pub(crate) struct Soc {
     pub(crate) settings: Settings,
     pub(crate) memory: Memory,
     clocks: Clocks,
-    /// LFCLK comes from HFCLK.
+    /// Whether LFCLK is synthesised from HFCLK.
     lf_synthesised: bool,
     pub(crate) gpio: Gpio,
     parts: Parts,
     pub(crate) out: Outbox,
-    /// The latest cycle that anything happened at.
+    /// The latest cycle at which anything happened.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
-    /// Instances called since their interrupt lines and next cycles were last looked at.
+    /// The instances that were called since their interrupt lines and next cycles were last taken over.
     touched: u64,
-    /// Instances that have a next cycle, and which: [`NEVER`] for none.
+    /// The instances that have a next cycle, and the next cycle of each, [`NEVER`] for none.
     scheduled: u64,
     nexts: [Cycle; 64],
-    /// The least of them.
+    /// The earliest of all next cycles.
     pub(crate) next: Cycle,
-    /// Instances that EasyDMA works for.
+    /// The instances for which EasyDMA works.
     pub(crate) moving: u64,
-    /// When the core last had to wait for EasyDMA.
+    /// The cycle at which the core last had to wait for EasyDMA.
     met_dma: Cycle,
     pub(crate) spis_events: Vec<(Cycle, usize, SpisEvent)>,
-    /// At each [`SpisEvent::Ready`], what a transaction would read.
+    /// For each [`SpisEvent::Ready`], the data that a transaction would read.
     pub(crate) spis_offers: Vec<(Cycle, Vec<u8>)>,
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) ssi: Option<SsiWires>,
     restarting: Option<Reset>,
-    /// The part waits for its restart, or is in System OFF: nothing happens in it.
+    /// Whether nothing happens in the part since it waits for its restart, and whether it is in System OFF.
     halted: bool,
     off: bool,
-    /// The supply holds the part in reset.
+    /// Whether the supply holds the part in reset.
     held: bool,
     pub(crate) access: ctrl_ap::Access,
 }

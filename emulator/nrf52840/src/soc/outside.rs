@@ -1,5 +1,4 @@
-//! What comes in by the pins and goes out by them: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART
-//! frames.
+//! What enters and leaves by the pins: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART frames.
 
 use super::*;
 
@@ -11,24 +10,24 @@ impl Soc {
         call(&mut parts.gpiote, &mut cx);
     }
 
-    /// Something outside drives a pin or lets go of it.
+    /// Makes the outside drive a pin, or stop driving it.
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may lie a few cycles past the edge, in an instruction that began before it: what the
-        // edge sets off in hardware happens at the edge all the same.
+        // The core's last access may be a few cycles after the edge, in an instruction that began before it. What the
+        // edge sets off in hardware nevertheless happens at the edge.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
         self.now = self.now.max(reached);
     }
 
-    /// Something comes from outside at `at`.
+    /// Prepares for an event from outside at `at`.
     pub(super) fn come<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.out.pc = None;
     }
 
-    /// A pad moved: whoever looks at it hears. In System OFF nobody does but SENSE.
+    /// Tells the instances that use the pin of a new level. In System OFF only SENSE still works.
     pub(super) fn level(&mut self, pin: Pin, level: bool) {
         if self.halted {
             return;
@@ -54,7 +53,7 @@ impl Soc {
         }
     }
 
-    /// A byte has crossed between a controller and what hangs on its pins.
+    /// Exchanges a byte between a controller and what is wired to its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();
@@ -75,7 +74,7 @@ impl Soc {
         let miso = match wires.miso {
             Some(pin) if self.gpio.is_connected(pin) => match answer {
                 Some(bits) if !self.gpio.is_output(pin) => bits as u8,
-                // Nobody else drives MISO: it reads as its pad does.
+                // Nobody drives MISO, so it reads as its pad's level.
                 _ => 0xFF * u8::from(self.gpio.level(pin)),
             },
             _ => 0,
@@ -105,7 +104,8 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// The SSI's controller clocked a byte that ended at `at`. What it sets off is still to be carried out.
+    /// Handles a byte that the SSI's controller clocked and that ended at `at`. The caller carries out what it sets
+    /// off.
     fn ssi_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.ssi?;
         let selected = |number: &usize| {
@@ -127,7 +127,8 @@ impl Soc {
         miso
     }
 
-    /// Several bytes, the first of which ended at `first`, each `time` 2⁻¹⁶ cycles after the one before.
+    /// Exchanges several bytes. The first ended at `first`, and each further one `time` 2⁻¹⁶ cycles after the one
+    /// before.
     pub(crate) fn ssi_exchange<O: Outside>(
         &mut self,
         first: Cycle,

@@ -1,12 +1,12 @@
-//! The sources of the clocks, sleep, System OFF and what each reset leaves as it was (PS 5.3, 5.4).
+//! Clock sources, sleep, System OFF, and what each kind of reset keeps (PS 5.3, 5.4).
 
 use super::*;
 
-/// What RAM holds that was not retained through System OFF.
+/// The contents of RAM that was not retained through System OFF.
 const LOST: u8 = 0xA5;
 
 impl Soc {
-    /// A clock's source changed: whoever counts on it moves what it has scheduled.
+    /// Changes the source of a clock. Instances that count on it move their next events.
     pub(super) fn switch(&mut self, source: Source) {
         let Settings { hfxo_ppb, hfint_ppb, lfxo_ppb, lfrc_ppb, .. } = self.settings;
         match source {
@@ -15,7 +15,7 @@ impl Soc {
             Source::LowRc => self.feed_lf(lfrc_ppb, false),
             Source::LowCrystal => self.feed_lf(lfxo_ppb, false),
             Source::LowSynthesised => self.feed_lf(self.clocks.hf_ppb, true),
-            // The watchdog does not let LFCLK go.
+            // The watchdog keeps LFCLK running.
             Source::LowStopped if self.parts.wdt.running() => {
                 self.feed_lf(lfrc_ppb, false);
                 self.parts.clock_power.keep_lfclk();
@@ -57,9 +57,9 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// The supply changes: brown-out reset below 1.57 V, from which the part restarts above 1.62 V (PS 5.3.8, V_BOR in
-    /// System ON; here it is as late as that allows), and the power-fail comparator. Below 1.7 V, where the part is not
-    /// specified, it goes on as above.
+    /// Changes the supply. A brown-out reset comes below 1.57 V, and the part restarts above 1.62 V (PS 5.3.8, V_BOR in
+    /// System ON; the model reacts as late as that allows). The power-fail comparator reacts too. Below 1.7 V, where
+    /// the part is not specified, it works as above.
     pub(crate) fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, outside: &mut O) -> Supplied {
         let before = self.held;
         self.held = microvolts < if before { 1_620_000 } else { 1_570_000 };
@@ -71,7 +71,7 @@ impl Soc {
         self.carry(outside);
         match (before, self.held) {
             (_, true) => Supplied::HeldInReset,
-            // RESETREAS does not tell it from a power-on.
+            // RESETREAS does not distinguish a brown-out from a power-on.
             (true, false) => Supplied::Restarts(Reset::BrownOut),
             (false, false) => Supplied::Enough,
         }
@@ -81,7 +81,7 @@ impl Soc {
         std::mem::take(&mut self.parts.clock_power.warned)
     }
 
-    /// A debugger halted the core, or lets it go on.
+    /// Tells the part that a debugger halted the core or resumed it.
     pub(crate) fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
         self.come(at, outside);
         let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
@@ -91,13 +91,14 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// The part restarts (PS 5.3, *Reset behavior*). Pins driven from outside and what the cause leaves alone stay.
+    /// Restarts the part (PS 5.3, *Reset behavior*). The outside still drives its pins, and what the cause does not
+    /// reset stays.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;
         self.protection_restarts(cause);
         let mut parts = Parts::new(&self.settings);
-        // RESETREAS accumulates until it is cleared (PS 5.3); power-on and brown-out start it at 0.
+        // RESETREAS accumulates until it is cleared (PS 5.3). Power-on and brown-out set it to 0.
         let reason = match cause {
             Reset::PowerOn | Reset::BrownOut => None,
             Reset::Pin => Some(1),
@@ -107,7 +108,7 @@ impl Soc {
             Reset::Wakeup(BY_LPCOMP) => Some(1 << 17),
             Reset::Wakeup(_) => Some(1 << 16),
         };
-        // These leave the retained registers as they were; all but the wake-up the watchdog as well.
+        // Software, lock-up and wake-up resets keep the retained registers. The first two also keep the watchdog.
         let keeps_watchdog = matches!(cause, Reset::Software | Reset::Lockup);
         let wakes = matches!(cause, Reset::Wakeup(_));
         if let Some(reason) = reason {
@@ -135,7 +136,7 @@ impl Soc {
         self.signals.announce();
         let Self { gpio, out, now, .. } = self;
         if wakes {
-            // GPIO keeps its configuration through System OFF and the reset that ends it.
+            // GPIO keeps its configuration through System OFF and through the reset that ends it.
             gpio.let_go(*now, out);
         } else {
             gpio.restart(*now, out);
@@ -150,8 +151,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// RAM that System OFF did not retain: sections of 4 KiB, two in each of RAM0 to RAM7, and six of 32 KiB in RAM8
-    /// (PS 4.2, *RAM*; 5.3, RAM\[n\].POWER).
+    /// Overwrites RAM that System OFF did not retain. RAM0 to RAM7 have two sections of 4 KiB each, and RAM8 has six of
+    /// 32 KiB (PS 4.2, *RAM*; 5.3, RAM\[n\].POWER).
     fn lose_ram(&mut self) {
         let sections = (0..16).map(|n| (n / 2, n % 2, n * 0x1000, 0x1000));
         let large = (0..6).map(|n| (8, n, 0x1_0000 + n * 0x8000, 0x8000));
@@ -175,7 +176,7 @@ impl Soc {
         self.parts.clock_power.reset_reason
     }
 
-    /// Whether the software's half of the access port protection stands open.
+    /// Whether the software's half of the access port protection is open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.parts.clock_power.debug_port_enabled()
     }

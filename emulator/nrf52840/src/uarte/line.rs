@@ -1,8 +1,8 @@
-//! The wire that a receiver listens to: the frames on it as levels over time.
+//! The wire to a receiver: the frames on it as levels over time.
 
 use super::*;
 
-/// Level of bit `k` of a frame: the start bit, the data, the parity, then the stop and what follows it.
+/// The level of bit `k` of a frame: the start bit, the data, the parity, then the stop bit and what follows it.
 fn level_of(frame: &UartFrame, k: u64) -> bool {
     let bits = u64::from(frame.bits);
     let ones = (u32::from(frame.data) & ((1 << frame.bits) - 1)).count_ones();
@@ -24,7 +24,7 @@ impl Line {
         })
     }
 
-    /// The first falling edge at `from` or after it.
+    /// The first falling edge at or after `from`.
     pub(super) fn falling_edge(&self, from: Cycle, period: u64) -> Option<Cycle> {
         for (begins, frame) in &self.frames {
             let mut high = true;
@@ -40,7 +40,7 @@ impl Line {
         None
     }
 
-    /// Forgets what ended before `now`.
+    /// Removes the frames that ended before `now`.
     pub(super) fn forget(&mut self, now: Cycle) {
         while self.frames.front().is_some_and(|(begins, frame)| begins + frame.ns() * 64 / 1000 + 64 < now) {
             self.frames.pop_front();

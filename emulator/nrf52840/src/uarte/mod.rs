@@ -1,29 +1,29 @@
 //! UARTE: the UART with EasyDMA (PS 6.34), and the legacy UART, which shares its registers (6.33).
 //!
-//! `transmitter` has TXD and CTS, `receiver` RXD and RTS, `line` the wire, this module the registers.
+//! `transmitter` models TXD and CTS, `receiver` RXD and RTS, `line` the wire, and this module the registers.
 //!
 //! | covered | PS |
 //! |---|---|
 //! | STARTTX, STOPTX; TXSTARTED, TXDRDY, ENDTX, TXSTOPPED | 6.34 |
 //! | STARTRX, STOPRX, FLUSHRX; RXSTARTED, RXDRDY, ENDRX, RXTO; ENDRX_STARTRX, ENDRX_STOPRX | 6.34 |
 //! | the 6-byte FIFO that bridges two buffers, and OVERRUN past it | 6.34 |
-//! | BAUDRATE, parity and stop bits, as they are on the wire | 6.34 |
-//! | flow control: CTS holds the next byte back, RTS says there is room; CTS and NCTS | 6.34 |
+//! | BAUDRATE, parity and stop bits, with their timing on the wire | 6.34 |
+//! | flow control: CTS delays the next byte, RTS shows that there is room; events CTS and NCTS | 6.34 |
 //! | FRAMING, PARITY and BREAK, from the levels at the receiver's own sample instants | 6.34 |
 //! | the legacy UART: RXD, TXD, RXDRDY, TXDRDY, ERROR, SUSPEND | 6.33 |
 //!
-//! The receiver waits for a falling edge and samples each bit in its middle by its own BAUDRATE, the stop bit as well;
-//! then it waits for the next falling edge. A frame of another rate is therefore received as the bits that it shows at
-//! those instants (the PS does not say how often a bit is sampled; one sample is assumed). A byte with a framing or
-//! parity error is received all the same (assumed).
+//! The receiver waits for a falling edge and samples each bit in its middle by its own BAUDRATE, including the stop
+//! bit. Then it waits for the next falling edge. A frame of another rate is therefore received as the bits at these
+//! instants. The PS does not say how often a bit is sampled, so one sample is assumed. It is also assumed that a byte
+//! with a framing or parity error is received all the same.
 //!
 //! The PS wants RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that GPIO does
-//! not have as an output sends nothing and an RXD whose input buffer is disconnected receives nothing; the first is
-//! reported.
+//! not configure as an output sends nothing, which is reported. An RXD whose input buffer is disconnected receives
+//! nothing.
 //!
 //! | left out | why |
 //! |---|---|
-//! | the check of the start bit's middle, and bytes that begin before STARTRX | no noise here |
+//! | the check of the start bit's middle, and bytes that begin before STARTRX | there is no noise here |
 
 mod line;
 mod receiver;
@@ -49,7 +49,7 @@ const TXSTOPPED: u32 = 22;
 const ENDRX_STARTRX: u32 = 5;
 const ENDRX_STOPRX: u32 = 6;
 
-/// ERRORSRC.
+/// Bits of ERRORSRC.
 const OVERRUN: u32 = 1;
 const PARITY: u32 = 1 << 1;
 const FRAMING: u32 = 1 << 2;
@@ -57,15 +57,16 @@ const BREAK: u32 = 1 << 3;
 
 const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
-/// Bytes the receiver holds when no buffer waits.
+/// The number of bytes that the receiver can hold without a buffer.
 const FIFO: usize = 6;
-/// With flow control, RTS goes up when the receiver has room for so many bytes more (PS 6.34).
+/// The least room for a low RTS, in bytes: with flow control, RTS is low only while the receiver has room for at least
+/// this many bytes more (PS 6.34).
 const ROOM: usize = 4;
-/// Byte times from STOPRX to RXTO, in which the far end may finish what it had begun.
+/// The byte times from STOPRX to RXTO, in which the far end may finish what it has begun.
 const RX_TIMEOUT_BYTES: u64 = 4;
-/// The longest bit that can be received, in picoseconds: a second.
+/// The longest bit that can be received, in picoseconds: one second.
 const LONGEST_BIT_PS: u64 = 1_000_000_000_000;
-/// Picoseconds of a cycle of an exact core clock.
+/// The picoseconds of a cycle of an exact core clock.
 const CYCLE_PS: u64 = 15_625;
 
 #[derive(Debug, Default, Clone, Copy)]
@@ -75,18 +76,18 @@ struct Buffer {
     done: u32,
 }
 
-/// What arrives on RXD.
+/// The frames that arrive on RXD.
 #[derive(Debug, Default, Clone)]
 struct Line {
     frames: VecDeque<(Cycle, UartFrame)>,
 }
 
-/// The length of a cycle in 2⁻¹⁶ ps.
+/// The length of a cycle in units of 2⁻¹⁶ ps.
 fn period(clocks: &Clocks) -> u64 {
     (CYCLE_PS << 16) * 1_000_000_000 / 1_000_000_000_u64.wrapping_add_signed(clocks.hf_ppb)
 }
 
-/// One instance.
+/// One UARTE instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Uarte {
     block: Block,
@@ -95,19 +96,19 @@ pub(crate) struct Uarte {
     baudrate: u32,
     config: u32,
     errorsrc: u32,
-    /// PTR, MAXCNT, AMOUNT of RXD and TXD.
+    /// The registers PTR, MAXCNT and AMOUNT of RXD and TXD.
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte on its way, the tick its transmission began at, and whether the transmitter was told to stop.
+    /// The byte that is being sent, the tick at which transmission began, and whether the transmitter has to stop.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
     tx_stopping: bool,
     tx_next: Option<Cycle>,
-    /// CTS holds the next byte back.
+    /// Whether CTS delays the next byte.
     tx_held: bool,
-    /// What RTS drives, and on which pin.
+    /// The pin of RTS and the level that it has.
     rts: Option<(Pin, bool)>,
     rx: Option<Buffer>,
     rx_on: bool,
@@ -115,9 +116,9 @@ pub(crate) struct Uarte {
     rx_timeout: Option<Cycle>,
     fifo: VecDeque<u8>,
     line: Line,
-    /// The start edge of the byte being received, and when its stop bit is sampled.
+    /// The cycle of the start edge of the byte that is being received, and the cycle at which its stop bit is sampled.
     receiving: Option<(Cycle, Cycle)>,
-    /// The legacy UART: its transmitter is on, and the byte that waits behind the one on its way.
+    /// State of the legacy UART: whether its transmitter is on, and the byte that waits for the one being sent.
     legacy_tx: bool,
     legacy_waiting: Option<u8>,
 }
@@ -159,14 +160,14 @@ impl Uarte {
         self.config >> 1 & 0b111 == 0b111
     }
 
-    /// PCLK16M ticks that `bytes` bytes take: BAUDRATE is the rate in 2^-32 of PCLK16M.
+    /// The PCLK16M ticks of `bytes` bytes. BAUDRATE is the rate in units of 2^-32 of PCLK16M.
     fn ticks(&self, bytes: u64) -> u64 {
         let stop = 1 + u64::from(self.config >> 4 & 1);
         let bits = bytes * (9 + u64::from(self.has_parity()) + stop);
         (bits << 32) / u64::from(self.baudrate.max(1))
     }
 
-    /// Cycles that `halves` half bits take.
+    /// The cycles of `halves` half bits.
     fn half_bits(&self, halves: u64) -> u64 {
         (halves << 31) * CYCLES_PER_TICK / u64::from(self.baudrate.max(1))
     }
@@ -318,7 +319,7 @@ impl Instance for Uarte {
         if self.rx_timeout.take_if(|at| *at <= now).is_some() {
             self.rx_on = false;
             if self.rx.is_some() {
-                // Its shortcuts do not start again what was told to stop.
+                // A shortcut must not restart a receiver that was stopped.
                 self.finish_rx(cx);
             }
             self.block.raise(RXTO, cx);

@@ -1,9 +1,9 @@
-//! The receiver: samples, the FIFO that bridges two buffers, errors, RTS (PS 6.33, 6.34).
+//! The receiver: sampling, the FIFO that bridges two buffers, errors, RTS (PS 6.33, 6.34).
 
 use super::*;
 
 impl Uarte {
-    /// RTS follows what the receiver has room for. It is active low.
+    /// Drives RTS, which is active low, by the room that the receiver has.
     pub(super) fn request_to_send(&mut self, cx: &mut Cx<'_>) {
         let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
         let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM <= FIFO;
@@ -40,7 +40,7 @@ impl Uarte {
         }
     }
 
-    /// From the FIFO into the buffer, as far as both go.
+    /// Moves bytes from the FIFO into the buffer, until one is exhausted.
     pub(super) fn drain(&mut self, cx: &mut Cx<'_>) {
         while let Some(rx) = &mut self.rx {
             if rx.done >= rx.len {
@@ -64,7 +64,7 @@ impl Uarte {
         }
     }
 
-    /// Hands the buffer over.
+    /// Completes the buffer and returns it.
     pub(super) fn finish_rx(&mut self, cx: &mut Cx<'_>) -> Option<Buffer> {
         let rx = self.rx.take()?;
         self.rxd[2] = rx.done;
@@ -72,12 +72,12 @@ impl Uarte {
         Some(rx)
     }
 
-    /// Whether RXD is `pin` and an enabled receiver looks at it.
+    /// Whether RXD is `pin` and the receiver is enabled.
     pub(crate) fn listens_to(&self, pin: Pin) -> bool {
         matches!(self.enable, ENABLED | LEGACY) && Pin::selected(self.psel[3]) == Some(pin)
     }
 
-    /// A frame arrives on RXD.
+    /// Receives a frame that arrives on RXD.
     pub(crate) fn receive(&mut self, begins: Cycle, mut frame: UartFrame, cx: &mut Cx<'_>) {
         frame.bit_ps = frame.bit_ps.clamp(1, LONGEST_BIT_PS);
         let connected = Pin::selected(self.psel[3]).is_some_and(|pin| cx.pins.is_connected(pin));
@@ -89,7 +89,7 @@ impl Uarte {
         self.sample(cx);
     }
 
-    /// Begins to receive at the next falling edge, where nothing is being received.
+    /// Begins to receive at the next falling edge, if nothing is being received.
     fn wait_for_edge(&mut self, from: Cycle, cx: &Cx<'_>) {
         if self.receiving.is_none() {
             let bits = 9 + u64::from(self.has_parity());
@@ -98,7 +98,7 @@ impl Uarte {
         }
     }
 
-    /// Takes up every byte whose stop bit has been sampled.
+    /// Takes in every byte whose stop bit has been sampled.
     pub(super) fn sample(&mut self, cx: &mut Cx<'_>) {
         while let Some((start, stop)) = self.receiving.take_if(|(_, stop)| *stop <= cx.now) {
             let period = period(cx.clocks);
@@ -135,7 +135,7 @@ impl Uarte {
         }
         self.fifo.push_back(byte);
         if self.enable == LEGACY {
-            // RXDRDY says that RXD has a byte: again for the next once it was read.
+            // RXDRDY means that RXD has a byte, so it comes again for the next byte once this one was read.
             if self.fifo.len() == 1 {
                 self.block.raise(RXDRDY, cx);
             }

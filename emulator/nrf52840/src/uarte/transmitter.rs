@@ -18,13 +18,13 @@ impl Uarte {
         self.tx_next = Some(cx.clocks.hf.instant(self.tx_from + self.ticks(self.tx_sent + 1)));
     }
 
-    /// The pin of CTS, where flow control looks at it. It is active low.
+    /// The pin of CTS (active low), if flow control uses it.
     pub(crate) fn clear_to_send(&self) -> Option<Pin> {
         let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
         controls.then(|| Pin::selected(self.psel[2])).flatten()
     }
 
-    /// CTS moved: a byte that it held back begins now.
+    /// Handles a change of CTS: a byte that it delayed begins now.
     pub(crate) fn clear_to_send_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         self.block.raise(if level { NCTS } else { CTS }, cx);
         if !level && self.tx_held {
@@ -33,7 +33,7 @@ impl Uarte {
         }
     }
 
-    /// The byte under way has left.
+    /// Completes the byte under way.
     pub(super) fn sent(&mut self, cx: &mut Cx<'_>) {
         let bit_ps = (62_500 << 32) / u64::from(self.baudrate.max(1));
         let frame = UartFrame {

@@ -1,4 +1,4 @@
-//! CLOCK, POWER, and what every block has in common.
+//! Tests of CLOCK, POWER, and what all blocks have in common.
 use crate::rig::*;
 use cortex_m4::Width;
 use emulator_part::{FindingKind, Part, Reset};
@@ -232,7 +232,7 @@ fn system_off_ends_in_a_reset_when_the_low_power_comparator_detects() {
     let input = emulator_part::Pin::new(0, 4);
     let mut rig = Rig::new();
     rig.world.microvolts.insert(input, 2_000_000);
-    // Half of 3 V, upwards.
+    // LPCOMP detects a rise above half of 3 V.
     rig.write_all(&[(LPCOMP + 0x504, 2), (LPCOMP + 0x508, 3), (LPCOMP + 0x520, 1), (LPCOMP + 0x500, 1), (LPCOMP, 1)]);
     rig.run_for(MS);
     rig.write_all(&[(TIMER0 + 0x508, 3), (TIMER0, 1), (POWER + 0x500, 1)]);

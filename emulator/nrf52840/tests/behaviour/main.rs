@@ -1,4 +1,4 @@
-//! What the part does, seen from its registers and its pins.
+//! Tests of the part's behaviour at its registers and pins.
 mod anything;
 mod clock;
 mod memory;

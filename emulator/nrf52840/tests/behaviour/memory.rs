@@ -1,4 +1,4 @@
-//! NVMC, and RNG.
+//! Tests of NVMC and RNG.
 use crate::rig::*;
 use cortex_m4::Width;
 use emulator_part::FindingKind;
@@ -62,7 +62,7 @@ fn uicr_is_programmed_like_flash_and_everything_erased_at_once() {
     rig.assert_clean();
 }
 
-/// The first `n` numbers, and when the last came.
+/// Returns the first `n` numbers, and the cycle at which the last one came.
 fn numbers(seed: u64, n: usize) -> (Vec<u32>, u64) {
     let mut rig = Rig::with(Settings { seed, ..Settings::default() });
     rig.write(RNG, 1);

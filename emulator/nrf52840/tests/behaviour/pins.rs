@@ -1,4 +1,4 @@
-//! GPIO and GPIOTE.
+//! Tests of GPIO and GPIOTE.
 use crate::rig::*;
 use emulator_part::{FindingKind, Pad, Part, Pin};
 
@@ -50,7 +50,7 @@ fn an_open_drain_output_lets_others_drive_its_line() {
     rig.drive(BUTTON, false);
     assert!(!rig.part.pin(BUTTON));
     rig.assert_clean();
-    rig.write(P1 + 0x700 + 4 * 5, 1); // S0S1 now: two drivers
+    rig.write(P1 + 0x700 + 4 * 5, 1); // S0S1 now, so both ends drive
     assert_eq!(rig.findings(FindingKind::Misuse).len(), 1);
 }
 

@@ -1,9 +1,10 @@
-//! SPIS with a controller on its bus: its buffers, its semaphore, what PPI does with it, what is misuse.
+//! Tests of SPIS with a controller on its bus: its buffers, its semaphore, its use through PPI, and its misuse.
 use crate::rig::*;
 use emulator_part::{FindingKind, Pin, SpiMode};
 use nrf52840::SpisEvent;
 
-/// SPIS1 on P1.01 to P1.04, with 8 bytes each way, still the CPU's.
+/// Makes a part with SPIS1 on P1.01 to P1.04 and 8 bytes of buffer in each direction. The CPU still holds the
+/// semaphore.
 fn with_spis() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[
@@ -27,7 +28,7 @@ fn with_spis() -> Rig {
     rig
 }
 
-/// One transaction of `mosi` at 8 MHz, and what came back.
+/// Makes one transaction of `mosi` at 8 MHz, and returns what came back.
 fn transact(rig: &mut Rig, mosi: &[u8]) -> Vec<Option<u8>> {
     rig.run_for(10 * US);
     rig.select(CSN);
@@ -86,14 +87,15 @@ fn the_outside_sees_the_cpu_take_the_semaphore_and_give_it_back() {
     rig.write(SPIS1 + 0x28, 1);
     let around = [SpisEvent::Released, SpisEvent::Ready];
     assert_eq!(said(&mut rig), [&around[..], &[SpisEvent::Held], &around].concat());
-    // By END_ACQUIRE at the end of a transaction.
+    // END_ACQUIRE makes the CPU hold the semaphore at the end of a transaction.
     rig.write(SPIS1 + 0x200, 1 << 2);
     transact(&mut rig, &[0xA0]);
     assert_eq!(said(&mut rig), [SpisEvent::End { rx: 1, tx: 1 }, SpisEvent::Held]);
     rig.assert_clean();
 }
 
-/// Granted or not, within the buffers and past their ends: what crosses in runs is what crosses byte by byte.
+/// Bytes exchanged in runs must equal bytes exchanged one by one, whether the transaction is granted or not, within the
+/// buffers and past their ends.
 #[test]
 fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
     for granted in [true, false] {
@@ -126,7 +128,7 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
         together.run_to(began + US * (mosi.len() as u64 + 1));
         together.deselect(CSN);
 
-        // RXD takes 8, and ENDRX comes with the eighth.
+        // RXD takes 8 bytes, and ENDRX comes with the eighth.
         assert_eq!(runs, if granted { vec![8, 3] } else { vec![11] });
         assert_eq!(miso.into_iter().map(Some).collect::<Vec<_>>(), alone);
         assert_eq!(together.memory(RX, 9), one_by_one.memory(RX, 9));
@@ -140,7 +142,8 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
 
 #[test]
 fn an_spis_on_other_pins_than_the_controllers_exchanges_nothing() {
-    // PSEL register, and what comes back then: without SCK a constant, MOSI matters to the reception only.
+    // Each case has a PSEL register to misroute, the byte that comes back, and the received byte. Without SCK the
+    // former is constant; MOSI matters only to the latter.
     for (register, back, received) in [(0x508, Some(0), 0), (0x510, Some(1), 0), (0x50C, None, 0xA0)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + register, psel(0, 20)), (SPIS1 + 0x28, 1)]);
@@ -195,7 +198,7 @@ fn a_transaction_that_meets_the_cpu_reads_the_default_character_to_its_end() {
     rig.select(CSN);
     rig.run_for(US);
     assert_eq!(clock(&mut rig, &[0xA0]), [Some(0xFF)]);
-    rig.write(SPIS1 + 0x28, 1); // RELEASE in the middle: arbitration was at the edge of CSN
+    rig.write(SPIS1 + 0x28, 1); // RELEASE in the middle: CSN's edge has already arbitrated
     assert_eq!(clock(&mut rig, &[0xA1, 0xA2]), [Some(0xFF), Some(0xFF)]);
     rig.deselect(CSN);
     assert_eq!(rig.memory(RX, 3), [0, 0, 0]);
@@ -207,7 +210,7 @@ fn a_transaction_that_meets_the_cpu_reads_the_default_character_to_its_end() {
 
 #[test]
 fn the_semaphore_goes_from_hand_to_hand_as_specified() {
-    // What the CPU does in each state, and the state and ACQUIRED after it.
+    // Each row has a state, what the CPU does in it, and the next state with ACQUIRED.
     const ACQUIRE: u32 = 0x24;
     const RELEASE: u32 = 0x28;
     let (free, cpu, spis, pending) = (0, 1, 2, 3);
@@ -235,7 +238,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
         assert_eq!(rig.read(SPIS1 + 0x400), from);
         rig.write(SPIS1 + task, 1);
         assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (to, acquired), "from {from} by {task:#x}");
-        // And when a transaction under way ends.
+        // The row must also hold when a transaction under way ends.
         rig.run_for(10 * US);
         rig.deselect(CSN);
         let after = if to == pending {
@@ -274,7 +277,7 @@ fn end_and_acquired_come_together_with_the_shortcut_and_with_a_pending_acquire()
     }
 }
 
-/// TIMER1 takes the SPIS from the controller `ticks` of 62.5 ns after it was started, through PPI alone.
+/// Makes TIMER1 take the SPIS from the controller `ticks` of 62.5 ns after its start, through PPI alone.
 fn expire_after(rig: &mut Rig, ticks: u32) {
     rig.write_all(&[
         (TIMER1 + 0x508, 3),
@@ -302,7 +305,7 @@ fn a_timer_takes_a_free_spis_through_ppi_and_what_is_read_from_then_on_is_the_de
     }
     assert_eq!(rig.read(SPIS1 + 0x440), 0, "a transaction that is not answered reads past nothing");
     assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (2, 2), "as the last one answered left them");
-    // DEF is what the register says, not a constant of the part.
+    // The value of DEF comes from its register and is no constant of the part.
     rig.write(SPIS1 + 0x55C, 0x3C);
     assert_eq!(transact(&mut rig, &[0]), [Some(0x3C)]);
     rig.assert_clean();
@@ -342,7 +345,8 @@ fn a_timer_started_anew_before_it_is_due_leaves_the_spis_alone() {
 
 #[test]
 fn each_status_bit_is_set_by_its_own_buffer_and_cleared_by_a_one_alone() {
-    // RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes: OVERREAD is bit 0, OVERFLOW bit 1.
+    // Each row has RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes. OVERREAD is bit 0, OVERFLOW
+    // bit 1.
     for (rx, tx, status) in [(4, 4, 0), (4, 3, 0b01), (3, 4, 0b10), (3, 3, 0b11), (0, 0, 0b11)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + 0x538, rx), (SPIS1 + 0x548, tx), (SPIS1 + 0x28, 1)]);
@@ -350,7 +354,7 @@ fn each_status_bit_is_set_by_its_own_buffer_and_cleared_by_a_one_alone() {
         assert_eq!(rig.read(SPIS1 + 0x440), status, "{rx} {tx}");
         rig.write(SPIS1 + 0x440, 0);
         assert_eq!(rig.read(SPIS1 + 0x440), status, "a zero clears nothing");
-        // They stand through a transaction that fits.
+        // The status bits stay through a transaction that fits the buffers.
         transact(&mut rig, &[]);
         assert_eq!(rig.read(SPIS1 + 0x440), status);
         for bit in [0b01, 0b10] {
@@ -421,7 +425,7 @@ fn a_controller_that_keeps_the_timing_but_for_a_few_cycles_is_not_reported() {
 #[test]
 fn chip_select_without_a_clock_ends_a_granted_transaction_of_no_bytes() {
     let mut rig = with_spis();
-    // Shortcut END to ACQUIRE, interrupts of both, and the buffers are the peripheral's.
+    // The shortcut from END to ACQUIRE is set, and the peripheral holds the buffers.
     rig.write_all(&[(SPIS1 + 0x200, 1 << 2), (SPIS1 + 0x28, 1)]);
     for ended in [1, 0, 0] {
         rig.select(CSN);

@@ -1,9 +1,9 @@
-//! UARTE with a far end, and the legacy UART.
+//! Tests of UARTE with a far end, and of the legacy UART.
 use crate::rig::*;
 use emulator_part::{FindingKind, Part, Pin, UartFrame, UartParity};
 use nrf52840::Settings;
 
-/// UARTE0 at 1 Mbit/s, 10 us a byte, on P0.06 and P0.08.
+/// Makes a part with UARTE0 at 1 Mbit/s, which is 10 us a byte, on P0.06 and P0.08.
 fn with_uart() -> Rig {
     let mut rig = Rig::new();
     rig.write_all(&[(P0 + 0x508, 1 << 6), (p0_cnf(6), OUTPUT), (p0_cnf(8), INPUT)]);
@@ -56,15 +56,15 @@ fn a_uart_reports_the_errors_that_the_bits_show() {
     let frame = |data, baud| UartFrame::eight_n_one(data, baud);
     let even = UartFrame { parity: UartParity::Even, ..frame(0x07, 1_000_000) };
     let odd = UartFrame { parity: UartParity::Odd, ..frame(0x07, 1_000_000) };
-    // CONFIG, what arrives, what is received, ERRORSRC.
+    // Each case has CONFIG, the frame that arrives, the byte that is received, and ERRORSRC.
     let cases = [
         (0, frame(0x55, 1_000_000), 0x55, 0),
         (0, frame(0x55, 1_030_000), 0x55, 0),
         (0xE, even, 0x07, 0),
         (0xE, odd, 0x07, 1 << 1),
-        // A parity bit where a stop bit is expected.
+        // The frame has a parity bit where the receiver expects a stop bit.
         (0, UartFrame { parity: UartParity::Even, ..frame(0x03, 1_000_000) }, 0x03, 1 << 2),
-        // Half the rate: each bit is seen twice, the start bit as well.
+        // At half the rate each bit is sampled twice, including the start bit.
         (0, frame(0x0F, 500_000), 0b1111_1110, 0),
         (0, frame(0x00, 500_000), 0, 1 << 2 | 1 << 3),
     ];
@@ -145,12 +145,12 @@ fn with_flow_control_cts_holds_the_next_byte_back_and_rts_says_there_is_room() {
     assert_eq!(rig.world.sent, []);
     rig.drive(cts, false);
     rig.run_for(15 * US);
-    rig.drive(cts, true); // in the second byte, which leaves all the same
+    rig.drive(cts, true); // in the second byte, which is sent all the same
     rig.run_for(MS);
     let sent: Vec<_> = rig.world.sent.iter().map(|(at, _, frame)| (*at - MS, frame.data as u8)).collect();
     assert_eq!(sent, [(10 * US, b'h'), (20 * US, b'i')]);
     assert_eq!((rig.read(UARTE0 + 0x100), rig.read(UARTE0 + 0x104)), (1, 1), "CTS, NCTS");
-    // Three bytes into a buffer of one: with two in the FIFO there is room for four.
+    // Three bytes arrive for a buffer of one. With two bytes in the FIFO there is still room for four.
     rig.write_all(&[(UARTE0 + 0x534, RX), (UARTE0 + 0x538, 1), (UARTE0, 1)]);
     assert!(!rig.part.pin(rts));
     for (byte, ready) in [(b'a', true), (b'b', true), (b'c', true), (b'd', false)] {

@@ -1,4 +1,4 @@
-//! One converter: its sequence, what a conversion takes, its flags and requests (RM0090 13.3, 13.5, 13.7, 13.8).
+//! One converter: its sequence, the duration of a conversion, its flags and requests (RM0090 13.3, 13.5, 13.7, 13.8).
 
 use super::*;
 
@@ -21,7 +21,7 @@ impl Converter {
     }
 
     fn sampling_cycles(&self, channel: u8) -> u64 {
-        // Channels past 18 do not exist and have no field.
+        // Channels past 18 do not exist and have no sampling time field.
         if channel > 18 {
             return 3;
         }

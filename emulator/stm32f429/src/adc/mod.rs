@@ -2,16 +2,16 @@
 //!
 //! | Covered | Manual |
 //! |---|---|
-//! | Regular group: single, scan, continuous, discontinuous; triggers by rising edges | 13.3.4, 13.3.10, 13.6 |
+//! | Regular group: single, scan, continuous and discontinuous mode; triggers by rising edges | 13.3.4, 13.3.10, 13.6 |
 //! | Sampling time, resolution, alignment, prescaler: a conversion takes its exact cycles | 13.5, 13.7, 13.4 |
 //! | `EOC` of a conversion or of the sequence, `OVR`, DMA requests with `DDS`, analogue watchdog | 13.8, 13.3.7 |
 //! | Temperature sensor, VREFINT and VBAT at 25 °C and 3.3 V, the values of the factory's calibration | 13.10, 13.11 |
 //!
-//! `converter` has what each of the three does, this module what they share.
+//! `converter` models one converter, and this module what the three share.
 //!
 //! **Left out, each a finding when it is used:** the injected group, the multi-ADC modes, triggers by falling edges.
-//! The stabilisation time after `ADON` is not checked. A channel is read at the end of its sampling time, without
-//! noise.
+//! The model does not check the stabilisation time after `ADON`. It reads a channel at the end of its sampling time,
+//! without noise.
 
 mod converter;
 #[cfg(test)]
@@ -43,14 +43,14 @@ const AWDEN: u32 = 1 << 23;
 const VBATE: u32 = 1 << 22;
 const TSVREFE: u32 = 1 << 23;
 
-/// The reference and supply of the analogue part, in microvolts.
+/// The reference and supply voltage of the analogue part, in microvolts.
 const VDDA_UV: i64 = 3_300_000;
-/// The internal reference (data sheet: 1.21 V).
+/// The voltage of the internal reference, in microvolts (data sheet: 1.21 V).
 const VREFINT_UV: i64 = 1_210_000;
-/// The temperature sensor at 25 °C (data sheet: 0.76 V and 2.5 mV/°C).
+/// The voltage of the temperature sensor at 25 °C, in microvolts (data sheet: 0.76 V and 2.5 mV/°C).
 const SENSOR_UV: i64 = 760_000;
 
-/// What a voltage converts to in twelve bits.
+/// The twelve bits to which a voltage converts.
 const fn raw(microvolts: i64) -> u16 {
     let code = (microvolts * 4095 + VDDA_UV / 2) / VDDA_UV;
     if code < 0 {
@@ -62,17 +62,18 @@ const fn raw(microvolts: i64) -> u16 {
     }
 }
 
-/// The factory's values in system memory, from 0x1FFF_7A2A on: VREFIN_CAL (30 °C), TS_CAL1 (30 °C), TS_CAL2 (110 °C).
+/// The factory's calibration values in system memory, from 0x1FFF_7A2A on: VREFIN_CAL (30 °C), TS_CAL1 (30 °C), TS_CAL2
+/// (110 °C).
 pub(crate) const CALIBRATION: [u16; 3] = [raw(VREFINT_UV), raw(SENSOR_UV + 5 * 2_500), raw(SENSOR_UV + 85 * 2_500)];
 
-/// A conversion that runs.
+/// A conversion that is running.
 #[derive(Clone, Copy, Debug)]
 struct Conversion {
-    /// Its place in the sequence.
+    /// The place of the conversion in the sequence.
     place: u8,
     channel: u8,
     ends: Cycle,
-    /// What was sampled, once it was.
+    /// The cycle at which the sampling time ends.
     sampled_at: Cycle,
 }
 
@@ -90,14 +91,14 @@ struct Converter {
     jsqr: u32,
     data: u32,
     running: Option<Conversion>,
-    /// The place in the sequence that the next trigger begins with (discontinuous mode).
+    /// The place in the sequence at which the next trigger begins (discontinuous mode).
     next_place: u8,
     request: bool,
-    /// The DMA has made its last transfer (DDS = 0).
+    /// Whether the DMA has made its last transfer (DDS = 0).
     dma_ended: bool,
 }
 
-/// All three ADCs.
+/// All three ADCs and their common registers.
 #[derive(Clone, Debug)]
 pub(crate) struct Adc {
     converters: [Converter; 3],
@@ -114,7 +115,7 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     Some(match (channel, index) {
         (0..=3, _) => Pin::new(A, channel),
         (10..=13, _) => Pin::new(C, channel - 10),
-        // PF6 to PF10, PF3, PF4 and PF5.
+        // Channels 4 to 9, 14 and 15 of ADC3 are on PF6 to PF10, PF3, PF4 and PF5.
         (4..=8, 2) => Pin::new(F, channel + 2),
         (9, 2) => Pin::new(F, 3),
         (14..=15, 2) => Pin::new(F, channel - 10),
@@ -125,7 +126,7 @@ fn pin(index: usize, channel: u8) -> Option<Pin> {
     })
 }
 
-/// Whether `trigger` is the one that EXTSEL selects (RM0090 table 68).
+/// Whether `trigger` is the trigger that EXTSEL selects (RM0090 table 68).
 fn is_selected(trigger: Trigger, select: u32) -> bool {
     let (timer, channel) = match select {
         0..=2 => (1, select as u8 + 1),
@@ -147,12 +148,12 @@ fn is_selected(trigger: Trigger, select: u32) -> bool {
 }
 
 impl Adc {
-    /// As they are after a reset.
+    /// Makes the ADCs as they are after a reset.
     pub(crate) fn new() -> Self {
         Self { converters: std::array::from_fn(|_| Converter::new()), ccr: 0, due: NEVER }
     }
 
-    /// Core cycles of an ADC clock cycle.
+    /// The core cycles of one ADC clock cycle.
     fn clock(&self, cx: &Cx) -> u64 {
         u64::from(cx.clocks.pclk2) * (2 + 2 * u64::from(self.ccr >> 16 & 3))
     }
@@ -169,7 +170,7 @@ impl Adc {
             (18, 0) if self.ccr & TSVREFE != 0 => SENSOR_UV,
             (16..=18, _) => 0,
             (channel, _) => match pin(index, channel) {
-                // PA4 and PA5 are the DAC's while its channels are on.
+                // While its channels are on, the DAC drives PA4 and PA5.
                 Some(Pin { port: 0, number: number @ (4 | 5) }) if cx.pads.dac[usize::from(number - 4)].is_some() => {
                     i64::from(cx.pads.dac[usize::from(number - 4)].unwrap_or(0))
                 }

@@ -1,9 +1,9 @@
-//! A message on the bus and in memory: its bits with the stuffed ones, the receive FIFOs (RM0090 32.7.3).
+//! A CAN message on the bus and in memory: its bits including stuff bits, and the receive FIFOs (RM0090 32.7.3).
 
 use super::*;
 
 impl Mailbox {
-    /// The bits from start of frame to the end of the CRC, stuffed ones too.
+    /// The number of bits from start of frame to the end of the CRC, including stuff bits.
     pub(super) fn stuffed_bits(&self) -> u64 {
         let mut frame = (0_u128, 0_u32);
         let mut push = |value: u32, width: u32| {
@@ -29,7 +29,7 @@ impl Mailbox {
                 (bits, count) = push(self.data[nth as usize / 4] >> (8 * (nth % 4)), 8);
             }
         }
-        // Bosch, CAN specification 2.0: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
+        // The polynomial is x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (Bosch, CAN specification 2.0).
         let crc = (0..count).rev().fold(0_u32, |crc, nth| {
             let next = (bits >> nth & 1) as u32 ^ crc >> 14 & 1;
             crc << 1 & 0x7FFF ^ if next != 0 { 0x4599 } else { 0 }
@@ -41,14 +41,14 @@ impl Mailbox {
             run = if bit == last { run + 1 } else { 1 };
             last = bit;
             if run == 5 {
-                // The complement that is stuffed begins the next run.
+                // The stuff bit is the complement of the run, and begins the next run.
                 (run, last, stuffed) = (1, 1 - bit, stuffed + 1);
             }
         }
         u64::from(count) + stuffed
     }
 
-    /// What a filter of 32 bits compares, and one of 16.
+    /// The values that a filter of 32 bits and one of 16 bits compare.
     pub(super) fn compared(&self) -> (u32, u32) {
         let wide = self.identifier & !TXRQ;
         let narrow = wide >> 21 << 5 | (wide & RTR) << 3 | (wide & IDE) << 1 | (wide >> 18 & 7);

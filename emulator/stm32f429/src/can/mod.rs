@@ -2,15 +2,16 @@
 //!
 //! | Covered | Manual |
 //! |---|---|
-//! | Initialization, normal and sleep mode with their requests and acknowledges | 32.4 |
+//! | Initialization, normal and sleep mode with their request and acknowledge bits | 32.4 |
 //! | Transmission: three mailboxes, priority by identifier or by request, abort | 32.7.1 |
-//! | Loopback: a frame takes its exact bits, stuffed ones too; acceptance filters | 32.5.2, 32.7.4 |
+//! | Loopback: a frame takes the exact time of its bits, including stuff bits; acceptance filters | 32.5.2, 32.7.4 |
 //! | Both receive FIFOs with overrun and lock | 32.7.3 |
 //! | Interrupts of transmission and of both FIFOs | 32.8 |
 //!
-//! **Left out.** The bus: outside loopback a frame is never sent, which is a finding. Errors do not occur, and the
-//! status interrupt never comes. Initialization mode is left at once where RX is high, not after eleven bits. A
-//! received frame is there at the end of its end of frame, not one bit before. Time stamps (`TTCM`) are 0.
+//! **Left out.** There is no bus: outside loopback a frame is never sent, which is a finding. Errors do not occur, and
+//! the status interrupt never comes. The controller leaves initialization mode at once where RX is high, not after
+//! eleven bits. A received frame is available at the end of its end-of-frame field, not one bit before. Time stamps
+//! (`TTCM`) are 0.
 
 mod message;
 #[cfg(test)]
@@ -29,12 +30,12 @@ const RESET: u32 = 1 << 15;
 
 const LBKM: u32 = 1 << 30;
 
-/// Of a mailbox's identifier register.
+/// Bits of a mailbox's identifier register.
 const TXRQ: u32 = 1 << 0;
 const RTR: u32 = 1 << 1;
 const IDE: u32 = 1 << 2;
 
-/// Of each mailbox's byte in TSR.
+/// Bits of each mailbox's byte in TSR.
 const RQCP: u32 = 1 << 0;
 const TXOK: u32 = 1 << 1;
 const ABRQ: u32 = 1 << 7;
@@ -43,12 +44,13 @@ const FULL: u32 = 1 << 3;
 const FOVR: u32 = 1 << 4;
 const RFOM: u32 = 1 << 5;
 
-/// Delimiter of the CRC, acknowledge with its delimiter, and end of frame: none of them stuffed.
+/// The bits of a frame's tail, which are never stuffed: the delimiter of the CRC, acknowledge with its delimiter, and
+/// end of frame.
 const TAIL_BITS: u64 = 10;
-/// Between frames.
+/// The bits between two frames.
 const INTERMISSION_BITS: u64 = 3;
 
-/// A mailbox of either kind: identifier, length (and time and filter), data.
+/// A transmit or receive mailbox: identifier, length (with time and filter) and data.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mailbox {
     identifier: u32,
@@ -64,27 +66,27 @@ struct Fifo {
     flags: u32,
 }
 
-/// The controller.
+/// The CAN controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Can {
     mcr: u32,
-    /// INAK and SLAK.
+    /// The bits INAK and SLAK.
     in_init: bool,
     asleep: bool,
-    /// The flags of TSR: a byte for each mailbox.
+    /// The flags of TSR, one byte for each mailbox.
     tsr: u32,
     ier: u32,
     btr: u32,
     mailboxes: [Mailbox; 3],
-    /// In which order the mailboxes were requested.
+    /// The order in which the mailboxes were requested.
     order: [u64; 3],
     requests: u64,
-    /// The mailbox that is being sent, and when its frame ends; and when the bus is free.
+    /// The mailbox that is being sent with the end of its frame, and the cycle from which the bus is free.
     sending: Option<(usize, Cycle)>,
     free_at: Cycle,
     fifos: [Fifo; 2],
     fmr: u32,
-    /// FM1R, FS1R, FFA1R, FA1R.
+    /// The filter registers FM1R, FS1R, FFA1R and FA1R.
     list: u32,
     wide: u32,
     to_fifo: u32,
@@ -94,7 +96,7 @@ pub(crate) struct Can {
 }
 
 impl Can {
-    /// As it is after a reset.
+    /// Makes the controller as it is after a reset.
     pub(crate) fn new() -> Self {
         Self {
             mcr: 0x0001_0000 | SLEEP,
@@ -119,18 +121,19 @@ impl Can {
         }
     }
 
-    /// Core cycles of a bit.
+    /// The core cycles of one bit.
     fn bit(&self, cx: &Cx) -> u64 {
         let quanta = 3 + (self.btr >> 16 & 0xF) + (self.btr >> 20 & 7);
         u64::from(quanta * ((self.btr & 0x3FF) + 1)) * u64::from(cx.clocks.pclk1)
     }
 
-    /// Whether the bus is recessive. In loopback the pin is disregarded, 32.5.2; a pin that is not connected is high.
+    /// Whether the controller sees a recessive bus. Loopback disregards the pin (32.5.2), and a pin that is not
+    /// connected counts as high.
     fn hears_recessive(&self, cx: &Cx) -> bool {
         self.btr & LBKM != 0 || cx.pads.input(Signal::Can(1, CanPin::Rx)).unwrap_or(true)
     }
 
-    /// The modes follow their requests, 32.4; a frame that is being sent is finished first.
+    /// Changes the mode as software requested (32.4). The controller first finishes a frame that it is sending.
     fn follow_requests(&mut self, cx: &Cx) {
         if self.sending.is_some() {
             return;
@@ -146,7 +149,7 @@ impl Can {
         }
     }
 
-    /// Sends the mailbox that is next, if any waits and nothing is being sent.
+    /// Sends the next mailbox, if one waits and nothing is being sent.
     fn send(&mut self, cx: &mut Cx) {
         self.due = self.sending.map_or(NEVER, |(_, ends)| ends);
         if self.sending.is_some() || self.in_init || self.asleep {
@@ -156,7 +159,8 @@ impl Can {
         let next = if self.mcr & TXFP != 0 {
             waits.min_by_key(|&nth| self.order[nth])
         } else {
-            // The lower identifier wins the arbitration, a standard one over an extended one of the same beginning.
+            // The lower identifier wins the arbitration. A standard identifier wins over an extended one that begins
+            // with it.
             waits.min_by_key(|&nth| {
                 let identifier = self.mailboxes[nth].identifier;
                 let tail = if identifier & IDE != 0 { 1 << 18 | identifier >> 3 & 0x3_FFFF } else { 0 };
@@ -173,7 +177,7 @@ impl Can {
         self.due = ends;
     }
 
-    /// The FIFO and the number of the filter that lets `message` in, 32.7.4.
+    /// The FIFO and the number of the filter that accepts `message`, 32.7.4.
     fn accept(&self, message: &Mailbox) -> Option<(usize, u32)> {
         if self.fmr & 1 != 0 {
             return None;
@@ -219,7 +223,7 @@ impl Can {
     fn transmit_status(&self) -> u32 {
         let empty = |nth: usize| self.mailboxes[nth].identifier & TXRQ == 0;
         let empties = (0..3).map(|nth| u32::from(empty(nth)) << (26 + nth)).sum::<u32>();
-        // CODE: the next that is empty, else the one that would be sent last.
+        // CODE is the next empty mailbox or, if none is empty, the one that would be sent last.
         let code = (0..3)
             .find(|&nth| empty(nth))
             .unwrap_or_else(|| (0..3).max_by_key(|&nth| (self.mailboxes[nth].identifier >> 3, nth)).unwrap_or(0));

@@ -1,20 +1,20 @@
-//! General purpose I/O, RM0090 chapter 8, and the multiplexer behind it.
+//! General purpose I/O, RM0090 chapter 8, and the multiplexer of alternate functions.
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `MODER`, `OTYPER`, `PUPDR`, `ODR`, `BSRR`, `AFRL`, `AFRH` | As 8.4, in every mode, by byte, half-word and word |
-//! | `IDR` | The level on the pad; 0 in analog mode, whose Schmitt trigger is off, 8.3.12 |
-//! | `LCKR` | The lock sequence, 8.3.6; a locked pin's configuration stays until the next reset |
-//! | Reset state | JTAG and SWD pins as 8.3.2 |
+//! | `MODER`, `OTYPER`, `PUPDR`, `ODR`, `BSRR`, `AFRL`, `AFRH` | As in 8.4, in every mode, by byte, half-word, word |
+//! | `IDR` | The level on the pad; 0 in analog mode, in which the Schmitt trigger is off, 8.3.12 |
+//! | `LCKR` | The lock sequence, 8.3.6; the configuration of a locked pin stays until the next reset |
+//! | Reset state | JTAG and SWD pins as in 8.3.2 |
 //! | Alternate functions | The whole of DS9405's table for the peripherals that are modelled |
 //!
-//! `registers` has the accesses, this module what follows from them on the pads.
+//! `registers` handles the accesses, and this module their effect on the pads.
 //!
-//! An input of a peripheral reads the pad of the pin whose function is selected and whose mode is alternate. Where no
-//! pin is connected the peripheral sees what its own module states.
+//! The input of a peripheral reads the pad of the pin in alternate mode whose selected function is that input. Where no
+//! pin is connected, each peripheral's module documents what the peripheral sees.
 //!
-//! **Left out.** `OSPEEDR` keeps what is written and has no effect. The two clocks of delay between a pad and `IDR`.
-//! Functions of peripherals that are not modelled: the pin floats, and a finding says so.
+//! **Left out.** `OSPEEDR` keeps what is written and has no effect. The two clocks of delay between a pad and `IDR` do
+//! not pass. A pin whose function belongs to a peripheral that is not modelled floats, and makes a finding.
 
 mod registers;
 
@@ -24,13 +24,13 @@ use emulator_part::{Cycle, FindingKind, Pad, Pin};
 use crate::alternate::{EXISTS, NONE, SIGNAL, SIGNAL_OF};
 use crate::cx::{Effects, Note, Pads, SIGNALS, Signal, TimPin};
 
-/// Ports A to K.
+/// The number of ports, A to K.
 pub(crate) const PORTS: usize = 11;
 
 const NAMES: [&str; PORTS] =
     ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI", "GPIOJ", "GPIOK"];
 
-/// The pins that the 144-pin package brings out (DS9405, pin definitions, LQFP144): all of A to G, and PH0 and PH1.
+/// The pins that the 144-pin package has (DS9405, pin definitions, LQFP144): all of A to G, and PH0 and PH1.
 const BONDED: [u16; PORTS] = [0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0x0003, 0, 0, 0];
 
 #[derive(Clone, Debug)]
@@ -41,26 +41,27 @@ struct Port {
     pupdr: u32,
     odr: u16,
     afr: [u32; 2],
-    /// LCKR: the pins of the sequence, how far it has come, and whether it is complete.
+    /// The state of LCKR: the pins of the sequence, the number of its steps so far, and whether it is complete.
     lock: u16,
     lock_step: u8,
     locked: bool,
 
-    /// The signal that each pin is connected to.
+    /// The index of the signal to which each pin is connected.
     signal: [u8; 16],
-    /// Masks that follow from the configuration: pins that ODR drives, pins in analog mode, open drains, pulls.
+    /// Masks that follow from the configuration: the pins that ODR drives, the pins in analog mode, the open drains,
+    /// and the pulls.
     output: u16,
     analog: u16,
     open_drain: u16,
     pull_up: u16,
     pull_down: u16,
-    /// Pins that a peripheral drives, and their levels.
+    /// The pins that a peripheral drives, and their levels.
     driven_by_signal: u16,
     signal_level: u16,
-    /// Pins that something outside drives, and their levels.
+    /// The pins that something outside drives, and their levels.
     outside: u16,
     outside_level: u16,
-    /// What the pads do.
+    /// The pads that the port drives, those that it pulls, and their levels.
     driven: u16,
     pulled: u16,
     level: u16,
@@ -107,7 +108,7 @@ impl Port {
         self.afr[pin / 8] >> (4 * (pin % 8)) & 0xF
     }
 
-    /// The levels on the pins: what drives wins over what pulls, and the part over the outside.
+    /// The levels on the pins. Driving wins over pulling, and the part wins over the outside.
     fn levels(&self) -> u16 {
         self.driven & self.level
             | !self.driven & (self.outside & self.outside_level | !self.outside & self.pulled & self.level)
@@ -129,18 +130,18 @@ impl Port {
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     ports: [Port; PORTS],
-    /// What each signal's peripheral drives: bit 1 driven, bit 0 level.
+    /// What its peripheral drives onto each signal: bit 1 says whether it drives, bit 0 is the level.
     signals: [u8; SIGNALS],
     pub(crate) pads: Pads,
-    /// Pins whose [`Pad`] changed, for the part to tell; it takes them.
+    /// The pins whose [`Pad`] changed. The part takes them and reports them.
     pub(crate) changed: Vec<(Pin, Pad)>,
-    /// Pins whose level changed: port and mask.
+    /// The pins whose level changed, as port and mask.
     pub(crate) levels_changed: Vec<(u8, u16)>,
-    /// Signals whose input level changed.
+    /// The signals whose input level changed.
     pub(crate) inputs: Vec<(Signal, bool)>,
 }
 
-/// `register` with the bytes of a narrow write at `offset` in it.
+/// Merges a narrow write at `offset` into `register`.
 pub(crate) fn merge(register: u32, offset: u32, width: Width, value: u32) -> u32 {
     let shift = 8 * (offset & 3);
     let mask = match width {
@@ -151,7 +152,7 @@ pub(crate) fn merge(register: u32, offset: u32, width: Width, value: u32) -> u32
     register & !(mask << shift) | (value & mask) << shift
 }
 
-/// The bytes that a read at `offset` of `register` answers.
+/// Extracts the bytes that a read at `offset` of `register` returns.
 pub(crate) fn lane(register: u32, offset: u32, width: Width) -> u32 {
     let value = register >> (8 * (offset & 3));
     match width {
@@ -161,7 +162,7 @@ pub(crate) fn lane(register: u32, offset: u32, width: Width) -> u32 {
     }
 }
 
-/// Spreads the two-bit fields of `register` that equal `value` to a mask of pins.
+/// Makes a mask of the pins whose two-bit field in `register` equals `value`.
 fn fields(register: u32, value: u32) -> u16 {
     let mut mask = 0;
     for pin in 0..16 {
@@ -186,7 +187,7 @@ impl Gpio {
         gpio
     }
 
-    /// A system reset: registers, not what is outside.
+    /// Carries out a system reset of the registers. What the outside drives stays.
     pub(crate) fn reset(&mut self) {
         self.signals = [0; SIGNALS];
         for port in 0..PORTS {
@@ -194,7 +195,7 @@ impl Gpio {
         }
     }
 
-    /// RCC resets one port.
+    /// Resets one port for RCC.
     pub(crate) fn reset_port(&mut self, port: usize) {
         let old = &self.ports[port];
         let fresh = Port {
@@ -210,14 +211,14 @@ impl Gpio {
         self.configure(port);
     }
 
-    /// The configuration changed: connections and masks.
+    /// Finds the connections and masks again after a change of the configuration.
     fn configure(&mut self, port: usize) {
         let p = &mut self.ports[port];
         p.output = fields(p.moder, 1);
         p.analog = fields(p.moder, 3);
         p.open_drain = p.otyper as u16;
         self.pads.open_drain[port] = p.open_drain;
-        // Pulls are off in analog mode, 8.3.12; 11 is reserved: neither.
+        // Pulls are off in analog mode, 8.3.12. The reserved value 11 is neither pull.
         p.pull_up = fields(p.pupdr, 1) & !p.analog;
         p.pull_down = fields(p.pupdr, 2) & !p.analog;
         let (mut touched, mut count) = ([NONE; 32], 0);
@@ -238,7 +239,7 @@ impl Gpio {
         self.drive_port(port);
     }
 
-    /// Finds the pins of `signal`.
+    /// Finds the pins of `signal` again.
     fn connect(&mut self, signal: u8) {
         let mut pins = [None; 2];
         let mut count = 0;
@@ -260,7 +261,7 @@ impl Gpio {
         }
     }
 
-    /// Which of the port's pins peripherals drive.
+    /// Finds which of the port's pins peripherals drive.
     fn drive_port(&mut self, port: usize) {
         let p = &mut self.ports[port];
         (p.driven_by_signal, p.signal_level) = (0, 0);
@@ -273,7 +274,7 @@ impl Gpio {
         }
     }
 
-    /// A peripheral drives `signal`, or lets go.
+    /// Makes a peripheral drive `signal`, or stop driving it.
     pub(crate) fn signal(&mut self, signal: Signal, level: Option<bool>, now: Cycle, out: &mut Effects) {
         let state = level.map_or(0, |level| 2 | u8::from(level));
         if std::mem::replace(&mut self.signals[signal.index()], state) == state {
@@ -288,7 +289,7 @@ impl Gpio {
         }
     }
 
-    /// A peripheral was reset: it drives none of its signals any more.
+    /// Stops driving all signals of a peripheral that was reset.
     pub(crate) fn release(&mut self, range: std::ops::Range<usize>, now: Cycle, out: &mut Effects) {
         for index in range {
             if self.signals[index] != 0
@@ -299,7 +300,7 @@ impl Gpio {
         }
     }
 
-    /// Something outside drives `pin`, or lets go.
+    /// Makes the outside drive `pin`, or stop driving it.
     pub(crate) fn drive(&mut self, pin: Pin, level: Option<bool>, now: Cycle, out: &mut Effects) {
         let Some(p) = self.ports.get_mut(usize::from(pin.port)) else { return };
         let bit = 1_u16 << (pin.number & 15);
@@ -314,13 +315,13 @@ impl Gpio {
         self.settle(usize::from(pin.port), now, None, out);
     }
 
-    /// What the port's pads do and the levels on them, after anything changed.
+    /// Computes what the port's pads do and the levels on them, after any change.
     #[inline]
     pub(crate) fn settle(&mut self, port: usize, now: Cycle, pc: Option<u32>, out: &mut Effects) {
         let p = &mut self.ports[port];
         let active = p.output | p.driven_by_signal;
         let wanted = p.output & p.odr | p.driven_by_signal & p.signal_level;
-        // A high open drain lets go.
+        // An open drain that is high does not drive.
         let driven = active & !(p.open_drain & wanted);
         let pulled = (p.pull_up | p.pull_down) & !driven;
         let level = driven & wanted | pulled & p.pull_up;
@@ -372,7 +373,7 @@ impl Gpio {
         }
     }
 
-    /// Looks for configurations that do nothing on this part.
+    /// Reports configurations that do nothing on this part.
     fn look(&self, port: usize, now: Cycle, pc: Option<u32>, out: &mut Effects) {
         let p = &self.ports[port];
         let mut find = |kind, text, pin: usize| {
@@ -384,7 +385,7 @@ impl Gpio {
                 find(FindingKind::Misuse, "the package does not bring this pin out:", pin);
             }
             let function = p.function(pin);
-            // AF0 is where every pin is while a driver sets its mode before its function.
+            // A pin has AF0 while a driver has set its mode but not yet its function, so this is no finding.
             if mode != 2 || function == 0 || SIGNAL_OF[port][pin][function as usize] != NONE {
                 continue;
             }
@@ -401,19 +402,19 @@ impl Gpio {
         self.pads.level(pin)
     }
 
-    /// What the part does to every pin that is not floating, for who just connected.
+    /// What the part does to `pin`, for a device that was just connected.
     pub(crate) fn pad(&self, pin: Pin) -> Pad {
         self.ports.get(usize::from(pin.port)).map_or(Pad::Floating, |port| port.pad(pin.number & 15))
     }
 
-    /// The signal that `pin` is connected to.
+    /// The signal to which `pin` is connected.
     pub(crate) fn signal_of(&self, pin: Pin) -> Option<Signal> {
         let port = self.ports.get(usize::from(pin.port))?;
         let signal = port.signal[usize::from(pin.number & 15)];
         if signal == NONE { None } else { SIGNAL[usize::from(signal)] }
     }
 
-    /// [`Gpio::settle`] of every port, after a reset.
+    /// Does [`Gpio::settle`] for every port, after a reset.
     pub(crate) fn settle_all(&mut self, now: Cycle, out: &mut Effects) {
         for port in 0..PORTS {
             self.settle(port, now, None, out);

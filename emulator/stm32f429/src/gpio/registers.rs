@@ -1,4 +1,4 @@
-//! The registers of a port (RM0090 8.4): what each keeps, the lock sequence (8.3.6).
+//! The registers of a port (RM0090 8.4): what each stores, and the lock sequence (8.3.6).
 
 use super::*;
 
@@ -12,7 +12,7 @@ impl Gpio {
             3 => p.pupdr,
             4 => u32::from(p.levels() & !p.analog),
             5 => u32::from(p.odr),
-            // BSRR is write-only and reads 0, 8.4.7.
+            // BSRR is write-only and reads as 0, 8.4.7.
             7 => u32::from(p.lock) | u32::from(p.locked) << 16,
             8 => p.afr[0],
             9 => p.afr[1],
@@ -55,7 +55,7 @@ impl Gpio {
                 return;
             }
             6 => {
-                // Zeros do nothing, so the lanes that are not written do nothing; setting wins, 8.4.7.
+                // Zeros do nothing, so lanes that are not written do nothing. Setting wins over clearing, 8.4.7.
                 let bits = merge(0, offset, width, value);
                 p.odr = p.odr & !((bits >> 16) as u16) | bits as u16;
                 self.settle(port, now, pc, out);
@@ -83,7 +83,8 @@ impl Gpio {
         self.look(port, now, pc, out);
     }
 
-    /// The sequence of 8.3.6: bit 16 written 1, 0, 1 with the same pins, then read. Anything else aborts it.
+    /// Handles a step of the lock sequence of 8.3.6: software writes bit 16 as 1, 0, 1 with the same pins, then reads.
+    /// Anything else aborts the sequence.
     fn lock(p: &mut Port, bits: u32, word: bool) {
         if p.locked {
             return;

@@ -1,36 +1,37 @@
-//! What somebody else does to the lines, and what the I2C makes of it (RM0090 27.3.4 and 27.6.7).
+//! How the I2C reacts to what other devices do to its lines (RM0090 27.3.4 and 27.6.7).
 
 use super::*;
 
-/// A bit is sampled in the middle of its high phase, the second half of it: after so many quarters.
+/// The sampling instant of a bit, in quarters of the bit. The high phase is the second half of a bit, and sampling is
+/// in its middle.
 const SAMPLED: u64 = 3;
 
 impl I2c {
-    /// The levels of SCL and SDA as others make them; of pins that are not connected, high.
+    /// The levels of SCL and SDA as other devices drive them. A pin that is not connected counts as high.
     pub(super) fn lines(&self, cx: &Cx) -> (bool, bool) {
         let level = |pin| cx.pads.input(Signal::I2c(self.number, pin)).unwrap_or(true);
         (level(I2cPin::Scl), level(I2cPin::Sda))
     }
 
-    /// A line that is low says that the bus is busy.
+    /// Sets BUSY if a line is low.
     pub(super) fn look_at_lines(&mut self, cx: &Cx) {
         if self.lines(cx) != (true, true) {
             self.sr2 |= BUSY;
         }
     }
 
-    /// Whether a byte is on the wires, and its clock is high at `at`.
+    /// Whether a byte is on the wires and its clock is high at `at`.
     fn is_clock_high(&self, at: Cycle) -> bool {
         let in_byte = matches!(self.step, Some((Step::Address(_) | Step::Write(_) | Step::Read, None)));
         in_byte && self.held.is_none() && (at - self.began) % self.bit() * 2 >= self.bit()
     }
 
-    /// When bit `number` of the step under way is sampled.
+    /// The cycle at which bit `number` of the step under way is sampled.
     fn sampled_at(&self, number: u64) -> Cycle {
         self.began + number * self.bit() + self.bit() * SAMPLED / 4
     }
 
-    /// Somebody holds SCL, or lets go of it.
+    /// Reacts to another device that pulls SCL low or releases it.
     pub(super) fn clock_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -45,7 +46,7 @@ impl I2c {
         }
     }
 
-    /// What was held goes on, if nothing holds it any more.
+    /// Continues a held step, if no device holds it any more.
     fn resume(&mut self, cx: &mut Cx) {
         let (scl, sda) = self.lines(cx);
         if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
@@ -59,7 +60,7 @@ impl I2c {
         }
     }
 
-    /// Somebody pulls SDA low, or lets go of it.
+    /// Reacts to another device that pulls SDA low or releases it.
     pub(super) fn data_changed(&mut self, high: bool, cx: &mut Cx) {
         if self.cr1 & SWRST != 0 {
             return;
@@ -73,7 +74,7 @@ impl I2c {
             self.low_since = None;
             let is_master = self.sr2 & MSL != 0;
             if scl && !is_master && self.sr2 & BUSY != 0 {
-                // A stop.
+                // The rising edge is a stop condition.
                 self.sr2 &= !BUSY;
                 self.start_lost |= self.cr1 & START != 0;
             }
@@ -95,7 +96,8 @@ impl I2c {
         }
     }
 
-    /// The step under way waits: no bit is sampled meanwhile. [`I2c::began`] is how long it has lasted until then.
+    /// Suspends the step under way, so that no bit is sampled meanwhile. [`I2c::began`] then has the time that the step
+    /// has lasted.
     fn hold(&mut self, now: Cycle) {
         self.mark_low(now);
         self.held = Some(self.due.saturating_sub(now));
@@ -103,7 +105,7 @@ impl I2c {
         self.began = now.saturating_sub(self.began);
     }
 
-    /// The bits that were sampled while SDA was held low, up to `now`.
+    /// Notes the bits that were sampled before `now` while SDA was held low.
     pub(super) fn mark_low(&mut self, now: Cycle) {
         let (Some(since), Some(_), None) = (self.low_since, self.step, self.held) else { return };
         for number in 0..9 {
@@ -113,7 +115,8 @@ impl I2c {
         }
     }
 
-    /// SDA is low from `now` on, or was: at the first one that is still to be sent this I2C notices.
+    /// Finds the bit at which this I2C will lose arbitration, while SDA is held low: the first bit not sampled before
+    /// `now` that is sent as a one.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;
@@ -126,7 +129,7 @@ impl I2c {
         }
     }
 
-    /// What is under way ends without a word on the wires.
+    /// Ends the step under way without any event on the wires.
     pub(super) fn abandon(&mut self) {
         self.step = None;
         self.held = None;
@@ -135,7 +138,7 @@ impl I2c {
         self.due = NEVER;
     }
 
-    /// Somebody else has the bus.
+    /// Loses the arbitration: another device has the bus.
     pub(super) fn lose(&mut self) {
         self.abandon();
         self.sr1 = self.sr1 & !(TXE | BTF) | ARLO;
@@ -144,7 +147,7 @@ impl I2c {
         self.goes_on = false;
     }
 
-    /// A step begins: who holds a line holds it too.
+    /// Begins a step with the lines as they are: a device that holds a line holds this step too.
     pub(super) fn begun(&mut self, cx: &Cx) {
         let (scl, sda) = self.lines(cx);
         self.low = 0;

@@ -3,29 +3,30 @@
 //! | Covered | Manual |
 //! |---|---|
 //! | Start, repeated start, stop, seven-bit addresses, transmitter and receiver, their sequences | 27.3.3 |
-//! | `SB`, `ADDR`, `TXE`, `RXNE`, `BTF`, `AF` and what clears them; the clock held low until software acts | 27.6.6 |
+//! | `SB`, `ADDR`, `TXE`, `RXNE`, `BTF`, `AF` and their clearing; the clock held low until software acts | 27.6.6 |
 //! | `ACK`, `POS`, `SWRST`, `PE`; a bit's length from `CCR`, `DUTY`, `F/S` | 27.6.1, 27.6.8 |
 //! | A clock that a peripheral stretches, DMA requests, both interrupts | 27.3.7, 27.4 |
-//! | `LAST`: the byte after the one that leaves one to the DMA (EOT_1) is not acknowledged | 27.3.7 |
-//! | `BUSY` from the lines, also with `PE` clear; a start waits until the bus is free | 27.6.7 |
-//! | A clock that somebody else holds low: the step goes on when it is let go of, if ever | 27.3.3 |
-//! | `ARLO`: a one that somebody else makes a zero ends the transfer at that bit | 27.3.4 |
+//! | `LAST`: when the DMA has one byte left (EOT_1), the byte after that transfer is not acknowledged | 27.3.7 |
+//! | `BUSY` follows the lines, also with `PE` clear; a start waits until the bus is free | 27.6.7 |
+//! | A clock that another device holds low: the step continues only when the clock is released | 27.3.3 |
+//! | `ARLO`: another device turns a one into a zero, which ends the transfer at that bit | 27.3.4 |
 //! | `BERR`: an edge of SDA while SCL is high within a byte; the transfer goes on | 27.3.4, ES0206 2.9.6 |
-//! | A start that was asked for when a stop came from nowhere is never generated | ES0206 2.9.2 |
+//! | A start that software requests before an unexpected stop is never generated | ES0206 2.9.2 |
 //!
 //! **Left out, each a finding when it is used:** slave mode, ten-bit addresses, SMBus, PEC, the general call. `TRISE`
-//! does not lengthen a bit. The filters (`FLTR`, 50 ns) let every pulse through. A spurious `BERR` without any cause
-//! (ES0206 2.9.6) happens only where a test asks for it.
+//! does not lengthen a bit. The filters (`FLTR`, 50 ns) pass every pulse. A spurious `BERR` without any cause (ES0206
+//! 2.9.6) happens only where a test requests it.
 //!
-//! `steps` has what happens on the wires, this module the registers, `lines` what others do to the wires.
+//! `steps` models the transfer on the wires, this module the registers, and `lines` the effect of other devices.
 //!
 //! # Lines
 //!
-//! What this I2C drives it does not see on its pads: a transfer is told to the board in steps ([`I2cEvent`]). The pads
-//! have what the board drives and, while they are general purpose pins, what software drives; a pull-up is the board's.
-//! So a line that is low while this I2C drives nothing is held by somebody else, and `BUSY` follows: set by either line
-//! low, cleared by a stop (SDA rises while SCL is high) and by `SWRST`. A clock that was held and is let go of is no
-//! stop, and neither is a transfer that `PE` or `ARLO` cut short: `BUSY` stays until software resets the I2C.
+//! The pads do not have what this I2C itself drives, since the board gets a transfer in steps ([`I2cEvent`]). They have
+//! what the board drives and, while they are general purpose pins, what software drives; a pull-up belongs to the
+//! board. A line that is low while this I2C drives nothing is therefore held by another device, and `BUSY` follows. A
+//! low level of either line sets it; a stop (SDA rises while SCL is high) and `SWRST` clear it. The release of a held
+//! clock is no stop, and neither is the end of a transfer that `PE` or `ARLO` cut short: `BUSY` then stays until
+//! software resets the I2C.
 //!
 //! Every step (start, address or data byte with its acknowledge, stop) is one event at its end.
 
@@ -68,11 +69,11 @@ const MSL: u32 = 1 << 0;
 const BUSY: u32 = 1 << 1;
 const TRA: u32 = 1 << 2;
 
-/// CCR.F/S and DUTY.
+/// The bits F/S and DUTY of CCR.
 const FAST: u32 = 1 << 15;
 const DUTY: u32 = 1 << 14;
 
-/// What the controller does on the bus.
+/// A step of the controller on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Start,
@@ -98,33 +99,33 @@ pub(crate) struct I2c {
     data: u8,
     /// A received byte that waits in the shift register (BTF of a receiver).
     shifted: u8,
-    /// The step under way, and what the bus answered where it stretches the clock.
+    /// The step under way, and the bus's answer while it stretches the clock.
     step: Option<(Step, Option<I2cAnswer>)>,
-    /// When the step under way began, and since when SDA is held low in it.
+    /// The cycle at which the step under way began, and the cycle since which SDA has been held low in it.
     began: Cycle,
     low_since: Option<Cycle>,
-    /// The bits of the step, from its first, at whose sample SDA was held low.
+    /// The bits of the step that were sampled while SDA was held low. The first bit of the step is bit 0.
     low: u16,
-    /// The bit under way is lost to somebody else at [`I2c::due`].
+    /// Whether the arbitration is lost at [`I2c::due`], with the bit under way.
     loses: bool,
-    /// What is left of the step while somebody else holds its clock or, for a stop, SDA.
+    /// The cycles that remain of a step that another device holds by its clock or, for a stop, by SDA.
     held: Option<u64>,
     due: Cycle,
-    /// The next byte is not acknowledged, since the DMA has said EOT_1.
+    /// Whether the next byte is not acknowledged, since the DMA has signalled EOT_1.
     is_last: bool,
-    /// A start was asked for when a stop came from nowhere: it is never generated.
+    /// Whether an unexpected stop came while a start was requested, so that the start is never generated.
     start_lost: bool,
-    /// SR1 was read since: the first step of the clearing sequences.
+    /// Whether SR1 was read, which is the first step of the clearing sequences.
     status_read: bool,
-    /// The acknowledge that POS holds back for a byte.
+    /// The acknowledge bit that POS delays by a byte.
     held_ack: bool,
-    /// The receiver goes on with another byte: the last one was acknowledged.
+    /// Whether the receiver continues with another byte, since the last one was acknowledged.
     goes_on: bool,
     pclk: u32,
 }
 
 impl I2c {
-    /// I2C`number`.
+    /// Makes I2C`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -155,7 +156,7 @@ impl I2c {
         }
     }
 
-    /// `BERR` without any cause (ES0206 2.9.6).
+    /// Sets `BERR` without any cause (ES0206 2.9.6).
     pub(crate) fn spurious_bus_error(&mut self) {
         if self.cr1 & PE != 0 {
             self.sr1 |= BERR;
@@ -216,10 +217,10 @@ impl I2c {
         }
         self.cr1 = value & 0xBFFB;
         if value & PE == 0 {
-            // START and STOP need PE.
+            // Setting START and STOP needs PE.
             self.cr1 &= !(START | STOP | ACK);
             self.sr1 = 0;
-            // Nobody has ended what was under way.
+            // No stop ended the transfer under way, so BUSY stays.
             self.sr2 &= BUSY;
             self.abandon();
             self.start_lost = false;
@@ -271,7 +272,7 @@ impl Peripheral for I2c {
             0x08 => self.oar1 = value & 0xC3FF,
             0x0C => self.oar2 = value & 0xFF,
             0x10 => self.write_data(value as u8, cx),
-            // The error flags are cleared by writing zero, the others by their sequences.
+            // Writing zero clears the error flags. The other flags have clearing sequences.
             0x14 => self.sr1 &= value | !0xDF00,
             0x18 => {}
             0x1C => {

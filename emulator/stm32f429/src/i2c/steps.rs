@@ -1,10 +1,10 @@
-//! The steps of a transfer (start, address, data byte, stop): when each begins and ends, which flags it leaves (RM0090
-//! 27.3.3, figures of the transfer sequences).
+//! The steps of a transfer (start, address, data byte, stop): when each begins and ends, and which flags it sets
+//! (RM0090 27.3.3, figures of the transfer sequences).
 
 use super::*;
 
 impl I2c {
-    /// Core cycles of a bit.
+    /// The core cycles of one bit.
     pub(super) fn bit(&self) -> u64 {
         let count = u64::from(self.ccr & 0xFFF).max(1);
         let periods = match self.ccr & (FAST | DUTY) {
@@ -26,13 +26,13 @@ impl I2c {
         self.begun(cx);
     }
 
-    /// Begins what is asked for and possible while nothing is under way.
+    /// Begins the next step that is requested and possible, if none is under way.
     pub(super) fn go_on(&mut self, from: Cycle, cx: &mut Cx) {
         if self.step.is_some() || self.cr1 & PE == 0 {
             return;
         }
         let is_master = self.sr2 & MSL != 0;
-        // The clock is held low until these are cleared.
+        // The I2C holds the clock low until software has cleared SB and ADDR.
         if self.sr1 & (SB | ADDR) != 0 {
             if self.sr1 & SB != 0 && self.cr1 & STOP != 0 {
                 self.begin(Step::Stop, from, cx);
@@ -109,7 +109,7 @@ impl I2c {
         };
         let (_, sda) = self.lines(cx);
         if step == Step::Start && !sda {
-            // There is no falling edge to make.
+            // SDA is already low, so the start condition's falling edge cannot be made.
             self.lose();
             return;
         }
@@ -118,7 +118,7 @@ impl I2c {
     }
 
     fn done(&mut self, step: Step, mut answer: I2cAnswer) {
-        // A zero that somebody else makes: in the ninth bit it is an acknowledge.
+        // Another device may make a zero of the ninth bit, which is then an acknowledge.
         answer.acknowledged |= self.low & 1 << 8 != 0;
         let zeros = (0..8).fold(0_u8, |zeros, bit| zeros << 1 | u8::from(self.low >> bit & 1 != 0));
         answer.data &= !zeros;

@@ -1,4 +1,4 @@
-//! Transfers as the manual has them, and what stands in their way.
+//! Tests of transfers as the manual describes them, and of what disturbs them.
 
 use super::*;
 use crate::rig::Rig;
@@ -15,12 +15,12 @@ fn byte(data: u8) -> I2cAnswer {
     I2cAnswer { data, ..YES }
 }
 
-/// 100 kHz of 16 MHz: a bit takes 160 cycles.
+/// Makes an I2C at 100 kHz from 16 MHz, so that a bit takes 160 cycles.
 fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     let mut rig = Rig::new(I2c::new(1));
     rig.connect(Signal::I2c(1, I2cPin::Scl), 1, 6);
     rig.connect(Signal::I2c(1, I2cPin::Sda), 1, 7);
-    // Pulled up, and open drains.
+    // The pins are pulled up and open drains.
     rig.pads.levels[1] = 0xC0;
     rig.pads.open_drain[1] = 0xC0;
     rig.lines.i2c_answers.extend(answers);
@@ -30,7 +30,7 @@ fn rig(answers: &[I2cAnswer]) -> Rig<I2c> {
     rig
 }
 
-/// A start and the address byte, up to ADDR or AF.
+/// Sends a start and the address byte, until ADDR or AF is set.
 fn address(rig: &mut Rig<I2c>, byte: u32, bits: u32) {
     rig.write(CR1, PE | START | bits);
     rig.run(rig.now + 160);
@@ -155,21 +155,21 @@ fn a_software_reset_frees_the_bus() {
     assert_eq!((rig.read(SR1), rig.read(SR2), rig.read(0x1C)), (0, 0, 0));
 }
 
-/// A start, the address byte for reading, and ADDR cleared: the receiver clocks bytes in.
+/// Sends a start and an address byte for reading and clears ADDR, so that the receiver clocks bytes in.
 fn reading(rig: &mut Rig<I2c>) {
     address(rig, 0xA1, ACK);
     rig.read(SR1);
     rig.read(SR2);
 }
 
-/// Somebody else pulls a line low, or lets go of it.
+/// Makes another device pull a line low or release it.
 fn line(rig: &mut Rig<I2c>, pin: I2cPin, high: bool) {
     let bit = if pin == I2cPin::Scl { 0x40 } else { 0x80 };
     rig.pads.levels[1] = rig.pads.levels[1] & !bit | if high { bit } else { 0 };
     rig.input(Signal::I2c(1, pin), high);
 }
 
-/// The same for so many cycles from now on.
+/// Makes another device pull a line low for `cycles` from now on.
 fn pulse(rig: &mut Rig<I2c>, pin: I2cPin, cycles: u64) {
     line(rig, pin, false);
     rig.run(rig.now + cycles);
@@ -322,7 +322,7 @@ fn a_one_that_somebody_makes_a_zero_loses_the_arbitration_at_that_bit() {
     address(&mut rig, 0xA0, 0);
     rig.read(SR1);
     rig.read(SR2);
-    // 0001 0000: the fourth bit is sampled three quarters into it.
+    // The byte is 0001 0000. Its fourth bit is sampled after three quarters of the bit.
     rig.write(DR, 0x10);
     let began = rig.now;
     rig.run(began + 200);
@@ -359,7 +359,7 @@ fn a_zero_that_somebody_makes_is_read_as_one() {
     let mut rig = rig(&[YES, byte(0xFF)]);
     reading(&mut rig);
     rig.run(rig.now + 160 + 20);
-    // The second and the third bit.
+    // The pulse covers the second and the third bit.
     pulse(&mut rig, I2cPin::Sda, 2 * 160);
     rig.run(rig.now + 8 * 160);
     assert_eq!(rig.read(DR), 0b1001_1111);

@@ -2,23 +2,23 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `CR` | HSI, HSE, PLL, PLLI2S, PLLSAI with their start-up times; what clocks the system cannot be switched off |
-//! | `PLLCFGR`, `PLLI2SCFGR`, `PLLSAICFGR` | Kept while the PLL is on. Outside its limits a PLL never gets ready |
+//! | `CR` | HSI, HSE, PLL, PLLI2S, PLLSAI with start-up times; the system's clock source cannot be switched off |
+//! | `PLLCFGR`, `PLLI2SCFGR`, `PLLSAICFGR` | Fixed while the PLL is on; outside its limits a PLL never becomes ready |
 //! | `CFGR` `SW`, `SWS` | The switch waits until the source is ready, 7.2.6 |
 //! | `CFGR`, `DCKCFGR` prescalers | HCLK, PCLK1, PCLK2 and the timers' clocks with `TIMPRE`, 7.2 |
-//! | `CIR` | Ready flags with their enables; `CSSF`, which is the NMI, 7.2.7 |
-//! | Enables, resets, low-power enables | As 7.3.5 to 7.3.19 |
-//! | `BDCR` | Behind `PWR_CR.DBP`; `RTCSEL` once until `BDRST`, 7.3.20 |
+//! | `CIR` | The ready flags with their enable bits; `CSSF`, which is the NMI, 7.2.7 |
+//! | Enables, resets, low-power enables | As in 7.3.5 to 7.3.19 |
+//! | `BDCR` | Writable with `PWR_CR.DBP` only; `RTCSEL` can be set once until `BDRST`, 7.3.20 |
 //! | `CSR` | LSI and the reset flags, 7.3.21 |
 //!
-//! `registers` has the accesses, `oscillators` what starts, gets ready and fails, `tree` the frequencies that follow.
+//! `registers` handles the accesses, `oscillators` the start and failure of clock sources, and `tree` the frequencies.
 //!
-//! Limits of the data sheet that are exceeded without the part noticing make findings: HCLK over what the voltage
-//! scale and over-drive allow, PCLK1 and PCLK2 over theirs (DS9405, general operating conditions).
+//! A rate beyond a limit of the data sheet works in the part but makes a finding: HCLK over what the voltage scale and
+//! over-drive allow, and PCLK1 and PCLK2 over their limits (DS9405, general operating conditions).
 //!
-//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables keep what is written. The MCO pins do not toggle,
-//! which is a finding when `CFGR` is written while one is connected. Accesses within the two clocks after a
-//! peripheral's clock was enabled (ES0206 2.2.7) work. How long the clock security system takes to detect a failure: no
+//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables keep what is written and have no effect. The MCO pins
+//! do not toggle, which is a finding when `CFGR` is written while one is connected. Accesses within the two clocks
+//! after the enabling of a peripheral's clock (ES0206 2.2.7) work. The clock security system detects a failure in no
 //! time.
 
 mod oscillators;
@@ -50,7 +50,7 @@ const PLLSRC: u32 = 1 << 22;
 
 const CSSF: u32 = 1 << 7;
 
-/// `CSR`: LSI and the reset flags.
+/// Bits of `CSR`: LSI and the reset flags.
 const LSION: u32 = 1 << 0;
 const LSIRDY: u32 = 1 << 1;
 const RMVF: u32 = 1 << 24;
@@ -62,14 +62,14 @@ const IWDGRSTF: u32 = 1 << 29;
 const WWDGRSTF: u32 = 1 << 30;
 const LPWRRSTF: u32 = 1 << 31;
 
-/// `BDCR`.
+/// Bits of `BDCR`.
 const LSEON: u32 = 1 << 0;
 const LSERDY: u32 = 1 << 1;
 const BDRST: u32 = 1 << 16;
 const RTCSEL: u32 = 3 << 8;
 const RTCEN: u32 = 1 << 15;
 
-/// What starts, in the order of the flags in `CIR`.
+/// The numbers of the oscillators and PLLs, in the order of their flags in `CIR`.
 const LSI: usize = 0;
 const LSE: usize = 1;
 const HSI: usize = 2;
@@ -78,73 +78,74 @@ const PLL: usize = 4;
 const PLLI2S: usize = 5;
 const PLLSAI: usize = 6;
 
-/// Start-up times in nanoseconds, DS9405: LSI at most 40 µs; LSE 2 s typical; HSI at most 4 µs; HSE with a crystal 2 ms
-/// typical; the PLLs 75 µs to 300 µs, of which 200 µs are taken.
+/// The start-up times in nanoseconds, DS9405: LSI at most 40 µs, LSE 2 s typical, HSI at most 4 µs, HSE with a crystal
+/// 2 ms typical. The PLLs need 75 µs to 300 µs, of which 200 µs are taken.
 const START_NS: [u64; 7] = [40_000, 2_000_000_000, 4_000, 2_000_000, 200_000, 200_000, 200_000];
-/// HSE in bypass: RM0090 says only that HSERDY falls after six cycles; so many are taken for its rise too.
+/// The cycles until HSE is ready in bypass. RM0090 says only that HSERDY falls after six cycles; the same number is
+/// taken for its rise.
 const BYPASS_TICKS: u64 = 6;
 
-/// LSE on the NUCLEO: a 32.768 kHz crystal.
+/// The rate of LSE on the NUCLEO, in hertz: a 32.768 kHz crystal.
 const LSE_HZ: u64 = 32_768;
 
 const GIGA: i64 = 1_000_000_000;
 
-/// Register numbers by offset / 4.
+/// Register numbers, which are offset / 4.
 const CR: u32 = 0;
 const PLLCFGR: u32 = 1;
 const CFGR: u32 = 2;
 const CIR: u32 = 3;
-/// Where CFGR is, which selects what the MCO pins carry.
+/// The offset of CFGR, which selects what the MCO pins carry.
 pub(crate) const CFGR_OFFSET: u32 = 4 * CFGR;
 const BDCR: u32 = 0x70 / 4;
 const CSR: u32 = 0x74 / 4;
 const DCKCFGR: u32 = 0x8C / 4;
 
-/// Reset registers, enable registers and low-power enable registers of AHB1, AHB2, AHB3, APB1, APB2: offset / 4.
+/// The numbers (offset / 4) of the reset, enable and low-power enable registers of AHB1, AHB2, AHB3, APB1, APB2.
 const RESETS: [u32; 5] = [0x10 / 4, 0x14 / 4, 0x18 / 4, 0x20 / 4, 0x24 / 4];
 const ENABLES: [u32; 5] = [0x30 / 4, 0x34 / 4, 0x38 / 4, 0x40 / 4, 0x44 / 4];
 const LOW_POWER: [u32; 5] = [0x50 / 4, 0x54 / 4, 0x58 / 4, 0x60 / 4, 0x64 / 4];
-/// The bits that there are, 7.3.5 to 7.3.14.
+/// The bits that exist in these registers, 7.3.5 to 7.3.14.
 const RESET_BITS: [u32; 5] = [0x22E0_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7933];
 const ENABLE_BITS: [u32; 5] = [0x7EF4_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const ENABLES_AFTER_RESET: [u32; 5] = [0x0010_0000, 0, 0, 0, 0];
 const LOW_POWER_AFTER_RESET: [u32; 5] = [0x7E67_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 
-/// Which bus register and bit gates a peripheral.
+/// The bus register and the bit that gate a peripheral's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
-    /// 0 AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.
+    /// The bus: 0 is AHB1, 1 AHB2, 2 AHB3, 3 APB1, 4 APB2.
     pub(crate) bus: u8,
     pub(crate) bit: u8,
 }
 
-/// A rate in hertz, as an exact fraction.
+/// A clock rate in hertz, as an exact fraction.
 #[derive(Clone, Copy, Debug)]
 struct Rate {
     num: u128,
     den: u128,
-    /// Nominal, rounded down, and the error of its source.
+    /// The nominal rate, rounded down, and the error of the clock's source.
     hz: u64,
     ppb: i64,
 }
 
-/// What else the clocks depend on.
+/// The settings of the power controller that matter to the clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Supply {
-    /// `PWR_CR.VOS`: 1 to 3.
+    /// The field `PWR_CR.VOS`, 1 to 3.
     pub(crate) scale: u8,
-    /// Over-drive is on and switched to.
+    /// Whether over-drive is on and selected.
     pub(crate) over_drive: bool,
-    /// `PWR_CR.DBP`.
+    /// The bit `PWR_CR.DBP`.
     pub(crate) backup_writable: bool,
 }
 
-/// Reset and clock control.
+/// The reset and clock controller.
 #[derive(Clone, Debug)]
 pub(crate) struct Rcc {
     oscillators: Oscillators,
-    /// OSC_IN carries a clock.
+    /// Whether OSC_IN carries a clock.
     hse_there: bool,
     cr: u32,
     pllcfgr: u32,
@@ -159,22 +160,22 @@ pub(crate) struct Rcc {
     plli2scfgr: u32,
     pllsaicfgr: u32,
     dckcfgr: u32,
-    /// SWS: what clocks the system.
+    /// The field SWS: the clock source of the system.
     system: u32,
-    /// When each of what starts will be ready.
+    /// The cycle at which each oscillator and PLL will be ready.
     ready_at: [Cycle; 7],
-    /// The independent watchdog keeps LSI on.
+    /// Whether the independent watchdog keeps LSI on.
     lsi_forced: bool,
-    /// The system's clock source has failed without the security system: nothing moves.
+    /// Whether the system's clock source has failed without the clock security system, so that all clocks have stopped.
     pub(crate) stopped: bool,
     pub(crate) clocks: Clocks,
-    /// The clocks changed since the part looked.
+    /// Whether the clocks changed since the part last checked.
     pub(crate) clocks_changed: bool,
-    /// Reset bits that rose since the part looked.
+    /// The reset bits that rose since the part last checked.
     pub(crate) reset_bits: [u32; 5],
-    /// The backup domain was reset since the part looked.
+    /// Whether the backup domain was reset since the part last checked.
     pub(crate) backup_reset: bool,
-    /// HSE failed under the security system since the part looked.
+    /// Whether HSE failed under the clock security system since the part last checked.
     pub(crate) failure: bool,
 }
 
@@ -210,7 +211,7 @@ impl Rcc {
         rcc
     }
 
-    /// A system reset by `cause`.
+    /// Carries out a system reset by `cause`.
     pub(crate) fn reset(&mut self, cause: Reset) {
         let mut fresh = Self::new(self.oscillators);
         fresh.hse_there = self.hse_there;
@@ -225,7 +226,7 @@ impl Rcc {
         };
         fresh.csr = flags;
         if keep {
-            // The flags are reset by power alone, 7.3.21; the backup domain is another domain, 7.1.3.
+            // Only a power-on resets the flags, 7.3.21, and a system reset leaves the backup domain alone, 7.1.3.
             fresh.csr |= self.csr & 0xFE00_0000;
             fresh.bdcr = self.bdcr;
             fresh.ready_at[LSE] = self.ready_at[LSE];
@@ -241,12 +242,12 @@ impl Rcc {
         self.ready_at.iter().copied().min().unwrap_or(NEVER)
     }
 
-    /// RCC's interrupt.
+    /// The level of RCC's interrupt.
     pub(crate) fn irq(&self) -> bool {
         self.cir & self.cir >> 8 & 0x7F != 0
     }
 
-    /// The clock security system's, 7.2.7.
+    /// The level of the NMI of the clock security system, 7.2.7.
     pub(crate) fn nmi(&self) -> bool {
         self.cir & CSSF != 0
     }
@@ -255,21 +256,21 @@ impl Rcc {
         self.hse_there
     }
 
-    /// Whether the clock of what `gate` gates is on and its reset is not held.
+    /// Whether the clock behind `gate` is on and the peripheral is not held in reset.
     #[inline]
     pub(crate) fn is_on(&self, gate: Gate) -> bool {
         let bus = usize::from(gate.bus);
         (self.enables[bus] & !self.resets[bus]) >> gate.bit & 1 != 0
     }
 
-    /// Switches the system over where it waits for it, and takes the tree anew.
+    /// Switches the system's clock source if a requested one is ready, and computes the clock tree again.
     fn settle(&mut self, now: Cycle, pc: Option<u32>, supply: Supply, out: &mut Effects) {
         let wanted = self.cfgr & 3;
         let ready = match wanted {
             0 => self.cr & HSIRDY != 0,
             1 => self.cr & HSERDY != 0,
             2 => self.cr & PLLRDY != 0,
-            // "Not allowed", 7.3.3: the switch does not take it.
+            // The value 3 of SW is "not allowed", 7.3.3, so the switch ignores it.
             _ => false,
         };
         if ready {

@@ -1,9 +1,10 @@
-//! Oscillators and PLLs that start, get ready, fail and come back; the clock security system (RM0090 7.2.1 to 7.2.7).
+//! Oscillators and PLLs: how they start, become ready, fail and return; the clock security system (RM0090 7.2.1 to
+//! 7.2.7).
 
 use super::*;
 
 impl Rcc {
-    /// The independent watchdog was started: it keeps LSI on, 21.3.
+    /// Turns LSI on for the independent watchdog, which keeps it on, 21.3.
     pub(crate) fn force_lsi(&mut self, now: Cycle) {
         self.lsi_forced = true;
         if self.csr & LSIRDY == 0 && self.ready_at[LSI] == NEVER {
@@ -11,12 +12,12 @@ impl Rcc {
         }
     }
 
-    /// Core cycles of `ns`.
+    /// The core cycles of `ns` nanoseconds.
     fn after(&self, ns: u64) -> Cycle {
         (ns.saturating_mul(self.clocks.hclk_hz / 1000) / 1_000_000).max(1)
     }
 
-    /// What is switched on and not ready begins to start; what is off or has no source is not ready.
+    /// Starts each clock source that is switched on and not ready. A source that is off or has no input is not ready.
     pub(super) fn start(&mut self, now: Cycle) {
         let hse_source = self.hse_there && self.cr & HSEON != 0;
         let pll_source = if self.pllcfgr & PLLSRC != 0 { self.cr & HSERDY != 0 } else { self.cr & HSIRDY != 0 };
@@ -59,7 +60,7 @@ impl Rcc {
         }
     }
 
-    /// Everything that is ready by `now`.
+    /// Makes every clock source ready whose start-up time is over by `now`.
     pub(crate) fn advance(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         let mut any = false;
         for which in 0..self.ready_at.len() {
@@ -77,7 +78,7 @@ impl Rcc {
                 PLLI2S => self.cr |= PLLI2SRDY,
                 _ => self.cr |= PLLSAIRDY,
             }
-            // "Set by hardware when ... becomes stable and the enable is set", 7.3.4.
+            // The flag is "set by hardware when ... becomes stable and the enable is set", 7.3.4.
             self.cir |= (self.cir >> 8 & 1 << which) & 0x7F;
         }
         if any {
@@ -86,7 +87,7 @@ impl Rcc {
         }
     }
 
-    /// OSC_IN goes silent.
+    /// Stops the clock on OSC_IN.
     pub(crate) fn fail_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if !std::mem::replace(&mut self.hse_there, false) {
             return;
@@ -96,7 +97,8 @@ impl Rcc {
             let by_hse = self.system == 1 || self.system == 2 && self.pllcfgr & PLLSRC != 0;
             self.cr &= !(HSEON | HSERDY);
             if by_hse {
-                // 7.2.7: the system goes to HSI, and the PLL, if HSE drives it and it is used, is switched off.
+                // The system switches to HSI, and the PLL is switched off if HSE drives it and the system uses it,
+                // 7.2.7.
                 self.cr |= HSION | HSIRDY;
                 if self.system == 2 {
                     self.cr &= !(PLLON | PLLRDY);
@@ -111,14 +113,14 @@ impl Rcc {
         self.settle(now, None, supply, out);
     }
 
-    /// OSC_IN carries a clock (again).
+    /// Starts the clock on OSC_IN, for the first time or again.
     pub(crate) fn restore_hse(&mut self, now: Cycle, supply: Supply, out: &mut Effects) {
         if self.oscillators.hse_hz.is_none() {
             self.oscillators.hse_hz = Some(8_000_000);
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // What stood still goes on.
+            // A system that stood still goes on.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

@@ -8,12 +8,12 @@
 //! | Backup registers | 26.6.20 |
 //!
 //! **Left out, each a finding when it is used:** sub-second alarms, calibration, shift, reference clock, time stamp,
-//! tamper, outputs. The shadow registers hold the calendar of the moment, not that of up to two RTC clocks ago. The
-//! protection by PWR_CR.DBP is not this module's.
+//! tamper, outputs. The shadow registers hold the present calendar, not that of up to two RTC clocks ago. The part, not
+//! this module, applies the protection by PWR_CR.DBP.
 //!
-//! `calendar` has the date and time themselves, this module the registers and what follows from the time that passed.
+//! `calendar` models date and time, and this module the registers and the effects of passing time.
 //!
-//! The calendar is not stepped: it follows from the RTC clocks since it was last looked at. Only an alarm or wake-up
+//! The calendar is not stepped: it is computed from the RTC clocks since the last access. Only an alarm or a wake-up
 //! whose interrupt is enabled is an event.
 
 mod calendar;
@@ -34,7 +34,7 @@ const ALRAIE: u32 = 1 << 12;
 const WUTIE: u32 = 1 << 14;
 const ADD1H: u32 = 1 << 16;
 const SUB1H: u32 = 1 << 17;
-/// TSE, REFCKON, DCE, COE and OSEL.
+/// The control bits of features that are left out: TSE, REFCKON, DCE, COE and OSEL.
 const LEFT_OUT: u32 = 1 << 11 | 1 << 4 | 1 << 7 | 1 << 23 | 3 << 21;
 
 const ALRAWF: u32 = 1 << 0;
@@ -46,29 +46,29 @@ const INIT: u32 = 1 << 7;
 const ALRAF: u32 = 1 << 8;
 const WUTF: u32 = 1 << 10;
 
-/// RTC clocks that the clock domains take to agree.
+/// The number of RTC clocks that the synchronisation between the clock domains takes.
 const AGREE: u64 = 2;
 
-/// A moment of the calendar.
+/// A date and time of the calendar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Calendar {
-    /// 0 to 99.
+    /// The year, 0 to 99.
     year: u8,
     month: u8,
     day: u8,
-    /// 1 (Monday) to 7.
+    /// The weekday, 1 (Monday) to 7.
     weekday: u8,
-    /// 0 to 23.
+    /// The hour, 0 to 23.
     hour: u8,
     minute: u8,
     second: u8,
 }
 
-/// The clock.
+/// The real-time clock.
 #[derive(Clone, Debug)]
 pub(crate) struct Rtc {
     calendar: Calendar,
-    /// RTC clocks since the second began.
+    /// The number of RTC clocks since the present second began.
     phase: u64,
     cr: u32,
     isr: u32,
@@ -79,28 +79,28 @@ pub(crate) struct Rtc {
     calibr: u32,
     tafcr: u32,
     backup: [u32; 20],
-    /// Steps of the key that was written to WPR; 2 unlocks.
+    /// The number of steps of the key that were written to WPR; 2 unlocks.
     key: u8,
-    /// TR and DR as they are locked by a read.
+    /// The values of TR and DR that a read has locked.
     locked: (Option<u32>, Option<u32>),
 
     clock: Ratio,
-    /// The cycle that the RTC clocks below are counted from, and those that have been accounted for.
+    /// The cycle from which RTC clocks are counted, and the number of those that are already accounted for.
     origin: Cycle,
     counted: u64,
-    /// RTC clocks since the reset.
+    /// The number of RTC clocks since the reset.
     total: u64,
-    /// The `total` at which INITF, RSF and WUTWF rise.
+    /// The values of `total` at which INITF, RSF and WUTWF rise.
     initialises_at: u64,
     agrees_at: u64,
     wakeup_writable_at: u64,
-    /// The `total` of the next wake-up.
+    /// The value of `total` at the next wake-up.
     wakes_at: u64,
     due: Cycle,
 }
 
 impl Rtc {
-    /// As it is after a backup domain reset.
+    /// Makes the RTC as it is after a backup domain reset.
     pub(crate) fn new() -> Self {
         Self {
             calendar: Calendar::FIRST,
@@ -128,7 +128,7 @@ impl Rtc {
         }
     }
 
-    /// A system reset: the calendar goes on.
+    /// Carries out a system reset. The calendar goes on.
     pub(crate) fn system_reset(&mut self) {
         self.isr &= !(INIT | INITF | RSF);
         self.initialises_at = NEVER;
@@ -153,14 +153,14 @@ impl Rtc {
         }
     }
 
-    /// Brings everything up to `now`.
+    /// Brings all state up to `now`.
     fn sync(&mut self, now: Cycle) {
         let ticks = self.clock.ticks(now.saturating_sub(self.origin)).saturating_sub(self.counted);
         self.counted += ticks;
         self.total += ticks;
         if self.total >= self.initialises_at {
             self.initialises_at = NEVER;
-            // The calendar stops here, and what ran past it did not.
+            // The calendar stops at this RTC clock, so the clocks that ran past it do not count for it.
             self.isr |= INITF;
         } else if !self.is_initialising() {
             self.phase += ticks;
@@ -265,7 +265,7 @@ impl Rtc {
     }
 
     fn write_status(&mut self, value: u32, is_open: bool) {
-        // Flags are cleared by writing zero, whether the registers are open or not.
+        // Writing zero clears flags, whether the registers are write-protected or not.
         self.isr &= value | !0x3F00;
         if !is_open {
             return;
@@ -279,7 +279,7 @@ impl Rtc {
             self.initialises_at = self.total + AGREE;
         } else if value & INIT == 0 && self.isr & INIT != 0 {
             if self.is_initialising() {
-                // The calendar starts anew with what was written.
+                // The second begins anew with the written calendar.
                 self.phase = 0;
                 self.isr &= !RSF;
                 self.agrees_at = self.total + 2 * AGREE;
@@ -299,12 +299,12 @@ impl Rtc {
             value = value & !7 | before & 7;
         }
         if !self.is_initialising() && (before ^ value) & FMT != 0 {
-            // FMT can be written in initialisation mode only.
+            // FMT can be written only in initialisation mode.
             value ^= FMT;
         }
         self.cr = value;
         if value & WUTE != 0 && before & WUTE == 0 {
-            // A wake-up timer on the calendar's clock counts its seconds.
+            // A wake-up timer on the calendar's clock counts the calendar's seconds.
             let from = if value & 4 != 0 { self.total - self.phase.min(self.total) } else { self.total };
             self.wakes_at = from + self.wakeup_period();
         } else if value & WUTE == 0 {
@@ -364,7 +364,8 @@ impl Peripheral for Rtc {
             return 0;
         };
         if self.cr & BYPSHAD == 0 {
-            // A read of the sub-seconds holds time and date, one of the time the date, until the date is read.
+            // A read of the sub-seconds locks time and date, and a read of the time locks the date, until the date is
+            // read.
             match register {
                 0x28 if self.locked == (None, None) => self.locked = (self.value(0x00), self.value(0x04)),
                 0x00 => {

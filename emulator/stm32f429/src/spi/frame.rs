@@ -1,10 +1,9 @@
-//! One frame: when it begins and ends, the order of its bits, the CRC, what is there at its end (RM0090 28.3.3
-//! to 28.3.7).
+//! One frame: its begin and end, the order of its bits, the CRC, and its effect at the end (RM0090 28.3.3 to 28.3.7).
 
 use super::*;
 
 impl Spi {
-    /// Begins the next frame at `from`, if there is one to begin.
+    /// Begins the next frame at `from`, if there is one to send or receive.
     pub(super) fn begin(&mut self, from: Cycle) {
         if self.flight.is_some() {
             return;
@@ -33,14 +32,14 @@ impl Spi {
         self.due = ends;
     }
 
-    /// The next edge of PCLK.
+    /// The cycle of the next PCLK edge.
     pub(super) fn edge(&self, now: Cycle) -> Cycle {
-        // A power of two.
+        // The ratio is a power of two.
         let step = u64::from(self.pclk);
         (now + step - 1) & !(step - 1)
     }
 
-    /// The bits of a frame in the order they travel, or back.
+    /// Converts a frame's bits into the order in which they travel, or back.
     fn ordered(&self, data: u16) -> u32 {
         if self.cr1 & LSBFIRST == 0 {
             u32::from(data)
@@ -101,7 +100,7 @@ impl Spi {
             }
         }
         if self.sr & RXNE != 0 {
-            // What was not read stays, what came is lost (28.3.10).
+            // The data that was not read stays, and the data that came is lost (28.3.10).
             self.sr |= OVR;
             self.overrun_read = false;
         } else {

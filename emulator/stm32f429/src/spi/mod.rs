@@ -3,7 +3,7 @@
 //! | Covered | Manual |
 //! |---|---|
 //! | Master: two lines, `RXONLY`, `BIDIMODE`, 8 and 16 bits, `LSBFIRST`, `CPOL`, `CPHA`, `BR` | 28.3.3, 28.3.5 |
-//! | `TXE`, `RXNE`, `BSY`, `OVR` of a data register before a shift register, back-to-back frames | 28.3.7, 28.3.10 |
+//! | `TXE`, `RXNE`, `BSY`, `OVR` with data and shift register, back-to-back frames | 28.3.7, 28.3.10 |
 //! | Slave select by software and by the pin, `SSOE`, `MODF` with its clearing sequence | 28.3.1, 28.3.10 |
 //! | The CRC unit: `CRCNEXT`, `CRCERR` | 28.3.6 |
 //! | DMA requests, interrupts | 28.3.9, 28.3.11 |
@@ -11,13 +11,14 @@
 //! **Left out, each a finding when it is used:** slave mode (nothing outside the part clocks it), I2S, the TI frame
 //! format, the CRC that the end of a DMA transfer sends.
 //!
-//! `frame` has the shift register, this module the registers around it.
+//! `frame` models the shift register, and this module the registers around it.
 //!
 //! # Time
 //!
-//! A byte written while the shift register is empty moves on to it at once: `TXE` is back before the next access. The
-//! frame begins at the next PCLK edge and takes its bits' SCK periods; what came in is there at the end of the last
-//! one. A byte that waits in the data register then begins its frame without a gap.
+//! A byte that is written while the shift register is empty moves on to it at once, and `TXE` is set again before the
+//! next access. The frame begins at the next PCLK edge and lasts as many SCK periods as it has bits. The received data
+//! is available at the end of the last period. A byte that waits in the data register then begins its frame without a
+//! gap.
 
 mod frame;
 #[cfg(test)]
@@ -63,11 +64,11 @@ const I2SMOD: u32 = 1 << 11;
 /// A frame on the wires.
 #[derive(Clone, Copy, Debug)]
 struct Flight {
-    /// What goes out, as software wrote it.
+    /// The data that goes out, as software wrote it.
     data: u16,
     begins: Cycle,
     ends: Cycle,
-    /// It is the CRC.
+    /// Whether the frame is the CRC.
     is_crc: bool,
 }
 
@@ -78,7 +79,7 @@ pub(crate) struct Spi {
     cr1: u32,
     cr2: u32,
     sr: u32,
-    /// The data register's two sides.
+    /// The transmit and receive sides of the data register.
     tx: u16,
     rx: u16,
     crc_polynomial: u16,
@@ -87,19 +88,19 @@ pub(crate) struct Spi {
     i2scfgr: u32,
     i2spr: u32,
     flight: Option<Flight>,
-    /// The end of the flight, or [`NEVER`].
+    /// The cycle at which the frame ends, or [`NEVER`].
     due: Cycle,
-    /// Core cycles of a PCLK cycle.
+    /// The core cycles of one PCLK cycle.
     pclk: u32,
-    /// The CRC that CRCNEXT asks for has gone out.
+    /// Whether the CRC that CRCNEXT requests has been sent.
     crc_done: bool,
-    /// First steps of the clearing sequences of OVR (DR was read) and MODF (SR was read).
+    /// The first steps of the clearing sequences: DR was read (for OVR), and SR was read (for MODF).
     overrun_read: bool,
     fault_read: bool,
 }
 
 impl Spi {
-    /// SPI`number`.
+    /// Makes SPI`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -134,7 +135,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// The modes in which the clock runs without anything to send.
+    /// Whether the mode clocks without anything to send.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }
@@ -143,7 +144,7 @@ impl Spi {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
 
-    /// The level at the slave select input, see 28.3.1. An input that no pin is connected to is low.
+    /// The level at the slave select input, see 28.3.1. An input without a connected pin is low.
     fn select_is_high(&self, cx: &Cx) -> bool {
         if self.cr1 & SSM != 0 { self.cr1 & SSI != 0 } else { cx.pads.input(self.signal(SpiPin::Nss)).unwrap_or(false) }
     }
@@ -158,7 +159,7 @@ impl Spi {
         }
     }
 
-    /// The levels of the pins between frames.
+    /// Drives the levels of the pins between frames.
     fn drive(&self, before: (u32, u32), cx: &mut Cx) {
         let driven = |cr1: u32| cr1 & (SPE | MSTR) == SPE | MSTR;
         let on = driven(self.cr1);
@@ -179,7 +180,7 @@ impl Spi {
     fn write_cr1(&mut self, value: u32, cx: &mut Cx) {
         let mut value = value & 0xFFFF;
         if self.sr & MODF != 0 {
-            // Until the sequence is done neither bit can be set; this write is its last step.
+            // Neither bit can be set until the clearing sequence is complete. This write is its last step.
             value &= !(SPE | MSTR);
             if self.fault_read {
                 self.sr &= !MODF;
@@ -207,7 +208,8 @@ impl Spi {
         self.cr1 = value;
         self.check_mode_fault(cx);
         if before & !self.cr1 & SPE != 0 && busy && !(before & MSTR != 0 && self.receives_only()) {
-            // A mode that only receives ends with its frame (28.3.8); the others must not be stopped in one.
+            // A mode that only receives is stopped at the end of a frame (28.3.8). The other modes must not be stopped
+            // in a frame.
             if self.sr & MODF == 0 {
                 cx.find(FindingKind::Misuse, "disabled while a frame is under way: the frame is lost");
             }
@@ -271,7 +273,7 @@ impl Peripheral for Spi {
                 self.check_mode_fault(cx);
                 self.drive((self.cr1, before), cx);
             }
-            // Only CRCERR can be written, to zero.
+            // Only CRCERR can be written, and only to zero.
             0x08 => self.sr &= value | !CRCERR,
             0x0C => {
                 self.tx = value as u16 & self.mask();
@@ -330,7 +332,7 @@ impl Peripheral for Spi {
         let apb2 = matches!(self.number, 1 | 4 | 5 | 6);
         self.pclk = if apb2 { cx.clocks.pclk2 } else { cx.clocks.pclk1 };
         if let Some(flight) = &mut self.flight {
-            // What is left of the frame goes on at the new rate.
+            // The rest of the frame continues at the new rate.
             let was = u64::from(if apb2 { old.pclk2 } else { old.pclk1 });
             let left = flight.ends.saturating_sub(cx.now).div_ceil(was);
             flight.ends = cx.now + left * u64::from(self.pclk);

@@ -1,10 +1,10 @@
-//! Channels that are inputs: which line a channel listens to, which edge it takes, its prescaler, the capture (RM0090
+//! Input channels: the line that a channel listens to, the edges that count, the prescaler and the capture (RM0090
 //! 17.3.5, 17.3.6).
 
 use super::*;
 
 impl Tim {
-    /// The level of channel input `channel` after the exclusive or of TI1.
+    /// The level of channel input `channel`, after the exclusive or of TI1.
     pub(super) fn line(&self, channel: usize) -> bool {
         if channel == 0 && self.cr2 & TI1S != 0 {
             self.inputs[0] ^ self.inputs[1] ^ self.inputs[2]
@@ -13,7 +13,7 @@ impl Tim {
         }
     }
 
-    /// Whether the change of a line to `level` is an edge that a channel with this polarity sees.
+    /// Whether a change of a line to `level` is an edge that counts with this channel's polarity.
     fn is_edge(&self, channel: usize, level: bool) -> bool {
         match self.ccer >> (4 * channel) & 0xA {
             0 => level,
@@ -23,7 +23,7 @@ impl Tim {
         }
     }
 
-    /// An input changed, see [`INPUT_ETR`].
+    /// Handles a change of an input, see [`INPUT_ETR`].
     pub(super) fn input_changed(&mut self, input: usize, level: bool, cx: &mut Cx) {
         if self.inputs[input] == level {
             return;

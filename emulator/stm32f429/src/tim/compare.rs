@@ -1,10 +1,10 @@
-//! Compare: the flags and the references OCxREF of channels that are outputs (RM0090 17.3.8 to 17.3.10, output modes in
-//! `TIMx_CCMR1`, 17.4.7).
+//! Output channels: compare flags and the references OCxREF (RM0090 17.3.8 to 17.3.10, output modes in `TIMx_CCMR1`,
+//! 17.4.7).
 
 use super::*;
 
 impl Tim {
-    /// The counter has a new value: matches, and the references that follow it.
+    /// Handles a new value of the counter: compare matches, and the references that depend on them.
     pub(super) fn arrive(&mut self) {
         let centre = self.cr1 >> 5 & 3;
         for channel in 0..self.channels() {
@@ -31,7 +31,7 @@ impl Tim {
         self.follow();
     }
 
-    /// References of the forced and PWM modes.
+    /// Updates the references in the forced and PWM modes.
     pub(super) fn follow(&mut self) {
         for channel in 0..self.channels() {
             if self.is_input(channel) {
@@ -65,7 +65,7 @@ impl Tim {
         }
     }
 
-    /// The compare values after an update: of a channel that captures, what it captured.
+    /// The compare values after an update. A channel that captures keeps its captured value.
     pub(super) fn ccr_kept(&self) -> [u32; 4] {
         std::array::from_fn(|channel| if self.is_input(channel) { self.ccr_now[channel] } else { self.ccr[channel] })
     }

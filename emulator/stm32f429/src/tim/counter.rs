@@ -1,13 +1,13 @@
-//! The counter: how far it is, where it goes next, its ends and updates (RM0090 17.3.1 to 17.3.4).
+//! The counter: its value, its direction, the ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! It is brought up to date by [`Tim::sync`], which leaps from one count at which something happens to the next one;
-//! [`Tim::plan`] says when such a count has to be an event of its own.
+//! [`Tim::sync`] brings the counter up to date and leaps from one count at which something happens to the next.
+//! [`Tim::plan`] decides when such a count has to be an event of its own.
 
 use super::*;
 
 impl Tim {
-    /// Counts from here to the next one at which something happens: a compare match, an end of the range. `None` if
-    /// the counter stands still.
+    /// The number of counts to the next one at which something happens: a compare match or an end of the range. `None`
+    /// if the counter stands still.
     fn to_next(&self) -> Option<u64> {
         let mut least = self.to_end()?;
         for channel in 0..self.channels() {
@@ -20,7 +20,7 @@ impl Tim {
         Some(least)
     }
 
-    /// Counts to the end of the range, where the counter wraps or turns.
+    /// The number of counts to the end of the range, where the counter wraps or turns.
     #[inline]
     fn to_end(&self) -> Option<u64> {
         let (cnt, arr) = (u64::from(self.cnt), u64::from(self.arr_now));
@@ -38,14 +38,14 @@ impl Tim {
         })
     }
 
-    /// Counts to a channel's match before that end.
+    /// The number of counts to a channel's match, if it comes before that end.
     #[inline]
     fn to_match(&self, channel: usize) -> Option<u64> {
         let (cnt, at) = (self.cnt, self.ccr_now[channel]);
         if self.down { cnt.checked_sub(at) } else { at.checked_sub(cnt) }.filter(|&d| d != 0).map(u64::from)
     }
 
-    /// Moves the counter by `counts`, at most up to [`Tim::to_next`], and does what happens there.
+    /// Moves the counter by `counts`, at most up to [`Tim::to_next`], and handles what happens there.
     pub(super) fn count(&mut self, counts: u64) {
         let Some(end) = self.to_end() else { return };
         if counts < end {
@@ -53,7 +53,7 @@ impl Tim {
             self.arrive();
             return;
         }
-        // An end of the range.
+        // The counter has reached an end of its range.
         let beyond = !self.down && self.cnt > self.arr_now;
         if self.centre() {
             if self.down {
@@ -67,7 +67,7 @@ impl Tim {
                 self.cnt = self.arr_now;
                 self.down = true;
             }
-            // The match at the turning point is seen in either direction.
+            // The match at the turning point counts in both directions.
             self.arrive();
             self.overflow();
         } else if self.down {
@@ -77,7 +77,7 @@ impl Tim {
         } else {
             self.cnt = 0;
             if beyond {
-                // The counter had passed ARR: it wrapped at its largest value, and met ARR nowhere.
+                // The counter was beyond ARR, so it wrapped at its largest value and did not match ARR.
                 self.arrive();
                 return;
             }
@@ -86,10 +86,10 @@ impl Tim {
         }
     }
 
-    /// The counter wrapped or turned.
+    /// Handles a wrap or a turn of the counter.
     fn overflow(&mut self) {
         for channel in 0..self.channels() {
-            // A compare value that is never reached raises its flag here (TIMx_SR, CC1IF).
+            // A compare value that the counter never reaches sets its flag here (TIMx_SR, CC1IF).
             if !self.is_input(channel) && self.ccr_now[channel] > self.arr_now {
                 self.compare_event(channel);
             }
@@ -111,7 +111,7 @@ impl Tim {
         }
     }
 
-    /// The update event.
+    /// Carries out an update event.
     fn update(&mut self, flagged: bool) {
         self.psc_now = self.psc;
         self.arr_now = self.arr;
@@ -137,7 +137,7 @@ impl Tim {
         }
     }
 
-    /// The counter starts again: EGR.UG, or a trigger in reset mode.
+    /// Restarts the counter, for EGR.UG or a trigger in reset mode.
     pub(super) fn restart(&mut self) {
         self.down = self.cr1 & DIR != 0 && !self.centre() && self.kind.downward;
         self.prescale = 0;
@@ -164,7 +164,8 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // Ends of the range since here, to leave out whole periods once everything that repeats has happened.
+        // The variable counts the ends of the range since the start. Once everything that repeats has happened, whole
+        // periods are skipped.
         let mut ends = 0;
         loop {
             let step = u64::from(self.psc_now) + 1;
@@ -189,7 +190,7 @@ impl Tim {
             }
             if at_end {
                 ends += 1;
-                // A channel may toggle, so the flags and levels come again after two rounds of the repetition counter.
+                // A channel may toggle, so flags and levels repeat only after two rounds of the repetition counter.
                 let rounds = 2 * (u64::from(self.rcr) + 1);
                 if ends > 2 * rounds {
                     let arr = u64::from(self.arr_now);
@@ -206,7 +207,7 @@ impl Tim {
         if self.div == 1 { now } else { now / self.div }
     }
 
-    /// Works out when something happens next that can be seen.
+    /// Finds when something visible happens next.
     pub(super) fn plan(&mut self) {
         self.plan_counter();
         for end in self.dead_until {

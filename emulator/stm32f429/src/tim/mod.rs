@@ -11,20 +11,19 @@
 //! | `outputs` | `CCxE`, `CCxP`, `CCxNE`, `CCxNP`, `MOE` | 17.3.11 |
 //! | `outputs` | break input: flag, `MOE` cleared, `AOE` | 17.3.12 |
 //! | `outputs` | dead time (`DTG`, `CKD`) after each edge of a reference with both outputs enabled | 17.3.11 |
-//! | `registers` | what each register keeps and does; DMA bursts through `DCR` and `DMAR` | 17.4, 18.4, 19.4, 20.4 |
+//! | `registers` | what each register stores and does; DMA bursts through `DCR` and `DMAR` | 17.4, 18.4, 19.4, 20.4 |
 //!
 //! **Left out, each a finding when it is set up:** the commutation event (`CCPC`, `COMG`), the external clear of a
 //! reference (`OCxCE`), the option registers, the gated mode on another timer's trigger, `LOCK`. No dead time passes
-//! before the outputs take their idle levels.
-//! The input filters are taken as off.
+//! before the outputs take their idle levels. The input filters are taken as off.
 //!
 //! # Time
 //!
-//! The counter is not stepped: its value follows from the timer clock cycles since it was last looked at. Only what
-//! something can see (an interrupt, a DMA request, a pin, another timer) is an event at its own cycle; flags that are
-//! merely polled are brought up to date when they are read. A compare flag rises in the timer clock cycle in which the
-//! counter takes the compare value. A compare value written equal to the counter matches when the counter next takes
-//! it.
+//! The counter is not stepped: its value is computed from the timer clock cycles since the last access. Only what
+//! others can see (an interrupt, a DMA request, a pin, another timer) is an event at its own cycle. Flags that are only
+//! polled are brought up to date when they are read. A compare flag rises in the timer clock cycle in which the counter
+//! takes the compare value. If software writes a compare value that equals the counter, it matches when the counter
+//! next takes that value.
 
 mod capture;
 mod compare;
@@ -48,9 +47,9 @@ const URS: u32 = 1 << 2;
 const OPM: u32 = 1 << 3;
 const DIR: u32 = 1 << 4;
 const ARPE: u32 = 1 << 7;
-/// CR2.CCDS: channels ask the DMA at the update.
+/// CR2.CCDS: channels make their DMA requests at the update.
 const CCDS: u32 = 1 << 3;
-/// CR2.TI1S: the exclusive or of three pins is the first input.
+/// CR2.TI1S: the first input is the exclusive or of three pins.
 const TI1S: u32 = 1 << 7;
 const UIF: u32 = 1 << 0;
 const TIF: u32 = 1 << 6;
@@ -66,34 +65,34 @@ const ECE: u32 = 1 << 14;
 /// SMCR.ETP: the external trigger is inverted.
 const ETP: u32 = 1 << 15;
 
-/// Interrupt outputs of TIM1 and TIM8, see [`Peripheral::irq`]; the other timers have one line.
+/// The interrupt outputs of TIM1 and TIM8, see [`Peripheral::irq`]. The other timers have one output.
 const IRQ_BREAK: u32 = 1 << 0;
 const IRQ_UPDATE: u32 = 1 << 1;
 const IRQ_TRIGGER: u32 = 1 << 2;
 const IRQ_CHANNELS: u32 = 1 << 3;
 
-/// DMA requests, see [`Peripheral::dma`]; channel n's is bit n (1 to 4).
+/// The DMA requests, see [`Peripheral::dma`]. Channel n has bit n (1 to 4).
 const DMA_UPDATE: u32 = 1 << 0;
 const DMA_TRIGGER: u32 = 1 << 5;
 
-/// Index of the external trigger among a timer's inputs; 0 to 3 are channels 1 to 4.
+/// The index of the external trigger among a timer's inputs. 0 to 3 are channels 1 to 4.
 const INPUT_ETR: usize = 4;
-/// Index of the break input.
+/// The index of the break input.
 const INPUT_BREAK: usize = 5;
 
-/// What one of the fourteen timers has.
+/// The features of one of the fourteen timers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Kind {
-    /// 1 to 14.
+    /// The timer's number, 1 to 14.
     number: u8,
     channels: u8,
-    /// The largest count: 16 or 32 ones.
+    /// The largest count, which has 16 or 32 one bits.
     largest: u32,
-    /// TIM1 and TIM8: repetition, break, complementary outputs.
+    /// Whether the timer has repetition, break and complementary outputs, as TIM1 and TIM8 do.
     advanced: bool,
-    /// Counts down and centre-aligned.
+    /// Whether the timer counts down and centre-aligned.
     downward: bool,
-    /// Slave mode controller.
+    /// Whether the timer has a slave mode controller.
     slave: bool,
 }
 
@@ -131,7 +130,7 @@ pub(crate) struct Tim {
     bdtr: u32,
     dcr: u32,
     or: u32,
-    /// What was written; the values in force are below.
+    /// The register values as written. The values in force follow below.
     psc: u32,
     arr: u32,
     rcr: u32,
@@ -139,44 +138,45 @@ pub(crate) struct Tim {
     psc_now: u32,
     arr_now: u32,
     ccr_now: [u32; 4],
-    /// Overflows left before the next update.
+    /// The number of overflows left before the next update.
     repeat: u32,
 
-    /// Core cycles of a timer clock cycle.
+    /// The core cycles of one timer clock cycle.
     div: u64,
-    /// The timer clock cycle up to which the counter below is right.
+    /// The timer clock cycle for which the counter below is right.
     tick: u64,
-    /// Clocks since the last count.
+    /// The number of timer clocks since the last count.
     prescale: u32,
     cnt: u32,
     down: bool,
     /// The reference of each channel, OCxREF.
     reference: [bool; 4],
-    /// Levels of the inputs: channels 1 to 4, ETR, break.
+    /// The levels of the inputs: channels 1 to 4, ETR, break.
     inputs: [bool; 6],
-    /// The trigger input is high (gated mode).
+    /// Whether the trigger input is high (gated mode).
     gate: bool,
-    /// Edges seen by the input prescalers, and by the one of ETR.
+    /// The edges counted by the input prescalers, and by that of ETR.
     edges: [u8; 5],
     requests: u32,
-    /// Transfers left of a DMA burst, and the next register of one.
+    /// The number of transfers left in a DMA burst, and the next register of the burst.
     burst_left: u32,
     burst_next: u32,
-    /// Rising edges of the trigger output, and its level in the modes that are levels, not told yet.
+    /// Rising edges of the trigger output, or its level in the modes that have one, that were not reported yet.
     trigger_pulses: u8,
     trigger_level: bool,
-    /// What was told last.
+    /// The outputs, references and trigger level that were last reported.
     told: Outputs,
     told_references: u8,
     told_level: bool,
-    /// When the dead time of each complementary pair ends, `NEVER` where none runs; and the references it last saw.
+    /// The cycle at which the dead time of each complementary pair ends, `NEVER` where none runs; and the references
+    /// for which it was last computed.
     dead_until: [Cycle; 3],
     dead_references: u8,
     due: Cycle,
 }
 
 impl Tim {
-    /// TIM`number`.
+    /// Makes TIM`number`.
     pub(crate) fn new(number: u8) -> Self {
         let kind = Kind::of(number);
         Self {
@@ -275,7 +275,7 @@ impl Tim {
         !self.is_input(channel) && self.ccer >> (4 * channel) & 5 != 0
     }
 
-    /// A DMA request rises; a burst of it begins anew.
+    /// Raises a DMA request, whose burst begins anew.
     #[inline]
     fn request(&mut self, line: u32) {
         self.requests |= line;
@@ -342,7 +342,7 @@ impl Peripheral for Tim {
 
     fn clocks_changed(&mut self, _: &Clocks, cx: &mut Cx) {
         self.sync(cx.now);
-        // A counter that has just been enabled is a clock ahead.
+        // A counter that has just been enabled starts one clock later, which has to be preserved.
         let ahead = self.tick - self.ticks(cx.now);
         self.div = u64::from(if matches!(self.kind.number, 1 | 8..=11) { cx.clocks.tim2 } else { cx.clocks.tim1 });
         self.tick = self.ticks(cx.now) + ahead;
@@ -370,7 +370,7 @@ impl Peripheral for Tim {
 
     fn trigger(&mut self, trigger: Trigger, cx: &mut Cx) {
         if trigger == Trigger::ClockFailure {
-            // BKE lets the break pin and the clock security system through (17.4.18).
+            // BKE enables both the break pin and the clock security system (17.4.18).
             if self.kind.advanced && self.bdtr & BKE != 0 {
                 self.sync(cx.now);
                 self.bdtr &= !MOE;

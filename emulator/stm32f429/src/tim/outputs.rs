@@ -1,19 +1,19 @@
-//! The outputs of the channels and of their complements: enables, polarities, idle levels, break and dead time (RM0090
+//! The outputs of channels and their complements: enables, polarities, idle levels, break and dead time (RM0090
 //! 17.3.11, 17.3.12, table 95, `TIMx_BDTR` in 17.4.18).
 
 use super::*;
 
-/// The outputs as signals, in the order of [`Outputs`]' bits.
+/// The outputs as signals, in the order of the bits of [`Outputs`].
 const OUTPUT_PINS: [TimPin; 7] =
     [TimPin::Ch1, TimPin::Ch2, TimPin::Ch3, TimPin::Ch4, TimPin::Ch1N, TimPin::Ch2N, TimPin::Ch3N];
 
-/// What drives the outputs of a timer: bits 0 to 3 are channels 1 to 4, bits 4 to 6 the complementary outputs of
-/// channels 1 to 3.
+/// The state of a timer's outputs: bits 0 to 3 are channels 1 to 4, bits 4 to 6 the complementary outputs of channels 1
+/// to 3.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outputs {
-    /// The outputs that are driven.
+    /// The outputs that the timer drives.
     driven: u8,
-    /// Their levels.
+    /// The levels of these outputs.
     levels: u8,
 }
 
@@ -29,7 +29,7 @@ impl Tim {
         }
     }
 
-    /// The dead time in core cycles, 17.4.18: DTG in steps of the clock that CKD divides.
+    /// The dead time in core cycles, 17.4.18: DTG counts steps of the clock that CKD divides.
     fn dead_time(&self) -> u64 {
         let dtg = u64::from(self.bdtr & 0xFF);
         let steps = match dtg >> 5 {
@@ -41,7 +41,8 @@ impl Tim {
         (steps << (self.cr1 >> 8 & 3).min(2)) * self.div
     }
 
-    /// An edge of a reference switches off the output that was on at once, and holds back the other one.
+    /// Starts a dead time at each edge of a reference: the output that was on goes off at once, and the other one goes
+    /// on after the dead time.
     fn follow_dead_time(&mut self, now: Cycle) {
         let time = self.dead_time();
         for channel in 0..3 {
@@ -60,7 +61,7 @@ impl Tim {
         }
     }
 
-    /// What the timer drives now.
+    /// The outputs that the timer drives now, with their levels.
     fn outputs(&self) -> Outputs {
         let mut out = Outputs::default();
         if self.kind.channels == 0 || self.ccer & 0x5555 == 0 {
@@ -77,14 +78,15 @@ impl Tim {
             if bits & 1 != 0 {
                 let active = reference && !dead;
                 let level = if idle { self.cr2 >> (8 + 2 * channel) & 1 != 0 } else { active != (bits & 2 != 0) };
-                // With MOE off the output is driven only where OSSI keeps it.
+                // With MOE clear, the timer drives an output only if OSSI is set.
                 if !idle || self.bdtr & 1 << 10 != 0 {
                     out.driven |= 1 << channel;
                     out.levels |= u8::from(level) << channel;
                 }
             }
             if self.kind.advanced && channel < 3 && bits & 4 != 0 {
-                // Alone it carries the reference, beside its channel the complement (table 95).
+                // The complementary output alone carries the reference. Together with its channel it carries the
+                // complement (table 95).
                 let source = if bits & 1 != 0 { !reference } else { reference };
                 let active = source && !dead;
                 let level = if idle { self.cr2 >> (9 + 2 * channel) & 1 != 0 } else { active != (bits & 8 != 0) };
@@ -97,7 +99,7 @@ impl Tim {
         out
     }
 
-    /// Tells what changed on the outputs and the trigger output, and plans the next event.
+    /// Reports changes of the outputs and of the trigger output, and plans the next event.
     pub(super) fn finish(&mut self, cx: &mut Cx) {
         if self.kind.advanced {
             self.follow_dead_time(cx.now);

@@ -1,4 +1,4 @@
-//! The timers against their manual's figures.
+//! Tests of the timers against the manual's figures.
 
 use super::*;
 use crate::rig::Rig;
@@ -25,8 +25,8 @@ fn rig(number: u8) -> Rig<Tim> {
     Rig::new(Tim::new(number))
 }
 
-/// The cycles up to `to` at which the interrupt output was found high, and the enabled flags; all are cleared each
-/// time. (A channel that is left alone matches zero, so its flag rises too.)
+/// The cycles up to `to` at which the interrupt output was high, and the enabled flags that were set; each time all
+/// flags are cleared. (An unused channel has the compare value zero, so its flag rises too.)
 fn interrupts(rig: &mut Rig<Tim>, to: Cycle) -> Vec<(Cycle, u32)> {
     let mut seen = Vec::new();
     while rig.instance.due() <= to {
@@ -49,7 +49,7 @@ fn between_the_outputs_of_a_pair_both_are_off_for_the_dead_time() {
     rig.write(CCR1, 50);
     rig.write(CCMR1, 6 << 4);
     rig.write(CCER, 5);
-    // DTG 10, at twice the timer's clock (CKD): 20 cycles.
+    // DTG is 10 steps of two timer clocks each (CKD), which is 20 cycles.
     rig.write(BDTR, MOE | 10);
     rig.write(EGR, 1);
     rig.out.outputs.clear();
@@ -225,7 +225,7 @@ fn an_advanced_timer_drives_nothing_without_its_main_output_enable() {
     assert!(rig.out.outputs.is_empty());
     rig.write(BDTR, MOE);
     let driven: Vec<_> = rig.out.outputs.iter().map(|&(_, signal, level)| (signal, level)).collect();
-    // 99 counts on: 9.
+    // 99 counts later the counter is at 9.
     let pins = [(TimPin::Ch1, false), (TimPin::Ch1N, true)];
     assert_eq!(driven, pins.map(|(pin, level)| (Signal::Tim(1, pin), Some(level))));
 }
@@ -325,7 +325,7 @@ fn an_update_request_stays_until_the_dma_has_served_it_and_a_burst_as_often_as_i
     assert_eq!((rig.read(CCR1), rig.read(CCR2)), (7, 8));
 }
 
-/// What of a timer follows from the time.
+/// The state of a timer that depends on the time.
 fn state(rig: &mut Rig<Tim>) -> (u32, u32, [bool; 4], u32, u32, u32) {
     let status = rig.read(SR);
     let timer = &rig.instance;
@@ -364,7 +364,7 @@ proptest::proptest! {
         rig.write(SR, 0);
         rig.write(CR1, control & 0x7E | CEN);
         rig.run(later.2);
-        // The preload of these may wait for an update.
+        // Preloaded values of these registers may wait for an update.
         rig.write(PSC, later.0);
         rig.write(ARR, later.1);
         let mut stepped = rig.clone();

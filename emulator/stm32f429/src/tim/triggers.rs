@@ -1,10 +1,10 @@
-//! What makes a timer follow something else than its own clock: the slave modes, the encoder, the external clocks
-//! (RM0090 17.3.16, 17.3.20, `TIMx_SMCR` in 17.4.3), and the trigger output.
+//! How a timer follows anything but its own clock: the slave modes, the encoder, the external clocks (RM0090 17.3.16,
+//! 17.3.20, `TIMx_SMCR` in 17.4.3); and the trigger output.
 
 use super::*;
 
-/// The timers whose trigger outputs are a timer's ITR0 to ITR3 (RM0090 tables 93, 97, 100 and 101). TIM10, TIM11, TIM13
-/// and TIM14 give the level of their channel.
+/// The timers whose trigger outputs are ITR0 to ITR3 of a timer (RM0090 tables 93, 97, 100 and 101). TIM10, TIM11,
+/// TIM13 and TIM14 provide the level of their channel.
 pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
     Some(match number {
         1 => [5, 2, 3, 4],
@@ -20,7 +20,7 @@ pub(super) const fn internal_triggers(number: u8) -> Option<[u8; 4]> {
 }
 
 impl Tim {
-    /// One line of the encoder changed (table 98 "Counting direction versus encoder signals").
+    /// Handles a change of one encoder line (table 98, "Counting direction versus encoder signals").
     pub(super) fn encoder(&mut self, line: usize) {
         if self.cr1 & CEN == 0 {
             return;
@@ -42,7 +42,7 @@ impl Tim {
         self.pulse();
     }
 
-    /// One clock from outside: through the prescaler.
+    /// Counts one external clock, through the prescaler.
     fn pulse(&mut self) {
         if self.cr1 & CEN == 0 {
             return;
@@ -54,7 +54,7 @@ impl Tim {
         }
     }
 
-    /// The external trigger pin: polarity, prescaler, external clock mode 2.
+    /// Handles the external trigger pin: polarity, prescaler, external clock mode 2.
     pub(super) fn external(&mut self, level: bool, now: Cycle) {
         let level = level != (self.smcr & ETP != 0);
         if level {
@@ -72,7 +72,7 @@ impl Tim {
         }
     }
 
-    /// The trigger input went to `level`.
+    /// Handles a change of the trigger input to `level`.
     pub(super) fn trigger_edge(&mut self, level: bool, now: Cycle) {
         if !self.kind.slave {
             return;
@@ -117,8 +117,7 @@ impl Tim {
     pub(super) fn start(&mut self, now: Cycle) {
         if self.cr1 & CEN == 0 {
             self.cr1 |= CEN;
-            // CNT_EN follows CEN by one timer clock (17.3.4).
-            // The prescaler's counter goes on where it stood.
+            // CNT_EN follows CEN by one timer clock (17.3.4). The prescaler continues from its present count.
             self.tick = self.ticks(now) + 1;
             self.trigger_enable();
         }

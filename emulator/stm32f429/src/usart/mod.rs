@@ -3,23 +3,23 @@
 //! | Module | Covered | Manual |
 //! |---|---|---|
 //! | this one | Baud rate from `BRR` and `OVER8`, 8 and 9 bits, parity, 0.5 to 2 stop bits | 30.3.2 to 30.3.4, 30.3.7 |
-//! | `transmitter` | `TXE`, `TC` with both ways to clear it, the idle frame that `TE` sends | 30.3.2 |
+//! | `transmitter` | `TXE`, `TC` with both ways of clearing it, the idle frame that `TE` sends | 30.3.2 |
 //! | `receiver` | three samples or `ONEBIT`; `RXNE`, `NF`, `FE`, `PE`, `ORE`, `IDLE`, clearing sequences | 30.3.3 |
 //! | this one | Half duplex, DMA requests, interrupts | 30.3.10, 30.3.13, 30.4 |
 //!
 //! **Left out, each a finding when it is used:** LIN, smartcard, IrDA, the synchronous clock, the mute mode, RTS and
-//! CTS, sending a break. A level that is driven onto RX without being a frame is not seen.
+//! CTS, sending a break. The receiver ignores a level on RX that is not part of a frame.
 //!
 //! # Reception
 //!
-//! A frame from outside is a waveform, which the receiver samples at instants of its own: from the start bit's falling
-//! edge on at the 8th, 9th and 10th sixteenth of each of its bits (OVER8: 4th to 6th eighth). Another baud rate, parity
-//! or length on the line thus gives the bytes and the flags that it gives on silicon. A byte is there at the last
-//! sample of its stop bit. After that the receiver looks for the next falling edge. What it samples later than the last
-//! frame it was told of is an idle line.
+//! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the falling edge of
+//! the start bit: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). Another baud rate, parity or length on
+//! the line therefore gives the bytes and flags that it gives on silicon. A byte is available at the last sample of its
+//! stop bit. After that the receiver looks for the next falling edge. After the last frame that it got, it samples an
+//! idle line.
 //!
-//! `IDLE` rises a whole frame and a bit after the end of the last stop bit: the bit is ours, so that a frame that is
-//! told of at its end is in time.
+//! `IDLE` rises a whole frame and one bit after the end of the last stop bit. The extra bit is this model's, so that a
+//! frame that the receiver gets only at the frame's end comes in time.
 
 mod receiver;
 #[cfg(test)]
@@ -70,25 +70,25 @@ const RTSE: u32 = 1 << 8;
 const CTSE: u32 = 1 << 9;
 const ONEBIT: u32 = 1 << 11;
 
-/// Fractional bits of a length in cycles.
+/// The number of fractional bits in a length in cycles.
 const FRACTION: u32 = 12;
 
 /// A frame on the receiver's line.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
     begins: Cycle,
-    /// The end of its stop bits.
+    /// The cycle at which the frame's stop bits end.
     ends: Cycle,
-    /// Length of a bit in cycles, with [`FRACTION`] bits behind the point.
+    /// The length of a bit in cycles, with [`FRACTION`] fractional bits.
     bit: u64,
-    /// The levels of its bits, start bit first at bit 0; all that follow are ones.
+    /// The levels of the frame's bits, with the start bit at bit 0. All bits after the frame are ones.
     levels: u32,
 }
 
-/// What the transmitter shifts out.
+/// The frame that the transmitter shifts out.
 #[derive(Clone, Copy, Debug)]
 struct Sending {
-    /// `None`: an idle frame.
+    /// The frame's data, `None` for an idle frame.
     data: Option<u16>,
     ends: Cycle,
 }
@@ -105,29 +105,29 @@ pub(crate) struct Usart {
     gtpr: u32,
     tdr: u16,
     rdr: u16,
-    /// The flags that the last read of SR showed: what the read or write of DR that follows clears.
+    /// The flags that the last read of SR returned. The next read or write of DR clears these.
     shown: u32,
-    /// Core cycles of a PCLK cycle, and of a bit; 0 where BRR is no baud rate.
+    /// The core cycles of a PCLK cycle and of a bit; the latter is 0 if BRR gives no baud rate.
     pclk: u32,
     bit: u64,
-    /// A bit in picoseconds, 0 while it is not known.
+    /// The length of a bit in picoseconds, 0 while it is not known.
     bit_ps: u64,
     sending: Option<Sending>,
-    /// What is on the line, oldest first.
+    /// The frames on the line, oldest first.
     waves: VecDeque<Wave>,
-    /// The bit length of the last wave in picoseconds and in cycles: the conversion is slow.
+    /// The bit length of the last wave, in picoseconds and in cycles. It is kept since the conversion is slow.
     known_bit: (u64, u64),
-    /// The start bit's edge of the frame being received.
+    /// The cycle of the start bit's edge of the frame that is being received.
     receiving: Option<Cycle>,
-    /// No start bit is recognised before this.
+    /// The cycle before which no start bit is recognised.
     look_from: Cycle,
-    /// When the line will have been idle for a frame.
+    /// The cycle at which the line will have been idle for a frame.
     idle_at: Cycle,
     due: Cycle,
 }
 
 impl Usart {
-    /// USART`number` or UART`number`.
+    /// Makes USART`number` or UART`number`.
     pub(crate) fn new(number: u8) -> Self {
         Self {
             number,
@@ -157,13 +157,13 @@ impl Usart {
         self.cr1 & (UE | enable) == UE | enable && self.bit != 0
     }
 
-    /// Whether a frame with data is under way. M must not change then (RM0090 30.6.4); the idle frame that `TE` sends
-    /// is no data, and what is set up during it holds for the first frame behind it.
+    /// Whether a frame with data is being sent, during which M must not change (RM0090 30.6.4). The idle frame that
+    /// `TE` sends does not count, and settings made during it hold for the first frame after it.
     fn sends_data(&self) -> bool {
         self.sending.is_some_and(|sending| sending.data.is_some())
     }
 
-    /// Bits between the start and the stop, parity included.
+    /// The number of bits between start and stop bit, parity included.
     fn data_bits(&self) -> u32 {
         if self.cr1 & M != 0 { 9 } else { 8 }
     }
@@ -179,7 +179,7 @@ impl Usart {
 
     fn set_bit(&mut self) {
         let divider = if self.cr1 & OVER8 != 0 { (self.brr >> 4) * 8 + (self.brr & 7) } else { self.brr };
-        // Below 1.0 in USARTDIV the generator gives nothing (30.3.4).
+        // With USARTDIV below 1.0 the generator gives no clock (30.3.4).
         let least = if self.cr1 & OVER8 != 0 { 8 } else { 16 };
         self.bit = if divider < least { 0 } else { u64::from(divider) * u64::from(self.pclk) };
         self.bit_ps = 0;
@@ -208,14 +208,14 @@ impl Usart {
         self.switched(before, cx);
     }
 
-    /// What follows from the transmitter or the receiver being switched on or off.
+    /// Handles the switching on or off of the transmitter or the receiver.
     fn switched(&mut self, before: (bool, bool), cx: &mut Cx) {
         let (sends, receives) = (self.is_on(TE), self.is_on(RE));
         if sends != before.0 {
             let drives = sends && self.cr3 & HDSEL == 0;
             cx.output(Signal::Uart(self.number, UartPin::Tx), drives.then_some(true));
             if sends {
-                // TE sends an idle frame first (30.3.2).
+                // The transmitter first sends an idle frame (30.3.2).
                 self.sending = Some(Sending { data: None, ends: cx.now + self.frame_cycles() });
             } else if let Some(Sending { data: Some(_), .. }) = self.sending.take() {
                 cx.find(FindingKind::Misuse, "the transmitter was disabled while it sent: the frame is lost");
@@ -262,7 +262,7 @@ impl Peripheral for Usart {
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx) {
         let value = crate::lanes(width, value);
         match offset & !3 {
-            // Written zeros clear CTS, LBD, TC and RXNE, the rest is read-only.
+            // Written zeros clear CTS, LBD, TC and RXNE. The other flags are read-only.
             0x00 => self.sr &= value | !(RXNE | TC | 0x300),
             0x04 => {
                 self.tdr = value as u16 & 0x1FF;
@@ -359,7 +359,7 @@ impl Peripheral for Usart {
         {
             sending.ends = cx.now + sending.ends.saturating_sub(cx.now) * self.bit / was;
         }
-        // The line goes on in its own time, of which core cycles are now a different number.
+        // The line keeps its timing in seconds, which is now another number of core cycles.
         let (new_hz, old_hz) = (u128::from(cx.clocks.hclk_hz), u128::from(old.hclk_hz.max(1)));
         let scaled = |cycles: u64| (u128::from(cycles) * new_hz / old_hz) as u64;
         let moved = |at: Cycle| {

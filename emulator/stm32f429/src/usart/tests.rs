@@ -1,4 +1,4 @@
-//! Both directions against the manual, and the receiver against senders that are off.
+//! Tests of transmission and reception against the manual, also with senders whose baud rate is off.
 
 use super::*;
 use crate::rig::Rig;
@@ -9,13 +9,13 @@ const BRR: u32 = 0x08;
 const CR1: u32 = 0x0C;
 const CR3: u32 = 0x14;
 
-/// A receiver and transmitter at 115 107.9 baud of 16 MHz: 139 cycles a bit.
+/// Makes a USART that sends and receives at 115 107.9 baud from 16 MHz: 139 cycles a bit.
 fn rig() -> Rig<Usart> {
     let mut rig = Rig::new(Usart::new(4));
     rig.connect(Signal::Uart(4, UartPin::Tx), 0, 0);
     rig.write(BRR, 139);
     rig.write(CR1, UE | RE | TE);
-    // The idle frame that TE sends.
+    // The USART first sends the idle frame of TE.
     rig.run(1390);
     rig
 }
@@ -164,7 +164,8 @@ fn the_first_byte_waits_for_the_idle_frame_that_enabling_the_transmitter_sends()
     assert_eq!(rig.lines.uart[0].0, 320);
 }
 
-/// The idle frame that `TE` sends is no data, so what is set up during it is in time; during a frame it is not.
+/// Settings made during the idle frame that `TE` sends are in time, since that frame is no data. Settings made during a
+/// data frame are not.
 #[test]
 fn length_and_baud_rate_may_change_during_the_idle_frame_and_not_during_data() {
     let changes = [(CR1, UE | TE | M), (CR1, UE | TE | OVER8), (BRR, 32)];
@@ -229,7 +230,7 @@ fn what_the_reference_sampling_gives_is_what_the_short_way_gives() {
             let mut rig = rig();
             tell(&mut rig, 2000, &UartFrame::eight_n_one(data, baud));
             let short = rig.instance.sampled(2000);
-            // A second wave in the way of the last sample takes the short way away.
+            // A second wave near the last sample prevents the receiver's short way.
             let blank = Wave { begins: 2000, ends: 2000, bit: 1, levels: u32::MAX };
             rig.instance.waves.push_back(blank);
             assert_eq!(rig.instance.sampled(2000), short, "{baud} {data:#x}");

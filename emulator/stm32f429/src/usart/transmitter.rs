@@ -3,7 +3,7 @@
 use super::*;
 
 impl Usart {
-    /// Length of a frame that is sent, in cycles.
+    /// The length of a sent frame in cycles.
     pub(super) fn frame_cycles(&self) -> u64 {
         (self.bit * (2 * (1 + u64::from(self.data_bits())) + u64::from(self.stop_halves()))) / 2
     }
@@ -17,14 +17,14 @@ impl Usart {
         let ends = from + self.frame_cycles();
         self.sending = Some(Sending { data: Some(self.tdr), ends });
         if self.cr3 & HDSEL != 0 && self.is_on(RE) {
-            // The receiver hears what is sent.
+            // In half duplex the receiver receives what is sent.
             let levels = self.levels(self.tdr);
             self.waves.push_back(Wave { begins: from, ends, bit: self.bit << FRACTION, levels });
             self.find_start();
         }
     }
 
-    /// The bits between start and stop with the parity that is set up.
+    /// The bits between start and stop bit, with the configured parity.
     fn with_parity(&self, data: u16) -> u16 {
         let bits = self.data_bits();
         let mask = (1_u16 << bits) - 1;

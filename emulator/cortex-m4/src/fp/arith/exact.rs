@@ -1,7 +1,7 @@
-//! The manual's floating-point functions in integer arithmetic: every operand, mode and flag.
+//! The manual's floating-point functions in integer arithmetic, for all operands, rounding modes and flags.
 //!
-//! A finite number that is not zero is a sign, a mantissa and a power of two. Sums and products are held exactly in
-//! 128 bits, or, where the operands are too far apart for that, with a lowest bit that stands for everything below it.
+//! A finite number that is not zero is a sign, a mantissa and a power of two. Sums and products are held exactly in 128
+//! bits. Where the operands are too far apart for that, the lowest bit stands for everything below it.
 
 use std::cmp::Ordering;
 
@@ -10,7 +10,7 @@ use super::{AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, RMODE_SHIFT, S
 /// The default NaN.
 const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const INFINITY: u32 = 0x7F80_0000;
-/// The highest bit of a NaN's fraction: set in a quiet one.
+/// The highest bit of a NaN's fraction, which is set in a quiet NaN.
 const QUIET: u32 = 0x0040_0000;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -22,11 +22,11 @@ enum Class {
     SignallingNan,
 }
 
-/// FPUnpack. A finite number that is not zero is `mantissa` times two to the power of `exponent`.
+/// An unpacked number (FPUnpack). A finite number that is not zero is `mantissa` times two to the power of `exponent`.
 #[derive(Clone, Copy)]
 struct Unpacked {
     class: Class,
-    /// `SIGN` or 0.
+    /// The sign: `SIGN` for a negative number, else 0.
     sign: u32,
     exponent: i32,
     mantissa: u32,
@@ -37,7 +37,7 @@ impl Unpacked {
         matches!(self.class, Class::QuietNan | Class::SignallingNan)
     }
 
-    /// With a mantissa of exactly 24 bits.
+    /// Shifts the mantissa until it has exactly 24 bits.
     fn normalized(self) -> Self {
         let shift = self.mantissa.leading_zeros() - 8;
         Self { exponent: self.exponent - shift as i32, mantissa: self.mantissa << shift, ..self }
@@ -63,7 +63,8 @@ fn unpack(a: u32, fpscr: &mut u32) -> Unpacked {
     Unpacked { class, sign, exponent, mantissa }
 }
 
-/// FPProcessNaNs and FPProcessNaNs3: the first signalling NaN, else the first quiet one, made quiet or the default NaN.
+/// Selects the NaN of a result (FPProcessNaNs and FPProcessNaNs3): the first signalling NaN, else the first quiet one.
+/// The NaN is made quiet, or becomes the default NaN if FPSCR asks for it.
 fn process_nans(operands: &[(u32, Unpacked)], fpscr: &mut u32) -> Option<u32> {
     let signalling = operands.iter().find(|(_, unpacked)| unpacked.class == Class::SignallingNan);
     if signalling.is_some() {
@@ -78,7 +79,7 @@ fn invalid(fpscr: &mut u32) -> u32 {
     DEFAULT_NAN
 }
 
-/// The sign of an exact zero that is the sum of numbers of opposite signs.
+/// The sign of an exact zero that is the sum of two numbers of opposite signs.
 fn sign_of_zero_sum(fpscr: u32) -> u32 {
     if fpscr & RMODE == 2 << RMODE_SHIFT { SIGN } else { 0 }
 }
@@ -94,8 +95,8 @@ struct Format {
 const SINGLE: Format = Format { minimum_exponent: -126, exponent_bits: 8, fraction_bits: 23 };
 const HALF: Format = Format { minimum_exponent: -14, exponent_bits: 5, fraction_bits: 10 };
 
-/// Splits `mantissa` at `shift` (the bits below it are dropped) and compares what was dropped with half a unit:
-/// `None` for nothing dropped.
+/// Splits `mantissa` at bit `shift`. Returns the upper part, and how the dropped bits below compare with half a unit:
+/// `None` if they are all zero.
 fn split(mantissa: u128, shift: i32) -> (u128, Option<Ordering>) {
     if shift <= 0 {
         return (mantissa << -shift, None);
@@ -108,7 +109,7 @@ fn split(mantissa: u128, shift: i32) -> (u128, Option<Ordering>) {
     (mantissa >> shift, (dropped != 0).then(|| dropped.cmp(&half)))
 }
 
-/// Whether a magnitude is rounded up, in a rounding mode of FPSCR.
+/// Whether a magnitude is rounded up in the rounding mode `mode` of FPSCR.
 fn rounds_up(error: Option<Ordering>, odd: bool, sign: u32, mode: u32) -> bool {
     let Some(error) = error else { return false };
     match mode {
@@ -119,8 +120,8 @@ fn rounds_up(error: Option<Ordering>, odd: bool, sign: u32, mode: u32) -> bool {
     }
 }
 
-/// FPRound of `mantissa`, which is not zero, times two to the power of `exponent`. The sign is at bit 31 here and in
-/// the result's format there.
+/// Rounds `mantissa` times two to the power of `exponent` (FPRound). `mantissa` must not be zero. The argument `sign`
+/// has the sign at bit 31; the result has it where its format has it.
 fn round(sign: u32, exponent: i32, mantissa: u128, format: Format, fpscr: &mut u32) -> u32 {
     let half = format.exponent_bits == 5;
     let sign_bit = if half { sign >> 16 } else { sign };
@@ -167,7 +168,7 @@ fn round(sign: u32, exponent: i32, mantissa: u128, format: Format, fpscr: &mut u
     result
 }
 
-/// One term of a sum: a sign, a mantissa of at most 48 bits that may be zero, a power of two.
+/// One term of a sum: a sign, a mantissa of at most 48 bits that may be zero, and a power of two.
 #[derive(Clone, Copy)]
 struct Term {
     sign: u32,
@@ -175,18 +176,18 @@ struct Term {
     mantissa: u64,
 }
 
-/// The rounded sum of two finite terms that are not both zero with the same sign.
+/// Adds and rounds two finite terms, which must not both be zeros of the same sign.
 fn add_terms(a: Term, b: Term, fpscr: &mut u32) -> u32 {
-    // A zero's exponent says nothing, and must not push the other term down.
+    // A zero's exponent has no meaning, so it must not make the other term the lower one.
     let (high, low) = match (a.mantissa, b.mantissa) {
         (_, 0) => (a, Term { exponent: a.exponent, ..b }),
         (0, _) => (b, Term { exponent: b.exponent, ..a }),
         _ if a.exponent >= b.exponent => (a, b),
         _ => (b, a),
     };
-    // The higher term moves up by at most 70 bits: 118 in all. If they are further apart than that, the lower one
-    // moves down and its lowest bit collects what falls off. It is then some 20 bits below any bit that decides a
-    // rounding, since the higher term is at least 2^70 and the lower one less than 2^48.
+    // The higher term moves up by at most 70 bits, to 118 bits in all. If the terms are further apart than that, the
+    // lower one moves down, and its lowest bit collects what is shifted out. That bit is then some 20 bits below any
+    // bit that decides a rounding, since the higher term is at least 2^70 and the lower one less than 2^48.
     let distance = high.exponent - low.exponent;
     let up = distance.min(70);
     let down = distance - up;
@@ -201,7 +202,7 @@ fn add_terms(a: Term, b: Term, fpscr: &mut u32) -> u32 {
     round(if sum < 0 { SIGN } else { 0 }, high.exponent - up, sum.unsigned_abs(), SINGLE, fpscr)
 }
 
-/// FPAdd.
+/// Adds two numbers (FPAdd).
 pub(in crate::fp) fn add(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     let (x, y) = (unpack(a, fpscr), unpack(b, fpscr));
     if let Some(nan) = process_nans(&[(a, x), (b, y)], fpscr) {
@@ -210,7 +211,7 @@ pub(in crate::fp) fn add(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     add_numbers(x, y, fpscr)
 }
 
-/// FPSub.
+/// Subtracts two numbers (FPSub).
 pub(in crate::fp) fn subtract(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     let (x, y) = (unpack(a, fpscr), unpack(b, fpscr));
     if let Some(nan) = process_nans(&[(a, x), (b, y)], fpscr) {
@@ -233,7 +234,7 @@ fn add_numbers(x: Unpacked, y: Unpacked, fpscr: &mut u32) -> u32 {
     }
 }
 
-/// FPMul.
+/// Multiplies two numbers (FPMul).
 pub(in crate::fp) fn multiply(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     let (x, y) = (unpack(a, fpscr), unpack(b, fpscr));
     if let Some(nan) = process_nans(&[(a, x), (b, y)], fpscr) {
@@ -248,7 +249,7 @@ pub(in crate::fp) fn multiply(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     }
 }
 
-/// FPDiv.
+/// Divides two numbers (FPDiv).
 pub(in crate::fp) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
     let (x, y) = (unpack(a, fpscr), unpack(b, fpscr));
     if let Some(nan) = process_nans(&[(a, x), (b, y)], fpscr) {
@@ -267,14 +268,14 @@ pub(in crate::fp) fn divide(a: u32, b: u32, fpscr: &mut u32) -> u32 {
             let (x, y) = (x.normalized(), y.normalized());
             let dividend = u64::from(x.mantissa) << 40;
             let divisor = u64::from(y.mantissa);
-            // At least 40 bits, and one below them for the remainder.
+            // The quotient has at least 40 bits, and one more bit below them stands for the remainder.
             let quotient = (dividend / divisor) << 1 | u64::from(!dividend.is_multiple_of(divisor));
             round(sign, x.exponent - y.exponent - 41, quotient.into(), SINGLE, fpscr)
         }
     }
 }
 
-/// FPSqrt.
+/// Computes a square root (FPSqrt).
 pub(in crate::fp) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
     let x = unpack(a, fpscr);
     if let Some(nan) = process_nans(&[(a, x)], fpscr) {
@@ -286,7 +287,8 @@ pub(in crate::fp) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
         Class::Infinity => INFINITY,
         _ => {
             let x = x.normalized();
-            // An even exponent and 62 or 63 bits: the root has 31 or 32, and one below them for the remainder.
+            // The shift makes the exponent even and the mantissa 62 or 63 bits long. The root then has 31 or 32 bits,
+            // and one more bit below them stands for the remainder.
             let shift = 38 + (x.exponent & 1);
             let square = u64::from(x.mantissa) << shift;
             let root = square.isqrt();
@@ -296,12 +298,12 @@ pub(in crate::fp) fn square_root(a: u32, fpscr: &mut u32) -> u32 {
     }
 }
 
-/// FPMulAdd: `addend + a * b`.
+/// Computes `addend + a * b` (FPMulAdd).
 pub(in crate::fp) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) -> u32 {
     let (z, x, y) = (unpack(addend, fpscr), unpack(a, fpscr), unpack(b, fpscr));
     let nan = process_nans(&[(addend, z), (a, x), (b, y)], fpscr);
     let invalid_product = matches!((x.class, y.class), (Class::Infinity, Class::Zero) | (Class::Zero, Class::Infinity));
-    // An invalid product is one even beside a quiet NaN as addend.
+    // A product of infinity and zero is invalid even if the addend is a quiet NaN.
     if invalid_product && matches!(z.class, Class::QuietNan) {
         return invalid(fpscr);
     }
@@ -331,7 +333,7 @@ pub(in crate::fp) fn multiply_add(addend: u32, a: u32, b: u32, fpscr: &mut u32) 
     )
 }
 
-/// FPCompare: sets N, Z, C and V of FPSCR.
+/// Compares two numbers (FPCompare): sets N, Z, C and V of FPSCR.
 pub(in crate::fp) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     let (x, y) = (unpack(a, fpscr), unpack(b, fpscr));
     let flags = if x.is_nan() || y.is_nan() {
@@ -340,7 +342,7 @@ pub(in crate::fp) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
         }
         0b0011
     } else {
-        // The bits of numbers of one sign are in their order; a flushed operand counts as zero.
+        // The bit patterns of numbers of one sign have the order of their magnitudes. A flushed operand counts as zero.
         let ordered = |bits: u32, unpacked: Unpacked| {
             let magnitude = if unpacked.class == Class::Zero { 0 } else { (bits & !SIGN) as i32 };
             if unpacked.sign == 0 { magnitude } else { -magnitude }
@@ -354,7 +356,7 @@ pub(in crate::fp) fn compare(a: u32, b: u32, signals: bool, fpscr: &mut u32) {
     *fpscr = *fpscr & 0x0FFF_FFFF | flags << 28;
 }
 
-/// FPToFixed, then extended to 32 bits.
+/// Converts to an integer or a fixed-point number (FPToFixed), then extends it to 32 bits.
 pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpscr: &mut u32) -> u32 {
     let x = unpack(a, fpscr);
     let (least, most) = if target.unsigned {
@@ -374,7 +376,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
             *fpscr |= IOC;
             return limit as u32;
         }
-        // Out of range in any case, and further than 128 bits can be shifted.
+        // A number with such a large exponent is out of range in any case, and a shift by it would exceed 128 bits.
         Class::Finite if exponent > 64 => {
             *fpscr |= IOC;
             return limit as u32;
@@ -395,7 +397,7 @@ pub(in crate::fp) fn to_integer(a: u32, target: Integer, toward_zero: bool, fpsc
     value as u32
 }
 
-/// FixedToFP of the low bits of `a`.
+/// Converts the low bits of `a` from an integer or a fixed-point number (FixedToFP).
 pub(in crate::fp) fn from_integer(a: u32, source: Integer, to_nearest: bool, fpscr: &mut u32) -> u32 {
     let value = match (source.size, source.unsigned) {
         (16, true) => i64::from(a as u16),
@@ -413,14 +415,15 @@ pub(in crate::fp) fn from_integer(a: u32, source: Integer, to_nearest: bool, fps
     result
 }
 
-/// FPHalfToSingle. Denormal half-precision operands are never flushed.
+/// Converts from half precision (FPHalfToSingle). Denormal half-precision operands are never flushed.
 pub(in crate::fp) fn from_half(half: u16, fpscr: &mut u32) -> u32 {
     let sign = u32::from(half & 0x8000) << 16;
     let fraction = u32::from(half & 0x03FF);
     let biased = i32::from(half >> 10 & 0x1F);
     match (biased, fraction) {
         (0, 0) => sign,
-        // No rounding and no underflow: each half-precision number is a normal single-precision one.
+        // The conversion neither rounds nor underflows, since each half-precision number is a normal single-precision
+        // one.
         (0, _) => round(sign, -24, fraction.into(), SINGLE, fpscr),
         (31, 0) if *fpscr & AHP == 0 => sign | INFINITY,
         (31, _) if *fpscr & AHP == 0 => {
@@ -433,7 +436,7 @@ pub(in crate::fp) fn from_half(half: u16, fpscr: &mut u32) -> u32 {
     }
 }
 
-/// FPSingleToHalf.
+/// Converts to half precision (FPSingleToHalf).
 pub(in crate::fp) fn to_half(a: u32, fpscr: &mut u32) -> u16 {
     let x = unpack(a, fpscr);
     let alternative = *fpscr & AHP != 0;

@@ -1,23 +1,23 @@
-//! Results and flags of arithmetic on random operands.
+//! Tests of the results and flags of arithmetic on random operands.
 //!
-//! The truth about random operands is the host's: its `f32` operation rounds to nearest, and `f64` arithmetic that is
-//! exact for these operands tells on which side of that the exact result lies. From the two follow the result and the
-//! flags in each rounding mode, with flush-to-zero or without. Both ways in `arith`, the host's and the integer one,
-//! must give just that.
+//! The host computes the expected values. Its `f32` operation rounds to nearest, and `f64` arithmetic that is exact for
+//! these operands tells on which side of the rounded result the exact one lies. The result and the flags in each
+//! rounding mode, with or without flush-to-zero, follow from these two. Both ways in `arith`, the host's arithmetic and
+//! the integer one, must give exactly those.
 
 use std::cmp::Ordering;
 
 use super::{INFINITY, LEAST_NORMAL, MAXIMUM, ONE, QUIET, SIGNALLING, TO_MINUS, TO_PLUS};
 use crate::fp::arith::{self, AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, SIGN, UFC, exact};
 
-/// Cases of each random test: enough to meet each path many times, in a fraction of a second. `cargo test --release`
-/// runs more.
+/// The number of cases of each random test, which is enough to take each path many times in a fraction of a second.
+/// `cargo test --release` runs more.
 const CASES: u32 = if cfg!(debug_assertions) { 100_000 } else { 4_000_000 };
 
 type Unary = fn(u32, &mut u32) -> u32;
 type Binary = fn(u32, u32, &mut u32) -> u32;
 
-/// A generator of George Marsaglia's xorshift family, with a multiplication on top.
+/// A random generator of George Marsaglia's xorshift family, with a final multiplication.
 struct Random(u64);
 
 impl Random {
@@ -32,7 +32,8 @@ impl Random {
         (self.next() >> 32) % limit
     }
 
-    /// Any bits, numbers of close exponents with few or many bits, or an edge case with a bit or two off.
+    /// Draws an operand: any bits, or a number with an exponent close to others and few or many bits set, or an edge
+    /// case with a bit or two changed.
     fn operand(&mut self) -> u32 {
         const EDGES: [u32; 14] = [
             0,
@@ -63,7 +64,7 @@ impl Random {
         }
     }
 
-    /// An FPSCR: mostly nothing but flags.
+    /// Draws an FPSCR: zero, or some cumulative flags, or flags and modes.
     fn fpscr(&mut self) -> u32 {
         let bits = self.next() as u32;
         match self.below(4) {
@@ -74,21 +75,21 @@ impl Random {
     }
 }
 
-/// What the host knows of an exact result.
+/// What the host computes about an exact result.
 struct Truth {
     nearest: f32,
-    /// The exact result compared with `nearest`.
+    /// How the exact result compares with `nearest`.
     order: Ordering,
-    /// The exact magnitude is below the least normal number, and not zero.
+    /// Whether the exact magnitude is below the least normal number and not zero.
     tiny: bool,
-    /// The exact magnitude is 2^128 or more.
+    /// Whether the exact magnitude is 2^128 or more.
     huge: bool,
-    /// A sum of terms of opposite signs, whose zero has the sign of the rounding mode.
+    /// Whether the result is a sum of terms of opposite signs. The rounding mode decides the sign of such a zero.
     opposite: bool,
 }
 
 impl Truth {
-    /// The result and FPSCR afterwards.
+    /// The expected result and the expected FPSCR afterwards.
     fn expected(&self, fpscr: u32) -> (u32, u32) {
         let Self { nearest, order, .. } = *self;
         let mode = fpscr & RMODE;
@@ -122,7 +123,7 @@ impl Truth {
     }
 }
 
-/// `f64` sum and its error, as two numbers of which the second is smaller than the first's last bit.
+/// The `f64` sum and its rounding error. The error is smaller than the last bit of the sum.
 fn sum(a: f64, b: f64) -> (f64, f64) {
     let (large, small) = if a.abs() >= b.abs() { (a, b) } else { (b, a) };
     let sum = large + small;
@@ -135,7 +136,7 @@ fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
     let order = if order == Ordering::Equal { error.partial_cmp(&0.0).unwrap() } else { order };
     let least = f64::from(f32::MIN_POSITIVE);
     let limit = 2.0_f64.powi(128);
-    // The error decides where the rounded f64 sum is just the limit.
+    // Where the rounded f64 sum is exactly the limit, the rounding error decides.
     let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
     Truth {
         nearest,
@@ -159,7 +160,7 @@ fn finite(bits: u32) -> bool {
     f32::from_bits(bits).is_finite()
 }
 
-/// Random operands of a binary operation, against the host's truth where the operands are finite.
+/// Compares a binary operation on random operands with the host's result, where the operands are finite.
 fn check_binary(seed: u64, ways: [Binary; 2], truth: fn(f32, f32) -> Option<Truth>) {
     let mut random = Random(seed);
     for _ in 0..CASES {
@@ -200,7 +201,7 @@ fn quotients_of_random_numbers_are_the_hosts_in_each_mode() {
             return None;
         }
         let nearest = x / y;
-        // The quotient is above `nearest` where the dividend is above `nearest` times a positive divisor.
+        // The exact quotient is above `nearest` where the dividend is above `nearest` times a positive divisor.
         let order = if nearest.is_infinite() {
             if nearest > 0.0 { Ordering::Less } else { Ordering::Greater }
         } else {
@@ -362,7 +363,8 @@ fn conversions_of_random_integers_are_the_hosts_in_each_mode() {
     }
 }
 
-/// The magnitude of a half-precision number; that of the alternative format where all exponent bits are set.
+/// The magnitude of a half-precision number. Where all exponent bits are set, it is the magnitude in the alternative
+/// format.
 fn half_magnitude(half: u16) -> f64 {
     let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3FF));
     if exponent == 0 { fraction * 2.0_f64.powi(-24) } else { (1024.0 + fraction) * 2.0_f64.powi(exponent - 25) }
@@ -408,7 +410,8 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
         let flushed = flush(a, &mut fpscr);
         let x = f64::from(f32::from_bits(flushed & !SIGN));
         let alternative = before & AHP != 0;
-        // One more than the greatest finite number: the infinity, or what is out of the alternative format's range.
+        // The value `top` is one more than the greatest finite number: infinity in the IEEE format, or out of range in
+        // the alternative one.
         let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
         let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
         let (mut below, mut above) = (0, top);
@@ -449,7 +452,7 @@ fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
             fpscr |= IXC;
         }
         if before & IOC != 0 && alternative {
-            continue; // the flag that tells an invalid operation apart is set already
+            continue; // the flag that shows an invalid operation is already set
         }
         assert_eq!((result, after), ((flushed >> 16) as u16 & 0x8000 | expected, fpscr), "{a:08x} {before:08x}");
     }

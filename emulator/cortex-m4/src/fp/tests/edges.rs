@@ -1,5 +1,5 @@
-//! Results and flags of arithmetic on tables of edge cases: NaNs, infinities, zeros, overflow, underflow (ARM ARM
-//! A2.5).
+//! Tests of the results and flags of arithmetic on tables of edge cases: NaNs, infinities, zeros, overflow, underflow
+//! (ARM ARM A2.5).
 
 use super::{INFINITY, LEAST_NORMAL, MAXIMUM, ONE, QUIET, SIGNALLING, TO_MINUS, TO_PLUS};
 use crate::fp::arith::{self, AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE_SHIFT, SIGN, UFC};
@@ -10,7 +10,7 @@ const DEFAULT_NAN: u32 = 0x7FC0_0000;
 const OTHER_QUIET: u32 = 0x7FC5_4321;
 const OTHER_SIGNALLING: u32 = 0xFF85_4321;
 
-/// Operation, FPSCR before, result, FPSCR's bits that are new.
+/// An edge case: the operation, FPSCR before it, the result, and the bits of FPSCR that the operation sets.
 type Edge = (fn(&mut u32) -> u32, u32, u32, u32);
 
 fn check_edges(edges: &[Edge]) {
@@ -30,20 +30,20 @@ fn nans_pass_through_as_the_manual_says() {
         (|f| arith::add(OTHER_SIGNALLING, SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::add(QUIET, ONE, f), DN, DEFAULT_NAN, 0),
         (|f| arith::multiply(ONE, SIGNALLING, f), DN, DEFAULT_NAN, IOC),
-        // The sign of a NaN that is subtracted stays.
+        // A NaN that is subtracted keeps its sign.
         (|f| arith::subtract(ONE, QUIET, f), 0, QUIET, 0),
         (|f| arith::divide(QUIET, 0, f), 0, QUIET, 0),
         (|f| arith::square_root(OTHER_SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::square_root(QUIET, f), 0, QUIET, 0),
-        // A denormal beside a NaN is flushed and told.
+        // A denormal operand beside a NaN is flushed, and IDC is set.
         (|f| arith::add(QUIET, 1, f), FZ, QUIET, IDC),
-        // Fused: addend, then factors; signalling ones first.
+        // In a fused operation the addend comes first, then the factors; signalling NaNs come before quiet ones.
         (|f| arith::multiply_add(QUIET, OTHER_QUIET, ONE, f), 0, QUIET, 0),
         (|f| arith::multiply_add(QUIET, ONE, SIGNALLING, f), 0, SIGNALLING | 0x0040_0000, IOC),
         (|f| arith::multiply_add(ONE, OTHER_QUIET, QUIET, f), 0, OTHER_QUIET, 0),
         (|f| arith::multiply_add(QUIET, INFINITY, 0, f), 0, DEFAULT_NAN, IOC),
         (|f| arith::multiply_add(SIGNALLING, INFINITY, 0, f), 0, SIGNALLING | 0x0040_0000, IOC),
-        // Conversions.
+        // The following cases are conversions.
         (|f| u32::from(arith::to_half(QUIET, f)), 0, 0xFE09, 0),
         (|f| u32::from(arith::to_half(SIGNALLING, f)), 0, 0x7E09, IOC),
         (|f| u32::from(arith::to_half(QUIET, f)), DN, 0x7E00, 0),
@@ -108,12 +108,12 @@ fn an_overflow_goes_to_infinity_or_to_the_greatest_number_by_rounding_mode() {
 
 #[test]
 fn underflow_is_judged_before_rounding() {
-    // (1 - 2^-24) * 2^-126: rounds up to the least normal number, and underflows all the same.
+    // (1 - 2^-24) * 2^-126 rounds up to the least normal number, and underflows nevertheless.
     const BELOW_ONE: u32 = 0x3F7F_FFFF;
     check_edges(&[
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), 0, LEAST_NORMAL, UFC | IXC),
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), TO_ZERO, 0x007F_FFFF, UFC | IXC),
-        // Flushed: neither inexact nor the least normal number.
+        // A flushed result is neither inexact nor the least normal number.
         (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), FZ, 0, UFC),
         // Exact denormal results do not underflow.
         (|f| arith::multiply(0x3F00_0000, LEAST_NORMAL, f), 0, 0x0040_0000, 0),
@@ -141,7 +141,7 @@ fn half_precision_overflows_by_format() {
     assert_eq!((arith::to_half(INFINITY | SIGN, &mut fpscr), fpscr), (0xFFFF, AHP | IOC));
     fpscr = AHP;
     assert_eq!((arith::to_half(131_072.0_f32.to_bits(), &mut fpscr), fpscr), (0x7FFF, AHP | IOC));
-    // Flush-to-zero flushes single-precision operands only, not half-precision results.
+    // Flush-to-zero flushes single-precision operands, but no half-precision results.
     fpscr = FZ;
     assert_eq!((arith::to_half(2.0_f32.powi(-24).to_bits(), &mut fpscr), fpscr), (1, FZ));
     fpscr = FZ;

@@ -1,4 +1,4 @@
-//! Each encoding, as the GNU assembler emits it, and what must not decode.
+//! Tests of each encoding, as the GNU assembler emits it, and of encodings that must not decode.
 
 use crate::fp::{FpOp, cycles, decode};
 
@@ -153,7 +153,7 @@ fn cycles_are_those_of_the_technical_reference_manual() {
 fn no_encoding_reaches_past_the_last_register() {
     for first in 0xEC00..=0xEFFF_u16 {
         for low in 0..0x2000_u16 {
-            // Bits 11:9 are those of coprocessors 10 and 11.
+            // Bits 11:9 are those of the coprocessors 10 and 11.
             let second = (low & 0x1E00) << 3 | 0x0A00 | low & 0x01FF;
             let last = match decode(first, second) {
                 Some(FpOp::Vldr { d, words, .. } | FpOp::Vstr { d, words, .. }) => d + words - 1,

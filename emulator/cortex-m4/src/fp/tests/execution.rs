@@ -1,11 +1,11 @@
-//! Registers and memory after each kind of load, store and transfer, and what a fault leaves behind.
+//! Tests of registers and memory after each kind of load, store and transfer, and of what a fault leaves behind.
 
 use crate::fp::decode;
 use crate::{Access, Bound, Bus, BusError, Config, Core, Fast, Fault, Purpose, Signals, Width};
 
 const RAM: u32 = 0x2000_0000;
 
-/// 64 words of RAM; everything else answers with an error.
+/// A bus with 64 words of RAM. All other addresses answer with an error.
 #[derive(Clone, Debug)]
 struct Ram {
     words: [u32; 64],
@@ -164,7 +164,7 @@ fn an_unaligned_address_is_a_fault_before_any_access() {
 fn a_bus_fault_in_the_middle_of_a_multiple_leaves_the_base_register() {
     for word in [0xECB1_1A04, 0xECA1_1A04] {
         let (mut core, mut ram) = (core(), ram());
-        core.r[1] = RAM + 248; // two words answer, the third does not
+        core.r[1] = RAM + 248; // the first two words answer, the third does not
         assert_eq!(execute(&mut core, &mut ram, word), Err(Fault::BusData(RAM + 256)));
         assert_eq!(core.r[1], RAM + 248);
     }
@@ -191,7 +191,7 @@ fn transfers_move_bits_unchanged() {
     assert_eq!(core.s[3..5], [5, 6]);
     execute(&mut core, &mut ram, 0xEC5E_5B17).unwrap(); // VMOV r5, lr, d7
     assert_eq!((core.r[5], core.r[14]), (0x500E, 0x500F));
-    execute(&mut core, &mut ram, 0xEEF1_4A45).unwrap(); // VNEG s9, s10: not an arithmetic operation
+    execute(&mut core, &mut ram, 0xEEF1_4A45).unwrap(); // VNEG s9, s10 sets no flag
     assert_eq!((core.s[9], core.fpscr), (0x8000_500A, 0));
 }
 
@@ -219,7 +219,7 @@ fn fpscr_keeps_only_the_bits_that_exist_and_gives_its_flags_to_the_apsr() {
 
 #[test]
 fn each_multiply_and_accumulate_has_its_signs_and_its_roundings() {
-    // (1 + 2^-12)^2 = 1 + 2^-11 + 2^-24: chained, the last term is lost in the product's rounding.
+    // (1 + 2^-12)^2 = 1 + 2^-11 + 2^-24. A chained operation loses the last term when it rounds the product.
     let factor = 1.0 + 2.0_f32.powi(-12);
     let lost = 2.0_f32.powi(-24);
     let product = 1.0 + 2.0_f32.powi(-11);

@@ -1,4 +1,4 @@
-//! Debug control, breakpoints, watchpoints, the cycle counter.
+//! Tests of debug control, breakpoints, watchpoints and the cycle counter.
 
 use super::super::*;
 use super::*;
@@ -186,7 +186,7 @@ fn a_watchpoint_can_ask_for_a_value() {
     write(&mut core, &mut board, DEMCR, 1 << 24);
     write(&mut core, &mut board, DWT + 0x20, RAM + 8);
     write(&mut core, &mut board, DWT + 0x30, 42);
-    // comparator 1 compares words at the address of comparator 0
+    // Comparator 1 compares the words at the address of comparator 0.
     write(&mut core, &mut board, DWT + 0x38, 2 << 10 | 1 << 8 | 6);
     core.watch(RAM + 8, true, Width::Word, 41);
     core.watch(RAM + 12, true, Width::Word, 42);

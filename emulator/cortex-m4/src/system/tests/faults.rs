@@ -1,4 +1,4 @@
-//! Faults: status, escalation, derived exceptions, lockup.
+//! Tests of faults: status, escalation, derived exceptions and lockup.
 
 use super::super::*;
 use super::*;
@@ -146,7 +146,7 @@ fn a_vector_that_cannot_be_read_is_a_hard_fault_and_of_hard_fault_a_lockup() {
     let (mut core, mut board) = machine();
     enable(&mut core, &mut board, 0, 0x80);
     pend(&mut core, &mut board, 0);
-    // sixteen words of table are left
+    // Only sixteen words of the vector table are left in flash.
     write(&mut core, &mut board, VTOR, 0xFF80);
     board.flash.truncate(0xFF80 + 64);
     look(&mut core, &mut board);
@@ -171,7 +171,8 @@ fn bus_faults_are_ignored_in_hard_fault_with_bfhfnmign() {
     assert!(core.locked_up);
 }
 
-/// How firmware finds out whether anything answers at an address: FAULTMASK, BFHFNMIGN, a load, a look at BFARVALID.
+/// Firmware finds out in this way whether anything answers at an address: it sets FAULTMASK and BFHFNMIGN, loads from
+/// the address, and checks BFARVALID.
 #[test]
 fn an_ignored_bus_fault_is_told_by_cfsr_and_bfar() {
     let (mut core, mut board) = machine();

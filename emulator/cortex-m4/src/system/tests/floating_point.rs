@@ -1,4 +1,4 @@
-//! The floating-point context at exceptions.
+//! Tests of the floating-point context in exceptions.
 
 use super::super::*;
 use super::*;

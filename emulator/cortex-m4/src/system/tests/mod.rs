@@ -1,4 +1,4 @@
-//! Tests of exceptions and of the system control space, without instructions: each calls what the run loop calls.
+//! Tests of exceptions and of the system control space. They execute no instructions and call what the run loop calls.
 
 mod debug;
 mod entry;
@@ -42,13 +42,13 @@ pub(super) const IPR: u32 = 0xE000_E400;
 pub(super) const STIR: u32 = 0xE000_EF00;
 pub(super) const FPCCR: u32 = 0xE000_EF34;
 
-/// 64 KiB of flash at 0 with a vector table, 32 KiB of RAM.
+/// A board with 64 KiB of flash at 0, which has a vector table, and 32 KiB of RAM.
 #[derive(Clone, Debug)]
 pub(super) struct Board {
     pub(super) flash: Vec<u8>,
     pub(super) ram: Vec<u8>,
     pub(super) signals: Signals,
-    /// A line that rises at a cycle.
+    /// The cycle at which a line rises, and that line.
     pub(super) later: Option<(u64, u16)>,
 }
 
@@ -151,7 +151,7 @@ pub(super) const CONFIG: Config = Config {
     mpu_regions: 8,
 };
 
-/// A core that was reset, in thread mode on the main stack.
+/// Makes a core that was reset, in thread mode on the main stack.
 pub(super) fn machine_of<C: Cost>() -> (Core<C>, Board) {
     let mut board = Board::new();
     let mut core = Core::new(CONFIG);
@@ -183,7 +183,7 @@ pub(super) fn try_write<C: Cost>(core: &mut Core<C>, board: &mut Board, at: u32,
     core.system_write(board, &access, value)
 }
 
-/// Enables line `line` at priority `priority`.
+/// Enables the interrupt line `line` at the priority `priority`.
 pub(super) fn enable<C: Cost>(core: &mut Core<C>, board: &mut Board, line: u32, priority: u32) {
     let byte = Access { width: Width::Byte, ..access(core, IPR + line, Width::Byte) };
     core.system_write(board, &byte, priority).unwrap();
@@ -198,7 +198,7 @@ pub(super) fn look<C: Cost>(core: &mut Core<C>, board: &mut Board) -> bool {
     core.look_at_exceptions(board)
 }
 
-/// What `BX lr` does at the end of a handler.
+/// Does what `BX lr` does at the end of a handler.
 pub(super) fn leave<C: Cost>(core: &mut Core<C>, board: &mut Board) {
     let value = core.r[14];
     core.exception_return(board, value);

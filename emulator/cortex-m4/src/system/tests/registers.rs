@@ -1,4 +1,4 @@
-//! Registers of the system control space: identification, keys, privileges, what is not there.
+//! Tests of the registers of the system control block: identification, keys, privileges, and absent registers.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! SysTick.
+//! Tests of SysTick.
 
 use super::*;
 
