@@ -28,7 +28,7 @@ fn stops<C: Cost>(watchpoint: Watchpoint) -> Vec<(u32, u32, bool)> {
 }
 
 #[test]
-fn a_watchpoint_stops_behind_each_instruction_that_touches_one_of_its_bytes_that_way() {
+fn a_watchpoint_stops_behind_each_instruction_that_accesses_its_bytes() {
     let writes = |address, length| stops::<Fast>(watchpoint(RAM + address, length, false, true));
     assert_eq!(writes(0x40, 4), [(2, 0x40, true)]);
     // The watchpoint covers a byte within a wider store, or the store lies within a wider watchpoint.
@@ -140,7 +140,7 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
 }
 
 #[test]
-fn a_run_in_single_instructions_or_between_breakpoints_or_watchpoints_is_the_same_run() {
+fn stepping_and_stopping_leave_a_run_unchanged() {
     one_at_a_time_is_the_same_run::<Fast>();
     one_at_a_time_is_the_same_run::<Optimistic>();
     one_at_a_time_is_the_same_run::<Pessimistic>();

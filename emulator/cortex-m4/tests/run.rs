@@ -48,7 +48,7 @@ fn the_bus_is_advanced_when_it_is_due() {
 const SLEEP: &[u16] = &[0xB662, 0xBF30, 0xE7FD];
 
 #[test]
-fn a_core_that_hangs_executes_nothing_while_time_goes_on_until_it_is_reset() {
+fn a_core_that_hangs_executes_nothing_until_it_is_reset() {
     let mut rig = Rig::new(COUNT);
     rig.core.run(&mut rig.board, 7);
     rig.core.hang();
@@ -68,7 +68,7 @@ fn a_core_that_hangs_executes_nothing_while_time_goes_on_until_it_is_reset() {
 }
 
 #[test]
-fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_does_not_wake() {
+fn a_core_that_hangs_takes_no_interrupt_and_no_nmi() {
     for (code, asleep) in [(COUNT, false), (SLEEP, true)] {
         for nmi in [false, true] {
             let run = |hung: bool| {
@@ -116,7 +116,7 @@ fn an_access_that_wants_to_stop_ends_the_run_after_its_instruction() {
 }
 
 #[test]
-fn a_breakpoint_stops_before_its_instruction_and_the_next_run_goes_on_with_it() {
+fn a_breakpoint_stops_before_its_instruction_which_runs_next() {
     let mut rig = Rig::new(COUNT);
     rig.core.set_breakpoint(CODE + 2);
     for left in [10, 9, 8] {
@@ -167,7 +167,7 @@ fn code_in_ram_is_executed_as_memory_holds_it_now() {
 }
 
 #[test]
-fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now() {
+fn a_loop_in_ram_that_rewrites_itself_executes_as_rewritten() {
     // The code is: loop: movw r0, #1; add r5, r0; adds r1, #1; strh r1, [r2]; adds r6, #1; cmp r6, #8; bne loop; b .
     // The store goes to the second halfword of movw, so each pass adds one more than the one before.
     for mut rig in in_ram(&[0xF240, 0x0001, 0x4405, 0x3101, 0x8011, 0x3601, 0x2E08, 0xD1F7, 0xE7FE]) {
@@ -185,7 +185,7 @@ fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now
 
 /// The code writes so often that its page is no longer watched.
 #[test]
-fn code_that_writes_into_its_own_page_for_ever_is_executed_as_memory_holds_it_now() {
+fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     // The code is: loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop. r1 holds the second halfword
     // of movw.
     for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
@@ -197,7 +197,7 @@ fn code_that_writes_into_its_own_page_for_ever_is_executed_as_memory_holds_it_no
 }
 
 #[test]
-fn an_instruction_across_two_pages_of_ram_is_executed_as_memory_holds_it_now() {
+fn an_instruction_across_two_ram_pages_executes_as_rewritten() {
     for mut rig in in_ram(&[0xBF00]) {
         // The code from 0x3FC on is: nop; movw r0, #1 across 0x400; bx r3 (back to the nop).
         rig.board.set_word(RAM + 0x3FC, 0xF240_BF00);

@@ -485,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_is_read_across_the_end_of_its_buffer_and_makes_room() {
+    fn a_channel_is_read_across_the_end_of_its_buffer() {
         let mut part = part(b"over the end", 9);
         assert_eq!(drain(&mut part, BLOCK, 1).unwrap().bytes, b"over the end");
         assert_eq!(drain(&mut part, BLOCK, 1).unwrap().bytes, b"");
@@ -530,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_that_a_ram_test_has_filled_with_ones_is_not_there() {
+    fn a_channel_filled_with_ones_is_treated_as_absent() {
         for offset in [8, 12, 16] {
             let mut part = part(b"text", 0);
             put(&mut part, BLOCK + CHANNELS + CHANNEL_BYTES + offset, u32::MAX.into());

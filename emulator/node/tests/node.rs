@@ -32,7 +32,7 @@ fn ticking() -> emulator_node::Firmware {
 }
 
 #[test]
-fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
+fn a_timer_interrupt_is_exact_and_the_core_sleeps_between() {
     let mut node = bare(&ticking());
     node.watch_line(TIM2_INTERRUPT);
     node.advance(105 * MS);
@@ -81,7 +81,7 @@ fn the_core_follows_its_clock_tree() {
 
 /// An nRF52840 starts its crystal and sleeps. 0.36 ms later the crystal's rate becomes the core's.
 #[test]
-fn a_core_that_slept_while_its_clock_changed_was_not_awake_and_may_restart_at_once() {
+fn a_sleep_during_a_clock_change_counts_as_no_time_awake() {
     let mut main = Thumb::at(0x400);
     main.store(0x4000_0000, 1).idle();
     let image = thumb::firmware_at(0, "asleep", &main, &[]);
@@ -486,7 +486,7 @@ fn what_an_spis_answers_expires_in_hardware_whatever_the_processor_does() {
 }
 
 #[test]
-fn a_segment_in_uicr_is_loaded_and_opens_the_debug_port_with_the_firmwares_half() {
+fn uicr_in_the_image_opens_the_debug_port_only_with_the_firmware() {
     const UICR_APPROTECT: u64 = 0x1000_1208;
     for (uicr, disable, open) in [(0x5A, 0x5A, true), (0x5A, 0, false), (0xFF, 0x5A, false)] {
         let mut main = Thumb::at(0x400);
@@ -507,7 +507,7 @@ fn a_segment_in_uicr_is_loaded_and_opens_the_debug_port_with_the_firmwares_half(
 }
 
 #[test]
-fn the_dprs_part_says_why_it_was_reset_and_restarts_by_itself_from_a_lock_up() {
+fn an_nrf52840_reports_why_it_was_reset_including_a_lock_up() {
     let mut main = Thumb::at(0x400);
     main.idle();
     let image = thumb::firmware_at(0, "reasons", &main, &[]);

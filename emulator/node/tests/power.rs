@@ -38,7 +38,7 @@ fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
 }
 
 #[test]
-fn without_its_supply_a_part_runs_nothing_and_lets_go_of_its_pins_while_time_goes_on() {
+fn a_part_without_supply_runs_nothing_and_releases_its_pins() {
     let mut node = counting();
     let edges = run(&mut node, 25 * MS);
     assert_eq!((word(&mut node, COUNTER), edges.len(), edges[0].1), (2, 1, true));
@@ -59,7 +59,7 @@ fn without_its_supply_a_part_runs_nothing_and_lets_go_of_its_pins_while_time_goe
 }
 
 #[test]
-fn a_part_whose_supply_comes_on_starts_as_at_power_on_with_the_seeds_noise_in_its_ram() {
+fn a_part_starts_as_at_power_on_when_its_supply_returns() {
     let mut node = counting();
     run(&mut node, 25 * MS);
     node.power_off();
@@ -84,7 +84,7 @@ fn a_part_whose_supply_comes_on_starts_as_at_power_on_with_the_seeds_noise_in_it
 }
 
 #[test]
-fn what_resets_a_part_from_outside_does_nothing_to_one_without_its_supply() {
+fn a_reset_from_outside_does_nothing_without_the_supply() {
     let mut node = counting();
     run(&mut node, 5 * MS);
     node.power_off();
@@ -125,7 +125,7 @@ fn power_cycles_give_the_same_state_however_the_time_is_cut() {
 
 /// At 8 MHz from the crystal a cycle is 125 ns. Without its supply the part returns to its 16 MHz oscillator.
 #[test]
-fn a_part_loses_its_supply_and_gets_it_back_at_the_instants_it_is_told_whatever_its_clock_was() {
+fn the_supply_changes_at_the_given_instants_whatever_the_parts_clock() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 0x08, 1).tim2_every(80_000).idle();
     let mut tick = Thumb::at(HANDLER);
@@ -146,7 +146,7 @@ fn a_part_loses_its_supply_and_gets_it_back_at_the_instants_it_is_told_whatever_
 }
 
 #[test]
-fn a_watchdog_does_not_run_without_the_supply_and_the_part_knows_no_reason_afterwards() {
+fn a_watchdog_stops_without_the_supply_and_leaves_no_reset_reason() {
     const WDT: u32 = 0x4001_0000;
     let mut main = Thumb::at(0x400);
     // The watchdog's time is 100 ms of 32768 Hz.

@@ -136,7 +136,7 @@ fn on_two_threads_both_boards_do_what_they_do_on_one() {
 }
 
 #[test]
-fn the_caller_hears_of_every_step_and_of_everything_noted_by_the_end() {
+fn the_caller_receives_every_step_and_all_notes_up_to_it() {
     let mut relay = relay();
     let mut steps = vec![];
     relay
@@ -217,7 +217,7 @@ fn kinds(node: &mut Node<Player>) -> Vec<FindingKind> {
 }
 
 #[test]
-fn an_actor_beside_the_first_board_that_acts_after_its_instant_is_a_finding() {
+fn a_late_action_beside_the_first_board_is_a_finding() {
     for (late_by, expected) in [(0, vec![]), (1_000, vec![FindingKind::Late])] {
         let upstream = Tardy { acts_at: u64::MAX, late_by, tells: false };
         let mut relay = Relay { a: beacon(), b: counter(), upstream, downstream: Deaf };
@@ -229,7 +229,7 @@ fn an_actor_beside_the_first_board_that_acts_after_its_instant_is_a_finding() {
 }
 
 #[test]
-fn an_actor_beside_the_second_board_that_acts_after_its_instant_is_a_finding() {
+fn a_late_action_beside_the_second_board_is_a_finding() {
     for (late_by, expected) in [(0, vec![]), (1_000, vec![FindingKind::Late])] {
         let mut relay = relay();
         relay

@@ -263,7 +263,7 @@ mod tests {
 
     /// The test takes every way in which a byte of RAM can change.
     #[test]
-    fn each_way_to_change_a_byte_ends_the_watch_of_its_page_alone() {
+    fn every_change_of_a_byte_ends_its_pages_watch() {
         let ways: [fn(&mut Ram); 7] = [
             |ram| assert!(ram.write(2 * KIB, Width::Byte, 1)),
             |ram| assert!(ram.write(3 * KIB - 1, Width::Byte, 1)),

@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_functions_up_to_af9_that_are_not_modelled_are_those_of_can_sai_trace_and_i2s() {
+    fn only_sai_and_i2s_functions_below_af9_are_not_modelled() {
         let mut left = Vec::new();
         for (port, pins) in EXISTS.iter().enumerate() {
             for (pin, functions) in pins.iter().enumerate() {

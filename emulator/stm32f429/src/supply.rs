@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_brown_out_level_only_the_power_down_reset_stops_the_part() {
+    fn without_a_brown_out_level_only_power_down_resets_the_part() {
         let mut supply = Supervisors::new();
         assert_eq!(supply.supply(1_600_000, 3), Supplied::Enough);
         assert_eq!(supply.supply(1_599_999, 3), Supplied::HeldInReset);

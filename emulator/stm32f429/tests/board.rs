@@ -33,7 +33,7 @@ fn too_few_wait_states_make_flash_unreadable() {
 }
 
 #[test]
-fn without_a_source_hse_never_gets_ready_and_a_switch_to_it_waits() {
+fn a_switch_to_hse_waits_until_its_source_is_there() {
     let mut rig = Rig::new(Oscillators { hse_hz: None, ..Oscillators::default() });
     rig.set(RCC, 1 << 16);
     rig.step(16_000_000);
@@ -46,7 +46,7 @@ fn without_a_source_hse_never_gets_ready_and_a_switch_to_it_waits() {
 }
 
 #[test]
-fn an_hse_that_fails_under_the_security_system_leaves_the_part_on_hsi_with_an_nmi() {
+fn the_security_system_answers_an_hse_failure_with_hsi_and_nmi() {
     let mut rig = Rig::board();
     rig.part.fail_hse(rig.now, &mut rig.bench);
     assert_eq!(rig.part.clock().hz, 16_000_000);
@@ -58,7 +58,7 @@ fn an_hse_that_fails_under_the_security_system_leaves_the_part_on_hsi_with_an_nm
 }
 
 #[test]
-fn an_hse_that_fails_without_the_security_system_takes_the_cores_clock_away() {
+fn an_hse_failure_without_the_security_system_stops_the_core_clock() {
     let mut rig = Rig::board();
     // CSSON cannot be cleared, so the test needs a fresh part.
     let mut fresh = Rig::new(Oscillators::default());
@@ -173,7 +173,7 @@ fn a_stream_with_another_channel_gets_no_requests() {
 }
 
 #[test]
-fn a_stream_is_not_started_while_its_flags_are_set_nor_changed_while_it_runs() {
+fn a_stream_neither_starts_with_flags_nor_changes_while_running() {
     let mut rig = Rig::board();
     rig.write(DMA2 + 0x14, 4);
     rig.write(DMA2 + 0x18, SPI1 + 0xC);
@@ -191,7 +191,7 @@ fn a_stream_is_not_started_while_its_flags_are_set_nor_changed_while_it_runs() {
 }
 
 #[test]
-fn a_stream_is_started_again_with_the_flag_of_its_half_transfer_set() {
+fn a_stream_starts_again_with_its_half_transfer_flag_set() {
     let mut rig = Rig::board();
     rig.write(0x2000_1000, 0x1122_3344);
     rig.write(DMA2 + 0x14, 4);
@@ -335,7 +335,7 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
 /// Each cache can be reset while it is off itself (RM0090 3.9.1, ICRST and DCRST). The state of the other cache does
 /// not matter.
 #[test]
-fn a_cache_is_reset_while_it_is_off_whether_or_not_the_other_is_on() {
+fn a_cache_may_be_reset_while_off_whatever_the_others_state() {
     const LATENCY: u32 = 5;
     let faulty = |acr: u32| {
         let mut rig = Rig::board();
@@ -364,7 +364,7 @@ fn a_store_into_flash_that_programs_nothing_is_a_finding() {
 }
 
 #[test]
-fn a_wrong_flash_key_is_a_bus_error_and_locks_until_the_next_reset() {
+fn a_wrong_flash_key_locks_the_flash_until_reset() {
     let mut rig = Rig::board();
     assert_eq!(rig.try_write(FLASH + 4, Width::Word, 1), Err(BusError));
     assert_eq!(rig.try_write(FLASH + 4, Width::Word, 0x4567_0123), Err(BusError));

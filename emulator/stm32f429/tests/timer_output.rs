@@ -60,7 +60,7 @@ fn edges(rig: &Rig) -> Vec<(Cycle, bool)> {
 }
 
 #[test]
-fn pb10_is_high_from_each_update_while_the_counter_is_below_the_compare_value() {
+fn pb10_is_high_while_the_counter_is_below_the_compare_value() {
     let mut rig = ready(1, 7_200);
     assert_eq!(rig.part.pad(PB10), Pad::Driven(true), "CNT is 0");
     let zero = start(&mut rig);
@@ -134,7 +134,7 @@ fn the_update_interrupt_rises_at_the_cycle_of_the_rising_edge() {
 }
 
 #[test]
-fn a_compare_value_of_0_keeps_pb10_low_and_one_above_the_period_keeps_it_high() {
+fn pb10_stays_low_at_compare_0_and_high_above_the_period() {
     for (compare, level) in [(0, false), (720_000, true)] {
         let mut rig = ready(1, compare);
         start(&mut rig);

@@ -189,7 +189,7 @@ fn a_reset_of_a_peripheral_clears_its_registers_and_frees_its_pins() {
 }
 
 #[test]
-fn the_backup_domain_is_closed_until_dbp_opens_it_and_outlives_a_reset() {
+fn the_backup_domain_needs_dbp_and_survives_a_pin_reset() {
     let mut rig = Rig::board();
     rig.write(RCC + 0x70, 1);
     assert_eq!(rig.read(RCC + 0x70), 0);
@@ -271,7 +271,7 @@ fn a_deep_sleep_is_found_since_it_is_an_ordinary_one_here() {
 }
 
 #[test]
-fn a_request_that_never_goes_away_keeps_its_own_controller_busy_and_time_goes_on() {
+fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     let mut rig = Rig::board();
     rig.spi_up();
     // SPI1_TX is on stream 3, channel 3. It writes to CRCPR in place of DR, so TXE stays set.

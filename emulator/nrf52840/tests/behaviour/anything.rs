@@ -19,7 +19,7 @@ impl Numbers {
 }
 
 #[test]
-fn any_sequence_of_writes_and_inputs_is_survived_and_a_clone_repeats_it() {
+fn random_writes_and_inputs_never_panic_and_repeat_in_a_clone() {
     for seed in 0..200 {
         let mut numbers = Numbers(seed);
         let mut rig = Rig::new();

@@ -95,7 +95,7 @@ fn a_lockup_resets_with_its_own_reason() {
 }
 
 #[test]
-fn each_cause_of_a_reset_leaves_its_own_reason_and_all_stand_until_they_are_cleared() {
+fn each_reset_adds_its_own_reason_until_it_is_cleared() {
     let mut rig = Rig::new();
     assert_eq!(rig.read(POWER + 0x400), 0, "power-on");
     rig.reset(Reset::Pin);
@@ -117,7 +117,7 @@ fn each_cause_of_a_reset_leaves_its_own_reason_and_all_stand_until_they_are_clea
 }
 
 #[test]
-fn a_supply_that_failed_leaves_no_reason_and_nothing_of_the_time_before() {
+fn a_failed_supply_leaves_no_reset_reason_and_no_earlier_state() {
     for cause in [Reset::PowerOn, Reset::BrownOut] {
         let mut rig = Rig::new();
         rig.reset(Reset::Pin);
@@ -163,7 +163,7 @@ fn system_off_is_left_at_once_while_a_pin_is_sensed() {
 }
 
 #[test]
-fn the_debug_port_is_open_only_while_uicr_and_the_firmware_both_say_so() {
+fn the_debug_port_opens_only_if_uicr_and_firmware_allow_it() {
     const FORCEPROTECT: u32 = POWER + 0x550;
     const DISABLE: u32 = POWER + 0x558;
     let mut rig = Rig::new();

@@ -209,7 +209,7 @@ fn flash_that_works_holds_a_core_that_executes_from_it() {
 }
 
 #[test]
-fn code_in_flash_and_ram_can_be_fetched_and_the_ram_answers_twice() {
+fn code_can_be_fetched_from_flash_and_from_the_ram_alias() {
     let mut rig = Rig::new();
     rig.fill(0x100, &[0x34, 0x12]);
     rig.write(RAM + 8, 0xBF00_BF00);

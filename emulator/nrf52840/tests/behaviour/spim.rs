@@ -61,7 +61,7 @@ fn a_transfer_clocks_each_byte_at_its_own_instant_both_ways() {
 }
 
 #[test]
-fn the_over_read_character_fills_in_for_a_short_buffer_and_surplus_reception_is_dropped() {
+fn a_short_transmit_buffer_is_padded_and_surplus_input_is_dropped() {
     let mut rig = with_chip();
     rig.fill(TX, &[0x11]);
     rig.write_all(&[(SPIM0 + 0x548, 1), (SPIM0 + 0x538, 3), (SPIM0 + 0x5C0, 0x77), (P1 + 0x50C, 1 << 12)]);
@@ -227,7 +227,7 @@ fn nothing_on_miso_reads_as_its_pull_resistor() {
 }
 
 #[test]
-fn spim3_runs_at_32_mhz_drives_its_select_and_its_anomaly_is_named() {
+fn spim3_at_32_mhz_drives_its_select_and_reports_its_erratum() {
     let mut rig = with_chip();
     rig.fill(TX, &[9, 8]);
     rig.write(SPIM0 + 0x500, 0);

@@ -191,7 +191,7 @@ fn a_controller_in_another_mode_exchanges_shifted_bits() {
 }
 
 #[test]
-fn a_transaction_that_meets_the_cpu_reads_the_default_character_to_its_end() {
+fn an_spis_held_by_the_cpu_answers_the_default_character_throughout() {
     let mut rig = with_spis();
     assert_eq!(rig.read(SPIS1 + 0x400), 1, "the CPU's after it is enabled");
     rig.run_for(10 * US);
@@ -254,7 +254,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
 }
 
 #[test]
-fn end_and_acquired_come_together_with_the_shortcut_and_with_a_pending_acquire() {
+fn end_and_acquired_come_together_with_shortcut_or_pending_acquire() {
     for shortcut in [true, false] {
         let mut rig = with_spis();
         rig.write_all(&[
@@ -291,7 +291,7 @@ fn expire_after(rig: &mut Rig, ticks: u32) {
 }
 
 #[test]
-fn a_timer_takes_a_free_spis_through_ppi_and_what_is_read_from_then_on_is_the_default_character() {
+fn a_free_spis_taken_by_a_timer_answers_the_default_character() {
     let mut rig = with_spis();
     rig.write(SPIS1 + 0x28, 1);
     expire_after(&mut rig, 16_000);
@@ -312,7 +312,7 @@ fn a_timer_takes_a_free_spis_through_ppi_and_what_is_read_from_then_on_is_the_de
 }
 
 #[test]
-fn a_timer_that_takes_an_spis_in_mid_transaction_gets_it_at_the_end() {
+fn a_timer_takes_a_busy_spis_after_its_transaction() {
     let mut rig = with_spis();
     rig.write(SPIS1 + 0x28, 1);
     expire_after(&mut rig, 16 * 14); // 14 us: in the third byte
@@ -344,7 +344,7 @@ fn a_timer_started_anew_before_it_is_due_leaves_the_spis_alone() {
 }
 
 #[test]
-fn each_status_bit_is_set_by_its_own_buffer_and_cleared_by_a_one_alone() {
+fn each_status_bit_stays_until_a_one_clears_it() {
     // Each row has RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes. OVERREAD is bit 0, OVERFLOW
     // bit 1.
     for (rx, tx, status) in [(4, 4, 0), (4, 3, 0b01), (3, 4, 0b10), (3, 3, 0b11), (0, 0, 0b11)] {
@@ -410,7 +410,7 @@ fn a_controller_that_breaks_the_timing_is_reported() {
 }
 
 #[test]
-fn a_controller_that_keeps_the_timing_but_for_a_few_cycles_is_not_reported() {
+fn a_controller_a_cycle_off_the_timing_is_not_reported() {
     let mut rig = with_spis();
     rig.write(SPIS1 + 0x28, 1);
     rig.run_for(10 * US);

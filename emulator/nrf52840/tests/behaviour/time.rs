@@ -63,7 +63,7 @@ fn lfclk_keeps_its_own_rate_when_the_core_clock_changes() {
 }
 
 #[test]
-fn a_compare_that_falls_due_in_the_instant_of_a_task_or_a_write_is_not_lost() {
+fn a_compare_due_with_a_task_or_write_is_not_lost() {
     let writes = [
         ("CAPTURE", TIMER0 + 0x44, 1),
         ("CLEAR", TIMER0 + 0x0C, 1),
@@ -92,7 +92,7 @@ fn a_compare_that_falls_due_in_the_instant_of_a_task_or_a_write_is_not_lost() {
 }
 
 #[test]
-fn a_compare_that_falls_due_in_the_instant_of_a_capture_through_ppi_is_not_lost() {
+fn a_compare_due_with_a_capture_through_ppi_is_not_lost() {
     let mut rig = Rig::new();
     // Both timers reach their compare values at once. The event of the first captures the second, which the model
     // handles after it.
@@ -107,7 +107,7 @@ fn a_compare_that_falls_due_in_the_instant_of_a_capture_through_ppi_is_not_lost(
 }
 
 #[test]
-fn a_compare_passed_by_more_than_a_tick_is_carried_out_with_its_shortcut_at_its_own_tick() {
+fn an_overdue_compare_and_its_shortcut_act_at_their_own_tick() {
     let mut rig = Rig::new();
     rig.write_all(&timer(TIMER0, 16));
     rig.write_all(&[(TIMER0 + 0x200, 1), (TIMER0, 1)]); // COMPARE[0] to CLEAR
@@ -118,7 +118,7 @@ fn a_compare_passed_by_more_than_a_tick_is_carried_out_with_its_shortcut_at_its_
 }
 
 #[test]
-fn an_rtc_compare_that_falls_due_in_the_instant_of_a_write_is_not_lost() {
+fn an_rtc_compare_due_with_a_write_is_not_lost() {
     let mut rig = Rig::new();
     start_lfclk(&mut rig);
     rig.write_all(&[(RTC0 + 0x540, 4), (RTC0 + 0x304, 1 << 16), (RTC0, 1)]);

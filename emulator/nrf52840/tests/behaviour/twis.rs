@@ -21,7 +21,7 @@ fn bus(rig: &mut Rig, event: I2cEvent) -> Option<(bool, u8)> {
 }
 
 #[test]
-fn a_target_answers_its_addresses_from_the_buffers_it_was_given_and_holds_scl_until_then() {
+fn an_addressed_target_holds_scl_until_it_has_a_buffer() {
     use I2cEvent::{Read, Start, Stop, Write};
     const NOBODY: Option<(bool, u8)> = Some((false, 0xFF));
     const YES: Option<(bool, u8)> = Some((true, 0xFF));

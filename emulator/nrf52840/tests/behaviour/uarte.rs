@@ -81,7 +81,7 @@ fn a_uart_reports_the_errors_that_the_bits_show() {
 }
 
 #[test]
-fn a_uart_without_the_crystal_is_as_far_off_as_the_internal_oscillator() {
+fn a_uart_without_the_crystal_has_the_internal_oscillators_error() {
     let mut rig = with_uart();
     let mut fast = Rig::with(Settings { hfint_ppb: 15_000_000, ..Settings::default() });
     for rig in [&mut rig, &mut fast] {
@@ -132,7 +132,7 @@ fn a_uart_with_no_buffer_overruns_after_six_bytes() {
 }
 
 #[test]
-fn with_flow_control_cts_holds_the_next_byte_back_and_rts_says_there_is_room() {
+fn cts_holds_bytes_back_and_rts_reports_room() {
     let (cts, rts) = (Pin::new(0, 7), Pin::new(0, 5));
     let mut rig = with_uart();
     rig.drive(cts, true);

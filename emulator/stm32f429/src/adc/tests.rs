@@ -35,7 +35,7 @@ fn a_pin_that_the_dac_drives_reads_what_it_drives() {
 }
 
 #[test]
-fn a_scan_asks_the_dma_for_each_channel_and_overruns_where_it_does_not_come() {
+fn a_scan_requests_dma_for_each_channel_and_overruns_without_it() {
     let mut rig = Rig::new(Adc::new());
     rig.write(CR1, SCAN);
     rig.write(0x2C, 1 << 20);

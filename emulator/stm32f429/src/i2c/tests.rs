@@ -177,7 +177,7 @@ fn pulse(rig: &mut Rig<I2c>, pin: I2cPin, cycles: u64) {
 }
 
 #[test]
-fn with_last_the_byte_after_eot_1_is_not_acknowledged_and_none_is_clocked_after_it() {
+fn with_last_the_final_dma_byte_is_not_acknowledged() {
     let mut rig = rig(&[YES, byte(1), byte(2), byte(3)]);
     rig.write(CR2, 16 | DMAEN | LAST);
     reading(&mut rig);
@@ -193,7 +193,7 @@ fn with_last_the_byte_after_eot_1_is_not_acknowledged_and_none_is_clocked_after_
 }
 
 #[test]
-fn without_last_the_last_byte_of_the_dma_is_acknowledged_and_more_are_clocked() {
+fn without_last_the_final_dma_byte_is_acknowledged_and_reading_continues() {
     let mut rig = rig(&[YES, byte(1), byte(2), byte(3), byte(4)]);
     rig.write(CR2, 16 | DMAEN);
     reading(&mut rig);
@@ -208,7 +208,7 @@ fn without_last_the_last_byte_of_the_dma_is_acknowledged_and_more_are_clocked() 
 }
 
 #[test]
-fn a_bus_that_somebody_holds_is_busy_and_a_start_waits_for_ever() {
+fn a_held_bus_is_busy_and_a_start_waits_indefinitely() {
     for pin in [I2cPin::Scl, I2cPin::Sda] {
         let mut rig = rig(&[YES]);
         line(&mut rig, pin, false);
@@ -221,7 +221,7 @@ fn a_bus_that_somebody_holds_is_busy_and_a_start_waits_for_ever() {
 }
 
 #[test]
-fn busy_ends_with_a_stop_and_not_with_a_clock_that_is_let_go_of() {
+fn busy_ends_with_a_stop_and_not_with_a_released_clock() {
     let mut rig = rig(&[YES]);
     pulse(&mut rig, I2cPin::Sda, 1_000);
     assert_eq!(rig.read(SR2), 0, "SDA that rises while SCL is high is a stop");
@@ -252,7 +252,7 @@ fn nothing_is_written_into_an_i2c_that_is_held_in_reset() {
 }
 
 #[test]
-fn a_start_asked_for_when_a_stop_comes_from_nowhere_is_not_generated_until_a_software_reset() {
+fn a_start_during_a_stray_stop_needs_a_software_reset() {
     let mut rig = rig(&[YES]);
     line(&mut rig, I2cPin::Sda, false);
     rig.write(CR1, PE | START);
@@ -285,7 +285,7 @@ fn a_clock_that_somebody_holds_delays_the_byte_by_as_long() {
 }
 
 #[test]
-fn a_clock_that_is_held_for_ever_ends_no_step_and_a_software_reset_ends_the_transfer() {
+fn only_a_software_reset_ends_a_transfer_whose_clock_is_held() {
     let mut rig = rig(&[YES, byte(1)]);
     reading(&mut rig);
     rig.run(rig.now + 700);
@@ -316,7 +316,7 @@ fn a_step_that_begins_while_the_clock_is_held_waits_for_it() {
 }
 
 #[test]
-fn a_one_that_somebody_makes_a_zero_loses_the_arbitration_at_that_bit() {
+fn a_one_pulled_to_zero_loses_arbitration_at_that_bit() {
     let mut rig = rig(&[YES, YES]);
     rig.write(CR2, 16 | ITERREN);
     address(&mut rig, 0xA0, 0);
@@ -338,7 +338,7 @@ fn a_one_that_somebody_makes_a_zero_loses_the_arbitration_at_that_bit() {
 }
 
 #[test]
-fn a_pulse_between_two_samples_is_a_bus_error_while_the_clock_is_high_and_nothing_while_it_is_low() {
+fn an_sda_pulse_is_a_bus_error_only_while_scl_is_high() {
     for (after, berr) in [(2 * 160 + 10, 0), (2 * 160 + 90, BERR)] {
         let mut rig = rig(&[YES, YES]);
         address(&mut rig, 0xA0, 0);

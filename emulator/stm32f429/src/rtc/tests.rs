@@ -42,7 +42,7 @@ fn the_calendar_goes_over_the_end_of_february_in_a_leap_year() {
 }
 
 #[test]
-fn sub_seconds_count_down_and_a_read_of_them_holds_time_and_date() {
+fn a_read_of_the_sub_seconds_holds_time_and_date() {
     let mut rig = rig();
     set(&mut rig, 0x12_00_00, 0x24_21_01);
     rig.run(rig.now + SECOND - 100_000);

@@ -22,7 +22,7 @@ fn rig() -> Rig<Spi> {
 }
 
 #[test]
-fn a_byte_takes_eight_periods_of_sck_and_its_answer_is_there_at_their_end() {
+fn a_byte_and_its_answer_take_eight_sck_periods() {
     let mut rig = rig();
     rig.write(CR1, MASTER | SPE);
     rig.lines.spi_answers.push_back(0xA5);
@@ -42,7 +42,7 @@ fn a_byte_takes_eight_periods_of_sck_and_its_answer_is_there_at_their_end() {
 }
 
 #[test]
-fn a_second_byte_waits_in_the_data_register_and_follows_without_a_gap() {
+fn a_second_byte_follows_the_first_without_a_gap() {
     let mut rig = rig();
     rig.write(CR1, MASTER | SPE);
     rig.write(DR, 1);
@@ -57,7 +57,7 @@ fn a_second_byte_waits_in_the_data_register_and_follows_without_a_gap() {
 }
 
 #[test]
-fn a_byte_that_is_not_read_in_time_stays_and_the_next_one_is_lost() {
+fn an_unread_byte_stays_and_the_next_one_is_lost() {
     let mut rig = rig();
     rig.write(CR1, MASTER | SPE);
     rig.lines.spi_answers.extend([0x11, 0x22]);
@@ -71,7 +71,7 @@ fn a_byte_that_is_not_read_in_time_stays_and_the_next_one_is_lost() {
 }
 
 #[test]
-fn without_spe_a_byte_stays_in_the_data_register_until_it_is_set() {
+fn a_byte_waits_in_the_data_register_until_spe_is_set() {
     let mut rig = rig();
     rig.write(CR1, MASTER);
     rig.write(DR, 0x55);
@@ -84,7 +84,7 @@ fn without_spe_a_byte_stays_in_the_data_register_until_it_is_set() {
 }
 
 #[test]
-fn a_master_whose_slave_select_is_low_loses_its_mode_and_sends_nothing() {
+fn a_master_with_slave_select_low_loses_its_mode() {
     let mut rig = rig();
     rig.write(CR1, (MASTER | SPE) & !SSI);
     assert_eq!(rig.read(CR1) & (MSTR | SPE), 0);
@@ -117,7 +117,7 @@ fn dma_requests_need_their_enable_bits() {
 }
 
 #[test]
-fn with_least_significant_bit_first_the_wire_carries_the_byte_the_other_way_round() {
+fn lsbfirst_reverses_the_bits_of_a_byte_on_the_wire() {
     let mut rig = rig();
     rig.write(CR1, MASTER | SPE | LSBFIRST);
     rig.lines.spi_answers.push_back(0x01);
@@ -128,7 +128,7 @@ fn with_least_significant_bit_first_the_wire_carries_the_byte_the_other_way_roun
 }
 
 #[test]
-fn a_pin_that_is_not_driven_reads_as_its_level_in_every_bit() {
+fn an_undriven_pin_reads_as_its_level_in_every_bit() {
     let mut rig = rig();
     rig.write(CR1, MASTER | SPE | DFF);
     rig.pads.levels[0] = 1 << 6;
@@ -151,7 +151,7 @@ fn a_receiver_only_clocks_until_it_is_disabled_and_drives_no_mosi() {
 }
 
 #[test]
-fn the_crc_follows_the_last_byte_and_is_compared_with_what_comes_in() {
+fn the_crc_follows_the_last_byte_and_is_checked_on_reception() {
     let mut rig = rig();
     rig.write(0x10, 0x07);
     rig.write(CR1, MASTER | CRCEN);

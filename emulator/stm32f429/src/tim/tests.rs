@@ -43,7 +43,7 @@ fn interrupts(rig: &mut Rig<Tim>, to: Cycle) -> Vec<(Cycle, u32)> {
 }
 
 #[test]
-fn between_the_outputs_of_a_pair_both_are_off_for_the_dead_time() {
+fn both_outputs_of_a_pair_are_off_during_the_dead_time() {
     let mut rig = rig(1);
     rig.write(ARR, 99);
     rig.write(CCR1, 50);
@@ -83,7 +83,7 @@ fn a_pulse_that_is_shorter_than_the_dead_time_never_leaves() {
 }
 
 #[test]
-fn the_counter_follows_from_the_time_and_starts_a_clock_after_it_is_enabled() {
+fn the_counter_starts_one_clock_after_it_is_enabled() {
     let mut rig = rig(2);
     rig.write(ARR, 9);
     rig.run(100);
@@ -125,7 +125,7 @@ fn the_prescaler_takes_its_value_at_an_update() {
 }
 
 #[test]
-fn without_preload_a_reload_value_below_the_counter_lets_it_run_to_its_end() {
+fn without_preload_a_reload_below_the_counter_lets_it_overflow() {
     let mut rig = rig(3);
     rig.write(CR1, CEN);
     rig.run(101);
@@ -199,7 +199,7 @@ fn the_repetition_counter_leaves_updates_out() {
 }
 
 #[test]
-fn pulse_width_modulation_drives_its_pin_while_the_counter_is_below_the_compare_value() {
+fn pwm_drives_its_pin_while_the_counter_is_below_compare() {
     let mut rig = rig(3);
     rig.write(ARR, 9);
     rig.write(CCR1, 3);
@@ -309,7 +309,7 @@ fn a_timer_tells_its_update_and_another_counts_it() {
 }
 
 #[test]
-fn an_update_request_stays_until_the_dma_has_served_it_and_a_burst_as_often_as_it_is_long() {
+fn an_update_request_stays_until_the_dma_has_served_its_burst() {
     let mut rig = rig(3);
     rig.write(ARR, 9);
     rig.write(DIER, UDE);
@@ -334,7 +334,7 @@ fn state(rig: &mut Rig<Tim>) -> (u32, u32, [bool; 4], u32, u32, u32) {
 
 proptest::proptest! {
     #[test]
-    fn a_timer_that_is_looked_at_once_is_where_one_is_that_is_looked_at_every_clock(
+    fn a_timer_read_once_equals_one_read_at_every_clock(
         number in 1_u8..=8,
         control in 0_u32..0x80,
         prescaler in 0_u32..4,

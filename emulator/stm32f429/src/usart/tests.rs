@@ -38,7 +38,7 @@ fn a_byte_is_received_at_the_last_sample_of_its_stop_bit() {
 }
 
 #[test]
-fn frames_back_to_back_that_are_told_of_at_their_ends_are_all_received_without_an_idle_line() {
+fn back_to_back_frames_are_all_received_without_an_idle_line() {
     let mut rig = rig();
     let frame = |byte| UartFrame::eight_n_one(byte, 115_200);
     let length = 1389;
@@ -60,7 +60,7 @@ fn frames_back_to_back_that_are_told_of_at_their_ends_are_all_received_without_a
 }
 
 #[test]
-fn twice_the_baud_rate_on_the_line_gives_another_byte_than_was_sent() {
+fn a_frame_at_twice_the_baud_rate_arrives_wrong() {
     let mut rig = rig();
     tell(&mut rig, 2000, &UartFrame::eight_n_one(0x00, 230_400));
     rig.run(10_000);
@@ -80,7 +80,7 @@ fn half_the_baud_rate_on_the_line_gives_a_framing_error() {
 }
 
 #[test]
-fn a_sender_three_percent_off_is_received_and_one_six_percent_off_is_not() {
+fn a_sender_3_percent_off_is_received_but_6_is_not() {
     for (baud, right) in [(111_700, true), (118_600, true), (108_300, false), (122_200, false)] {
         let mut rig = rig();
         tell(&mut rig, 2000, &UartFrame::eight_n_one(0x80, baud));
@@ -107,7 +107,7 @@ fn a_wrong_parity_is_flagged() {
 }
 
 #[test]
-fn a_byte_that_is_not_read_in_time_stays_and_the_next_one_is_lost() {
+fn an_unread_byte_stays_and_the_next_one_is_lost() {
     let mut rig = rig();
     tell(&mut rig, 2000, &UartFrame::eight_n_one(1, 115_200));
     tell(&mut rig, 4000, &UartFrame::eight_n_one(2, 115_200));
@@ -154,7 +154,7 @@ fn bytes_are_sent_back_to_back_and_tc_rises_after_the_last() {
 }
 
 #[test]
-fn the_first_byte_waits_for_the_idle_frame_that_enabling_the_transmitter_sends() {
+fn the_first_byte_waits_for_the_transmitters_idle_frame() {
     let mut rig = Rig::new(Usart::new(1));
     rig.connect(Signal::Uart(1, UartPin::Tx), 0, 0);
     rig.write(BRR, 16);
@@ -167,7 +167,7 @@ fn the_first_byte_waits_for_the_idle_frame_that_enabling_the_transmitter_sends()
 /// Settings made during the idle frame that `TE` sends are in time, since that frame is no data. Settings made during a
 /// data frame are not.
 #[test]
-fn length_and_baud_rate_may_change_during_the_idle_frame_and_not_during_data() {
+fn a_change_of_length_or_baud_rate_during_data_is_reported() {
     let changes = [(CR1, UE | TE | M), (CR1, UE | TE | OVER8), (BRR, 32)];
     for (register, value) in changes {
         let mut rig = Rig::new(Usart::new(1));

@@ -242,7 +242,7 @@ fn square_roots_of_random_numbers_are_the_hosts_in_each_mode() {
 }
 
 #[test]
-fn fused_products_and_sums_of_random_numbers_are_the_hosts_in_each_mode() {
+fn a_fused_multiply_add_matches_the_host_in_each_rounding_mode() {
     let mut random = Random(6);
     for case in 0..CASES {
         let (a, b, before) = (random.operand(), random.operand(), random.fpscr());

@@ -95,7 +95,7 @@ fn infinities_and_zeros_are_exact() {
 }
 
 #[test]
-fn an_overflow_goes_to_infinity_or_to_the_greatest_number_by_rounding_mode() {
+fn an_overflow_gives_infinity_or_the_greatest_number_by_rounding_mode() {
     for sign in [0, SIGN] {
         for (mode, infinite) in [(0, true), (TO_PLUS, sign == 0), (TO_MINUS, sign != 0), (TO_ZERO, false)] {
             let mut fpscr = mode;

@@ -88,7 +88,7 @@ fn execute(core: &mut Core<Fast>, ram: &mut Ram, word: u32) -> Result<(), Fault>
 }
 
 #[test]
-fn a_load_of_a_double_register_fills_the_lower_single_register_from_the_lower_address() {
+fn a_double_load_fills_its_lower_half_from_the_lower_address() {
     let (mut core, mut ram) = (core(), ram());
     core.r[1] = RAM + 16;
     execute(&mut core, &mut ram, 0xED91_3B02).unwrap(); // VLDR d3, [r1, #8]
@@ -139,7 +139,7 @@ fn a_load_multiple_without_write_back_leaves_its_base() {
 }
 
 #[test]
-fn the_deprecated_form_with_an_odd_count_moves_its_base_by_one_more_word() {
+fn fldmiax_with_an_odd_count_moves_its_base_one_word_more() {
     let (mut core, mut ram) = (core(), ram());
     core.r[3] = RAM;
     execute(&mut core, &mut ram, 0xECB3_0B05).unwrap(); // FLDMIAX r3!, {d0-d1}
@@ -161,7 +161,7 @@ fn an_unaligned_address_is_a_fault_before_any_access() {
 }
 
 #[test]
-fn a_bus_fault_in_the_middle_of_a_multiple_leaves_the_base_register() {
+fn a_bus_fault_within_a_multiple_transfer_keeps_the_base_register() {
     for word in [0xECB1_1A04, 0xECA1_1A04] {
         let (mut core, mut ram) = (core(), ram());
         core.r[1] = RAM + 248; // the first two words answer, the third does not
@@ -205,7 +205,7 @@ fn an_immediate_expands_as_the_manual_says() {
 }
 
 #[test]
-fn fpscr_keeps_only_the_bits_that_exist_and_gives_its_flags_to_the_apsr() {
+fn fpscr_keeps_only_its_existing_bits_and_passes_flags_to_apsr() {
     let (mut core, mut ram) = (core(), ram());
     core.r[12] = 0xFFFF_FFFF;
     execute(&mut core, &mut ram, 0xEEE1_CA10).unwrap(); // VMSR fpscr, r12

@@ -53,7 +53,7 @@ fn a_step_executes_one_instruction() {
 }
 
 #[test]
-fn a_debugger_halts_a_core_that_hangs_steps_it_on_the_spot_and_resets_it() {
+fn a_debugger_halts_steps_and_resets_a_core_that_hangs() {
     let (mut core, mut board) = debugged();
     core.hang();
     core.debug_write(&mut board, DHCSR, KEY | 3).unwrap();

@@ -49,7 +49,7 @@ fn an_interrupted_load_multiple_keeps_its_progress_across_an_exception() {
 }
 
 #[test]
-fn the_stack_is_aligned_to_eight_bytes_and_the_return_takes_that_back() {
+fn exception_entry_aligns_the_stack_and_the_return_restores_it() {
     let (mut core, mut board) = interrupted::<Fast>();
     core.r[13] = TOP - 4;
     look(&mut core, &mut board);
@@ -66,7 +66,7 @@ fn the_stack_is_aligned_to_eight_bytes_and_the_return_takes_that_back() {
 }
 
 #[test]
-fn thread_mode_on_the_process_stack_is_stacked_there_and_handlers_use_the_main_stack() {
+fn an_exception_from_the_process_stack_runs_on_the_main_stack() {
     let (mut core, mut board) = interrupted::<Fast>();
     core.msr(9, 0, PROCESS_TOP);
     core.msr(20, 0, 2);
@@ -91,7 +91,7 @@ fn the_vector_table_can_be_moved() {
 }
 
 #[test]
-fn a_vector_without_the_thumb_bit_leaves_the_core_in_an_invalid_state() {
+fn a_vector_without_the_thumb_bit_clears_the_cores_thumb_state() {
     let (mut core, mut board) = interrupted::<Fast>();
     board.vector(16, 0x3000);
     look(&mut core, &mut board);
@@ -117,7 +117,7 @@ fn a_return_with_reserved_bits_is_an_invalid_pc() {
 }
 
 #[test]
-fn a_return_of_an_exception_that_is_not_active_is_an_invalid_pc() {
+fn a_return_from_an_inactive_exception_is_an_invalid_pc() {
     let (mut core, mut board) = interrupted::<Fast>();
     look(&mut core, &mut board);
     core.ipsr = 20;
@@ -144,7 +144,7 @@ fn a_return_to_thread_mode_under_another_handler_needs_nonbasethrdena() {
 }
 
 #[test]
-fn a_frame_whose_mode_is_not_that_of_the_return_is_an_invalid_pc() {
+fn a_return_into_another_mode_is_an_invalid_pc() {
     let (mut core, mut board) = interrupted::<Fast>();
     look(&mut core, &mut board);
     board.set_word(TOP - 4, 0x0100_0010);
@@ -184,7 +184,7 @@ fn entry_return_and_tail_chain_cost_what_the_manual_says() {
 }
 
 #[test]
-fn a_higher_exception_that_arrives_while_another_is_stacked_goes_first_with_the_same_frame() {
+fn a_late_higher_exception_is_taken_first_with_the_same_frame() {
     let (mut core, mut board) = interrupted::<Optimistic>();
     board.later = Some((core.cycle + 5, 1));
     look(&mut core, &mut board);

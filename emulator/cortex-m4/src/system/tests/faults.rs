@@ -6,7 +6,7 @@ use super::*;
 const ALL_ON: u32 = 7 << 16;
 
 #[test]
-fn a_fault_that_is_off_becomes_a_forced_hard_fault_at_the_instruction() {
+fn a_disabled_fault_becomes_a_forced_hard_fault() {
     let (mut core, mut board) = machine();
     core.take_fault(&mut board, Fault::Undefined);
     assert_eq!((core.ipsr, core.r[15]), (3, handler(3)));
@@ -142,7 +142,7 @@ fn an_unstacking_fault_is_entered_without_unstacking() {
 }
 
 #[test]
-fn a_vector_that_cannot_be_read_is_a_hard_fault_and_of_hard_fault_a_lockup() {
+fn an_unreadable_vector_raises_a_hard_fault_or_locks_up() {
     let (mut core, mut board) = machine();
     enable(&mut core, &mut board, 0, 0x80);
     pend(&mut core, &mut board, 0);
@@ -188,7 +188,7 @@ fn an_ignored_bus_fault_is_told_by_cfsr_and_bfar() {
 }
 
 #[test]
-fn a_breakpoint_without_a_debugger_is_a_hard_fault_and_with_the_monitor_is_the_monitors() {
+fn a_breakpoint_without_a_debugger_raises_hard_fault_or_debug_monitor() {
     let (mut core, mut board) = machine();
     core.breakpoint(&mut board);
     assert_eq!((core.ipsr, core.system.scb.hfsr, board.word(TOP - 8)), (3, HFSR_DEBUGEVT, START));

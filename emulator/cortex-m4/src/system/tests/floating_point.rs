@@ -65,7 +65,7 @@ fn an_extended_frame_holds_the_registers_when_lazy_preservation_is_off() {
 }
 
 #[test]
-fn lazy_preservation_only_leaves_room_if_the_handler_does_not_use_the_fpu() {
+fn lazy_preservation_only_reserves_room_while_the_fpu_is_unused() {
     let (mut core, mut board) = floating::<Optimistic>(LAZY);
     let before = core.cycle;
     look(&mut core, &mut board);
@@ -79,7 +79,7 @@ fn lazy_preservation_only_leaves_room_if_the_handler_does_not_use_the_fpu() {
 }
 
 #[test]
-fn the_first_fp_instruction_of_a_handler_saves_the_state_and_the_return_restores_it() {
+fn a_handlers_first_fp_instruction_saves_the_state_for_the_return() {
     let (mut core, mut board) = floating::<Fast>(LAZY);
     look(&mut core, &mut board);
     core.fp_ready(&mut board).unwrap();
@@ -104,7 +104,7 @@ fn a_handler_with_a_context_of_its_own_is_stacked_with_it() {
 }
 
 #[test]
-fn a_fault_of_lazy_preservation_is_taken_at_the_fp_instruction_that_is_then_tried_again() {
+fn a_lazy_preservation_fault_is_taken_at_the_fp_instruction() {
     let (mut core, mut board) = floating::<Fast>(LAZY);
     write(&mut core, &mut board, SHCSR, 1 << 17);
     look(&mut core, &mut board);

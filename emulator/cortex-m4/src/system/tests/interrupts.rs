@@ -267,7 +267,7 @@ fn wfi_does_not_wake_for_what_basepri_masks() {
 }
 
 #[test]
-fn wfe_wakes_for_an_event_and_with_sevonpend_for_anything_that_becomes_pending() {
+fn wfe_wakes_for_events_and_by_sevonpend_for_pending_interrupts() {
     let (mut core, mut board) = machine();
     core.waiting = Some(true);
     board.signals.raise_event();
@@ -284,7 +284,7 @@ fn wfe_wakes_for_an_event_and_with_sevonpend_for_anything_that_becomes_pending()
 }
 
 #[test]
-fn exception_entry_and_return_set_the_event_register_and_clear_the_exclusive_monitor() {
+fn exception_entry_and_return_set_event_and_clear_the_exclusive_monitor() {
     let (mut core, mut board) = machine();
     enable(&mut core, &mut board, 0, 0x80);
     pend(&mut core, &mut board, 0);

@@ -117,7 +117,7 @@ fn the_aliases_write_several_regions_at_once() {
 }
 
 #[test]
-fn a_stack_that_the_mpu_refuses_is_a_stacking_fault_of_memory_management() {
+fn a_stack_that_the_mpu_refuses_raises_a_memory_stacking_fault() {
     let (mut core, mut board) = machine();
     write(&mut core, &mut board, SHCSR, 1 << 16);
     enable(&mut core, &mut board, 0, 0x80);

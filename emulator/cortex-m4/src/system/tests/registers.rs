@@ -95,7 +95,7 @@ fn start_up_code_finds_the_trace_units() {
 }
 
 #[test]
-fn what_is_not_modelled_is_told_once_for_each_address_and_reads_zero() {
+fn an_unmodelled_register_is_reported_once_and_reads_zero() {
     let (mut core, mut board) = machine();
     core.cycle = 77;
     assert_eq!(read(&mut core, &mut board, 0xE000_3000), 0);
