@@ -6,7 +6,7 @@ impl Uarte {
     /// Drives RTS, which is active low, by the room that the receiver has.
     pub(super) fn request_to_send(&mut self, cx: &mut Cx<'_>) {
         let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
-        let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM <= FIFO;
+        let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM < FIFO;
         let pin = Pin::selected(self.psel[0]).filter(|&pin| controls && cx.pins.is_output(pin));
         let rts = pin.map(|pin| (pin, !ready));
         if rts != self.rts {
