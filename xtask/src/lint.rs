@@ -1,4 +1,4 @@
-//! Checks line length, citations, the C header and formatting, then runs clippy with warnings as errors, for the host
+//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting, then runs clippy with warnings as errors, for the host
 //! and for the target, builds the crates' documentation likewise, and checks the dependencies where cargo-deny is
 //! installed.
 
@@ -7,7 +7,7 @@ use std::process::{Command, ExitCode, Stdio};
 use anyhow::Result;
 
 use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
-use crate::{Board, Receivers, citations, line_length};
+use crate::{Board, Receivers, citations, style};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
@@ -79,9 +79,9 @@ pub(crate) fn lint() -> Result<ExitCode> {
             failed.push(words.to_owned());
         }
     }
-    eprintln!("-- line length");
-    if let Err(error) = line_length::check() {
-        failed.push(format!("line length: {error:#}"));
+    eprintln!("-- style");
+    if let Err(error) = style::check() {
+        failed.push(format!("style: {error:#}"));
     }
     eprintln!("-- citations");
     if let Err(error) = citations::check() {

@@ -20,7 +20,6 @@ mod fuzz;
 mod gdb;
 mod header;
 mod judge;
-mod line_length;
 mod lint;
 #[cfg(feature = "live")]
 mod live;
@@ -35,6 +34,7 @@ mod seal;
 mod sim;
 mod size;
 mod speed;
+mod style;
 mod test;
 mod workspace;
 

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
-use emulator_part::{Pad, Part, Pin, UartFrame};
+use emulator_part::{Pad, Part, Pin, SpiFrame, UartFrame};
 
 use super::{Board, Input};
 
@@ -46,7 +46,8 @@ pub struct Sending {
 /// The leads to a part that is otherwise alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Connected {
-    /// The pins of which every change is reported.
+    /// The pins of which every change is reported, at the latest at the end of the UART or SPI frame that makes it. The
+    /// levels of I2C are not reported.
     pub watched: Vec<Pin>,
     /// The levels that are driven onto pins.
     pub driven: Vec<Drive>,
@@ -106,7 +107,15 @@ impl<P> Leads<P> {
 
     /// Takes the changes of watched pins since the last call, in order.
     pub fn take_edges(&mut self) -> Vec<PinEdge> {
+        self.edges.sort_by_key(|edge| edge.at);
         std::mem::take(&mut self.edges)
+    }
+
+    /// Notes what the part does to `pin` from `at` (ns) on, if the pin is watched and that is a change.
+    fn watch(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
+            self.edges.push(PinEdge { at, pin, pad });
+        }
     }
 
     /// Takes the bytes that the part sent since the last call, in order.
@@ -131,9 +140,7 @@ impl<P: Part> Board for Leads<P> {
     type Part = P;
 
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
-        if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
-            self.edges.push(PinEdge { at, pin, pad });
-        }
+        self.watch(at, pin, pad);
         let level = match pad {
             Pad::Driven(level) => Some(level),
             Pad::Pulled(_) | Pad::Floating => None,
@@ -141,7 +148,23 @@ impl<P: Part> Board for Leads<P> {
         self.carry(at, pin, |to| Input::Level(to, level));
     }
 
+    fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
+        let halves = 2 * u64::from(frame.bits.max(1));
+        let at = |half: i64| begins.saturating_add_signed((ends - begins) as i64 * half / halves as i64);
+        for pin in frame.mosi.into_iter().flatten() {
+            frame.mosi_levels().for_each(|(half, level)| self.watch(at(half), pin, Pad::Driven(level)));
+        }
+        for pin in frame.sck.into_iter().flatten() {
+            frame.clock_levels().for_each(|(half, level)| self.watch(at(half as i64), pin, Pad::Driven(level)));
+        }
+        None
+    }
+
     fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
+        let began = at.saturating_sub(frame.ns());
+        for (after_ps, level) in frame.levels() {
+            self.watch(began + (after_ps + 500) / 1_000, pin, Pad::Driven(level));
+        }
         if self.connected.heard.contains(&pin) {
             self.heard.push(Heard { at, pin, byte: (frame.data & 0xFF) as u8 });
         }
@@ -161,6 +184,7 @@ impl<P: Part> Board for Leads<P> {
 
 #[cfg(test)]
 mod tests {
+    use emulator_part::{SpiMode, UartParity};
     use nrf52840::Nrf52840;
 
     use super::*;
@@ -192,6 +216,60 @@ mod tests {
         }
         leads.pin(6, Pin::new(1, 2), Pad::Driven(true));
         assert_eq!(settled(&mut leads, 6), []);
+    }
+
+    /// The changes of one watched pin, each with its instant.
+    fn changes(leads: &mut Leads<Nrf52840>) -> Vec<(u64, Pad)> {
+        leads.take_edges().into_iter().map(|edge| (edge.at, edge.pad)).collect()
+    }
+
+    #[test]
+    fn a_watched_pin_shows_the_bits_of_a_uart_frame() {
+        let mut leads = Leads::<Nrf52840>::new(Connected { watched: vec![ONE], ..Connected::default() });
+        leads.pin(0, ONE, Pad::Driven(true));
+        // 0x43 with even parity, at 1 Mbit/s: 0 11000010 1 1.
+        let frame = UartFrame { parity: UartParity::Even, ..UartFrame::eight_n_one(0x43, 1_000_000) };
+        leads.uart(20_000, ONE, &frame);
+        leads.uart(20_000, OTHER, &frame);
+        let levels = [(0, true), (9, false), (10, true), (12, false), (16, true), (17, false), (18, true)];
+        assert_eq!(changes(&mut leads), levels.map(|(us, level)| (us * 1_000, Pad::Driven(level))));
+        // The line is high again, so that the next frame begins with an edge.
+        leads.uart(40_000, ONE, &UartFrame::eight_n_one(0xFF, 1_000_000));
+        assert_eq!(changes(&mut leads), [(30_000, Pad::Driven(false)), (31_000, Pad::Driven(true))]);
+    }
+
+    #[test]
+    fn watched_pins_show_clock_and_data_of_an_spi_frame() {
+        const NS: u64 = 1_000;
+        for (mode, idle, data) in [
+            (SpiMode::Mode0, false, [(900, true), (1_100, false), (1_300, true)]),
+            (SpiMode::Mode1, false, [(1_000, true), (1_200, false), (1_400, true)]),
+            (SpiMode::Mode2, true, [(900, true), (1_100, false), (1_300, true)]),
+            (SpiMode::Mode3, true, [(1_000, true), (1_200, false), (1_400, true)]),
+        ] {
+            let mut leads = Leads::<Nrf52840>::new(Connected { watched: vec![ONE, OTHER], ..Connected::default() });
+            let pins = |pin| [Some(pin), None];
+            let frame = SpiFrame {
+                sck: pins(ONE),
+                mosi: pins(OTHER),
+                miso: None,
+                mode,
+                bits: 4,
+                data: 0b1011,
+                begins: 0,
+                ends: 0,
+            };
+            for pin in [ONE, OTHER] {
+                leads.pin(0, pin, Pad::Driven(pin == ONE && idle));
+            }
+            assert_eq!(leads.spi(NS, NS + 800, &frame), None);
+            let edges = leads.take_edges();
+            assert!(edges.is_sorted_by_key(|edge| edge.at));
+            let of = |pin| edges.iter().filter(move |edge| edge.pin == pin).skip(1).map(|edge| (edge.at, edge.pad));
+            let clock: Vec<_> = (0..8).map(|half| (NS + 100 * half, Pad::Driven((half % 2 == 0) != idle))).collect();
+            assert_eq!(of(ONE).collect::<Vec<_>>(), clock, "{mode:?}");
+            assert_eq!(of(OTHER).collect::<Vec<_>>(), data.map(|(at, level)| (at, Pad::Driven(level))), "{mode:?}");
+        }
     }
 
     #[test]

@@ -73,6 +73,22 @@ pub struct SpiFrame {
     pub ends: Cycle,
 }
 
+impl SpiFrame {
+    /// The levels that SCK takes, each with its beginning in half bits after the first clock edge.
+    pub fn clock_levels(&self) -> impl Iterator<Item = (u64, bool)> {
+        let idle = matches!(self.mode, SpiMode::Mode2 | SpiMode::Mode3);
+        (0..2 * u64::from(self.bits)).map(move |half| (half, (half % 2 == 0) != idle))
+    }
+
+    /// The levels that MOSI takes, each with its beginning in half bits after the first clock edge. Where the first edge
+    /// samples, the first bit begins half a bit earlier.
+    pub fn mosi_levels(&self) -> impl Iterator<Item = (i64, bool)> {
+        let early = i64::from(matches!(self.mode, SpiMode::Mode0 | SpiMode::Mode2));
+        let (bits, data) = (self.bits, self.data);
+        (0..bits).map(move |bit| (2 * i64::from(bit) - early, data >> (bits - 1 - bit) & 1 != 0))
+    }
+}
+
 /// The parity of a UART frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UartParity {
@@ -110,6 +126,21 @@ impl UartFrame {
             stop_halves: 2,
             bit_ps: 1_000_000_000_000 / baud as u64,
         }
+    }
+
+    /// The levels that the line takes: the start bit, the data, the parity and the stop bits, each with its beginning in
+    /// picoseconds after the beginning of the frame. The line rests high before the frame and after it.
+    pub fn levels(&self) -> impl Iterator<Item = (u64, bool)> {
+        let data = self.data & (1 << self.bits) - 1;
+        let odd = data.count_ones() % 2 == 1;
+        let parity = match self.parity {
+            UartParity::None => None,
+            UartParity::Even => Some(odd),
+            UartParity::Odd => Some(!odd),
+        };
+        let bits = (0..self.bits).map(move |bit| data >> bit & 1 != 0);
+        let levels = std::iter::once(false).chain(bits).chain(parity).chain([true]);
+        (0..).zip(levels).map(|(nth, level)| (nth * self.bit_ps, level))
     }
 
     /// The length of the whole frame, including the start bit, in nanoseconds, to the nearest.

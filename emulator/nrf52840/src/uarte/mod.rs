@@ -108,8 +108,8 @@ pub(crate) struct Uarte {
     tx_next: Option<Cycle>,
     /// Whether CTS delays the next byte.
     tx_held: bool,
-    /// The pin of RTS and the level that it has.
-    rts: Option<(Pin, bool)>,
+    /// The pins that the peripheral drives, RTS and TXD, and the levels that they have between frames.
+    driven: [Option<(Pin, bool)>; 2],
     rx: Option<Buffer>,
     rx_on: bool,
     rx_since: Cycle,
@@ -141,7 +141,7 @@ impl Default for Uarte {
             tx_stopping: false,
             tx_next: None,
             tx_held: false,
-            rts: None,
+            driven: [None; 2],
             rx: None,
             rx_on: false,
             rx_since: 0,
@@ -231,7 +231,7 @@ impl Instance for Uarte {
             }
             _ => return false,
         }
-        self.request_to_send(cx);
+        self.drive_pins(cx);
         true
     }
 
@@ -254,7 +254,7 @@ impl Instance for Uarte {
         if offset == 0x518 && self.enable == LEGACY && self.fifo.pop_front().is_some() && !self.fifo.is_empty() {
             self.block.raise(RXDRDY, cx);
         }
-        self.request_to_send(cx);
+        self.drive_pins(cx);
     }
 
     fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
@@ -283,7 +283,7 @@ impl Instance for Uarte {
             }
             _ => return false,
         }
-        self.request_to_send(cx);
+        self.drive_pins(cx);
         true
     }
 
@@ -324,7 +324,7 @@ impl Instance for Uarte {
             }
             self.block.raise(RXTO, cx);
         }
-        self.request_to_send(cx);
+        self.drive_pins(cx);
     }
 
     fn moves(&self) -> bool {

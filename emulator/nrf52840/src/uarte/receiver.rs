@@ -1,22 +1,26 @@
-//! The receiver: sampling, the FIFO that bridges two buffers, errors, RTS (PS 6.33, 6.34).
+//! The receiver: sampling, the FIFO that bridges two buffers, errors; and the levels of RTS and TXD (PS 6.33, 6.34).
 
 use super::*;
 
 impl Uarte {
-    /// Drives RTS, which is active low, by the room that the receiver has.
-    pub(super) fn request_to_send(&mut self, cx: &mut Cx<'_>) {
-        let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
+    /// Drives RTS, which is active low, by the room that the receiver has, and TXD, which rests high.
+    pub(super) fn drive_pins(&mut self, cx: &mut Cx<'_>) {
+        let enabled = matches!(self.enable, ENABLED | LEGACY);
+        let controls = enabled && self.config & 1 != 0;
         let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM < FIFO;
-        let pin = Pin::selected(self.psel[0]).filter(|&pin| controls && cx.pins.is_output(pin));
-        let rts = pin.map(|pin| (pin, !ready));
-        if rts != self.rts {
-            if let Some((was, _)) = self.rts.filter(|&(was, _)| Some(was) != pin) {
+        for (nth, (active, level)) in [(controls, !ready), (enabled, true)].into_iter().enumerate() {
+            let pin = Pin::selected(self.psel[nth]).filter(|&pin| active && cx.pins.is_output(pin));
+            let drives = pin.map(|pin| (pin, level));
+            let was = std::mem::replace(&mut self.driven[nth], drives);
+            if drives == was {
+                continue;
+            }
+            if let Some((was, _)) = was.filter(|&(was, _)| Some(was) != pin) {
                 cx.act(Act::Hold { pin: was, level: None });
             }
-            if let Some((pin, level)) = rts {
+            if let Some(pin) = pin {
                 cx.act(Act::Hold { pin, level: Some(level) });
             }
-            self.rts = rts;
         }
     }
 

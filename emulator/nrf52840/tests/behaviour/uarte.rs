@@ -28,6 +28,15 @@ fn a_uart_sends_a_buffer_byte_by_byte() {
 }
 
 #[test]
+fn txd_rests_high_while_the_uart_is_enabled() {
+    let mut rig = with_uart();
+    rig.write(P0 + 0x50C, 1 << 6);
+    assert!(rig.part.pin(Pin::new(0, 6)));
+    rig.write(UARTE0 + 0x500, 0);
+    assert!(!rig.part.pin(Pin::new(0, 6)));
+}
+
+#[test]
 fn a_uart_whose_txd_is_no_output_sends_nothing() {
     let mut rig = with_uart();
     rig.write_all(&[(p0_cnf(6), INPUT), (UARTE0 + 0x544, TX), (UARTE0 + 0x548, 3), (UARTE0 + 0x08, 1)]);
