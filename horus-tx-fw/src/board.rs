@@ -1,6 +1,6 @@
 //! The board: every pin, DMA stream, interrupt vector and clock that the firmware uses, each in one place
 //!
-//! NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
+//! The board is a NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
 //!
 //! | use | peripheral | pins | DMA |
 //! |---|---|---|---|
@@ -329,7 +329,7 @@ impl Hardware {
 ///
 /// # Panics
 ///
-/// If the vector belongs to no receiver, or to more than one.
+/// Panics if the vector belongs to no receiver, or to more than one.
 pub(crate) const fn source_of(task: Task) -> (usize, Vector) {
     let vector = TASK_VECTORS[task as usize];
     let mut found = None;

@@ -13,22 +13,22 @@
 //! | HSI | 16 MHz | ±1 % at 25 °C, −8 to +4.5 % from −40 to 105 °C (DS9405, internal clock source characteristics) |
 //!
 //! The receivers' UARTs tolerate about 3 % (RM0090 "USART", tolerance of the receiver to clock deviation), so at room
-//! temperature the receivers are still heard on HSI.
+//! temperature HORUS still receives from them on HSI.
 //!
 //! HORUS chooses once per start. If HSE fails later, the clock security system notices it (see the firmware's
 //! `hw/clock.rs`), which ends in the safe state and a reset; the start after it finds no HSE and chooses HSI. HSE that
 //! comes back is used again from the next start on.
 
-/// Frequency of the external clock (HSE), Hz.
+/// The frequency of the external clock (HSE), Hz.
 pub const EXTERNAL_HZ: u32 = 8_000_000;
 
-/// Frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
+/// The frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
 /// How often [`choose`] asks whether HSE is ready before it gives HSE up.
 const POLLS: u32 = 1_000;
 
-/// The pause between two of these polls, µs, at least. [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
+/// The least pause between two polls of HSE, µs; [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
 const PAUSE_US: u32 = 10;
 
 /// `PAUSE_US` in cycles of the internal oscillator.

@@ -21,7 +21,7 @@
 //! fixes. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
 //! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. HORUS notices the
-//! receiver's silence and then sends all messages until one is answered; so it also does before a receiver is there.
+//! receiver's silence and then sends all messages until one is answered, as it does before a receiver is there.
 //!
 //! **UART.** A receiver with factory settings uses 38 400 baud. If neither an intact UBX message nor an answer has come
 //! for [`LISTEN_MS`] after the first message was sent at the usual rate, HORUS sets the receiver's baud rate at the

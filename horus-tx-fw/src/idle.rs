@@ -46,16 +46,16 @@ pub enum Message {
     Radio(Fault),
     /// A receiver's response to its configuration: a [`Standing`](crate::configuration::Standing) as a number.
     Configuration {
-        /// The receiver.
+        /// The number of the receiver.
         receiver: usize,
-        /// The standing.
+        /// The standing as a number.
         standing: u32,
     },
     /// The counts that are logged once a second.
     Second,
     /// The counts of a receiver's bus, once a second at most, and only if they have changed.
     Bus {
-        /// The receiver.
+        /// The number of the receiver.
         receiver: usize,
         /// The recoveries of the bus so far.
         recoveries: u32,

@@ -33,7 +33,7 @@
 //! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks that use the library
 //! (`main.rs`), a table of pins, DMA streams, vectors and clocks (`board.rs`: add a receiver's interface there), and
 //! the registers behind them (`hw/`). Only files of `hw/` have `unsafe` code, and their headings say what for;
-//! `main.rs` denies it everywhere else. What RTIC's macro expands to is RTIC's own.
+//! `main.rs` denies it everywhere else, except in the code to which RTIC's macro expands.
 #![no_std]
 #![forbid(unsafe_code)]
 

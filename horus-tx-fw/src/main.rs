@@ -138,7 +138,7 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The watchdog has run since the first instructions (`hw::start_up`). DBGMCU keeps its bits but at power-on.
+        // The watchdog has run since the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
         // The watchdog is fed after its reload value has arrived, so that it counts from that value.

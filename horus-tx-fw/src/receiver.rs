@@ -58,9 +58,9 @@ pub const LONGEST_PERIOD_MS: u32 = 1_000;
 const SHORTEST_PERIOD_MS: u32 = 20;
 /// The number of steps of the time of week in a row that must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// A solution is valid until it is older than its period and this, ms (docs/design.md#validity).
+/// A solution is valid until it is older than its period plus this time, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// A solution is stale as soon as it is as old as its period and this, ms (docs/design.md#validity).
+/// A solution is stale as soon as it is as old as its period plus this time, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
 /// A stamp that is older than this, ms, is forgotten, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
@@ -278,7 +278,7 @@ pub struct Solution {
 /// The counts of what a line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Bytes taken in.
+    /// The number of bytes taken in.
     pub bytes: u32,
     /// Intact UBX messages of any kind.
     pub messages: u32,

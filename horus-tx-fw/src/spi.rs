@@ -209,7 +209,7 @@ impl Filter {
         Self(Place::Outside)
     }
 
-    /// Whether the next bytes are filler if they are [`FILLER`].
+    /// Whether a [`FILLER`] byte that comes next is filler, since it is outside of a message.
     #[must_use]
     pub fn is_outside(self) -> bool {
         matches!(self.0, Place::Outside | Place::Filler(_))

@@ -220,7 +220,7 @@ const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ
 const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
 // The last frame has ended, and its receiver has had its gap, before the next cycle's first frame starts.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);
-// Both are even over before the next tick, so that a cycle's load never meets the frame before it.
+// The frame and the gap even end before the next tick, so that a cycle's load never meets the frame before it.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS);
 // The head of the second frame can be loaded in the gap.
 const _: () = assert!(FRAMES == 1 || BETWEEN_FRAMES_US + LOAD_START_US + load_us(HEAD) <= GAP_US);

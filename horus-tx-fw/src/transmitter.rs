@@ -99,7 +99,7 @@ enum Turn {
     Slot,
 }
 
-/// Makes the poller machine send one cycle after the other.
+/// Makes the poller machine send the frames of one cycle after the other.
 pub struct Transmitter<'a, P> {
     executor: Executor<Poller, P>,
     telemetry: &'a Telemetry,

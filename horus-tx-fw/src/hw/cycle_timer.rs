@@ -138,7 +138,7 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // This is one byte time, the only wait at this priority: chip select has to rise after the byte.
+                // The wait is one byte time, the only one at this priority: chip select has to rise after the byte.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);

@@ -235,7 +235,7 @@ impl DdcSource {
         }
     }
 
-    /// Puts these of the bytes that came in into the ring.
+    /// Puts this range of the bytes that came in into the ring.
     fn push(&self, bytes: Range<usize>) {
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
         buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));

@@ -31,7 +31,7 @@ impl<T> Registers<T> {
     /// The address is that of a block of registers that are laid out like `T`, and nothing that this caller does
     /// through it disturbs another user of the peripheral.
     pub(super) const unsafe fn get(self) -> &'static T {
-        // SAFETY: a register block is always there, and every access through it is volatile; the rest is the caller's.
+        // SAFETY: a register block is always there, every access is volatile, and the caller vouches for the rest.
         unsafe { &*self.0 }
     }
 }

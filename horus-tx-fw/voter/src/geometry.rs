@@ -27,11 +27,11 @@ const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 const HALF_TURN_E7: i32 = 1_800_000_000;
 /// A quarter of a turn, 1e-7 degrees.
 const QUARTER_TURN_E7: i32 = 900_000_000;
-/// One 1e-7 of a degree in rad.
+/// A ten-millionth of a degree in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
 /// The result is counted in this number of parts of 1e-7 degrees, each 0.04 mm, before it becomes degrees.
 const PARTS: i64 = 256;
-/// One rad in parts of 1e-7 degrees.
+/// One rad in these parts, of which 1e-7 degrees have [`PARTS`].
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
 /// A place on the ellipsoid, and the values for measuring around it.

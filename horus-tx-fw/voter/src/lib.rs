@@ -262,7 +262,7 @@ impl<const N: usize> Voter<N> {
         }
         let outvoted = if is_result { outside & !with_peer } else { 0 };
 
-        // The two masks have no receiver in common.
+        // A receiver that is outvoted was eligible, so it was not excluded before.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
@@ -282,7 +282,7 @@ impl<const N: usize> Voter<N> {
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
-            // Only a candidate is its own friend.
+            // Only a candidate counts as its own friend.
             let with_members = friends & members == members;
             let with_one = (friends & eligible != 0) | (eligible == 0);
             let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
@@ -340,7 +340,7 @@ fn axis_of<const N: usize>(
 ///
 /// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
 /// week than another's, it took that much longer. The candidate in the middle gets [`LATENCY_MS`], and the others get
-/// the difference of their messages more or less. Where the difference is above [`LATENCY_SPREAD_MS`], the receiver's
+/// as much more or less as their messages took. Where the difference is above [`LATENCY_SPREAD_MS`], the receiver's
 /// time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;

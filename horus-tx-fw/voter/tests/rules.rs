@@ -132,14 +132,14 @@ fn a_message_that_came_later_after_its_time_of_week_is_older_and_one_in_the_midd
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // These are farther off than the voter accepts.
+        // In these rows a time of week is farther off than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // These are just before and after half a week from the first, whose time is wrong: nothing can be compared.
+        // Here times lie just before and after half a week from the first, which is wrong: nothing can be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // These are beyond the week's end.
+        // In these rows the week ends between the times.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),

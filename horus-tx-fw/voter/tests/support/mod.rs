@@ -443,7 +443,7 @@ fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
     let latency = |i: usize| {
         let off = middle.map_or(0.0, |middle| lag(i) - middle);
-        // These are half milliseconds, for which float64 is exact enough.
+        // The ages are half milliseconds, for which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
     report
