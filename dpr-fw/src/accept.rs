@@ -35,8 +35,8 @@ use profile::{
 /// The most objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The most that the instants of a cycle's sample differ that its two frames tell, µs: the tolerance of the sequence
-/// for a step of 0 ms.
+/// The most by which the two frames of a cycle may differ in the instant of their sample, µs: the tolerance of the
+/// sequence for a step of 0 ms.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
@@ -111,7 +111,7 @@ pub enum Cycle {
 pub struct Verdict {
     /// The frame's place in the profile.
     pub place: Place,
-    /// When the sample was taken that the frame's place says it carries, µs on the DPR's clock.
+    /// When the sample of the frame was taken, as the frame's place says, µs on the DPR's clock.
     pub sampled_us: u64,
     /// The relation of the frame to the cycles before it.
     pub cycle: Cycle,
@@ -151,7 +151,7 @@ pub struct Early {
     timestamps: [u32; MAX_OBJECTS],
     /// The frame CRC of the object that follows, over the bytes that are there.
     begun: Begun,
-    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. A `u8` keeps the state small.
+    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. A `u8`, as it goes from task to task.
     length: u8,
     /// The number of objects verified, from the front.
     done: u8,
@@ -248,7 +248,7 @@ impl<const N: usize> Acceptance<N> {
     pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
-        // Objects that were verified under another length than the frame turned out to have count as not verified. A
+        // Objects count as not verified if they were verified under another length than that of the whole frame. A
         // payload that has a place is shorter than 256 bytes.
         let length = payload.len() as u8;
         let mut early = if early.length == length { *early } else { Early::of(length) };
@@ -556,7 +556,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // The frame is judged by what was there when it was verified.
+        // An object is judged by the bytes that were there when it was verified.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

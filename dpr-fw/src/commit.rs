@@ -43,7 +43,7 @@ const HORUS: Writer<Horus> = Writer::claim();
 /// The DPR itself writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
-/// Where images go.
+/// The place to which the commit task's images go.
 pub trait Images {
     /// Returns the image being filled: the same one until it is published, and scrubbed when first returned.
     fn filling(&mut self) -> &mut ImageMemory;
@@ -73,7 +73,7 @@ pub struct Commit<const N: usize> {
     link: Link,
     /// The objects in the image being filled.
     shown: Objects,
-    /// When the cycle was sampled whose second frame the image being filled waits for, µs since start, if it waits.
+    /// If the image being filled waits for its second frame: when that frame's cycle was sampled, µs since start.
     open: Option<u64>,
     /// Whether Port-Status and the uplinks are in the image being filled.
     port_placed: bool,
@@ -194,7 +194,7 @@ impl<const N: usize> Commit<N> {
     }
 
     /// Publishes an image without objects at once, because the one that is shown must not be shown. Returns whether it
-    /// did, which it does not if another image replaces the shown one soon:
+    /// did. It does not if another image replaces the shown one soon:
     ///
     /// - while the image being filled holds objects of a newer cycle, which goes out within
     ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);

@@ -7,7 +7,7 @@
 /// How often [`starts`] asks whether the crystal has started before it gives the crystal up.
 const POLLS: u32 = 1_000;
 
-/// The least pause between two of these polls, µs.
+/// The least pause between two polls of the crystal, µs.
 const PAUSE_US: u32 = 10;
 
 /// `PAUSE_US` in cycles of the internal oscillator's 64 MHz.

@@ -60,7 +60,7 @@ pub enum DebugPort {
 }
 
 impl DebugPort {
-    /// Returns the state on a part with these two words.
+    /// Returns the state of the debug port on a part whose registers have these two values.
     #[must_use]
     pub const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();

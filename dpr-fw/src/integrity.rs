@@ -9,7 +9,7 @@
 //!   *generation* before and after: the SSI task counts the generation up whenever it exchanges the image. So the idle
 //!   loop holds no lock, and neither the SSI nor the commit is ever delayed. A wrong object is read a second time
 //!   before it counts as wrong, so that a wrong copy is not taken for a wrong image.
-//! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`].
+//! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
 //! Each finding has a consequence:
 //!

@@ -355,7 +355,7 @@ impl Link {
 
     /// Returns the µs since `instant_us`; saturates, as it does if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // This has no branch, so that it takes as long if there was no instant.
+        // The computation has no branch, so that it takes equally long if there was no instant.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)

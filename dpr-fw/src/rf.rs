@@ -71,7 +71,7 @@ pub enum FrontEnd {
     Starting,
     /// The front end is configured and listens.
     Listening {
-        /// Whether it senses the sender's field, or has received a frame and has not lost the field since then.
+        /// Whether the front end senses the sender's field, or has received a frame and not lost the field since.
         field: bool,
     },
     /// The front end was lost, for this reason, and is being brought up again. After [`Fault::Silence`] it stays in
@@ -80,14 +80,14 @@ pub enum FrontEnd {
 }
 
 impl FrontEnd {
-    /// Whether it works, as far as is known, and senses no field. If it is lost otherwise, the field is not known.
+    /// Whether the front end works, as far as is known, and senses no field. After other faults the field is unknown.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
     }
 
-    /// Whether it is out of order, as far as is known, also if it receives nothing although the sender's field is
-    /// there. Without that field silence says nothing about the DPR's side.
+    /// Whether the front end is out of order, as far as is known, also if it receives nothing although the sender's
+    /// field is there. Without that field silence says nothing about the DPR's side.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
@@ -236,7 +236,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 }
 
-/// Replaces a receive buffer in which a frame was begun that will not be delivered by a clean one.
+/// Puts a clean buffer in place of one in which a frame was begun that will not be delivered.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

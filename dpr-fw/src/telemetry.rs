@@ -9,9 +9,9 @@ firmware_common::counters! {
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,
-        /// Objects accepted.
+        /// Objects that were accepted.
         objects_accepted,
-        /// Objects rejected, each by itself.
+        /// Objects that were rejected, each by itself.
         objects_rejected,
         /// Frames that were rejected as a whole.
         wrong_length,
@@ -33,7 +33,7 @@ firmware_common::counters! {
         ssi_transactions,
         /// Actions that a flight controller may not do, of all kinds ([`profile::port_status`]); stays at `u32::MAX`.
         access_violations,
-        /// Images published.
+        /// Images that were published.
         publications,
         /// Images that became readable for the next SSI transaction.
         images_readable,

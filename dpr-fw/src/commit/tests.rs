@@ -164,7 +164,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
     assert_eq!(bench.album.shown::<2>(), []);
     let link = bench.album.link::<2>();
     assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
-    // It takes 3.922 ms from sample to last bit, then 22.5 ms pass.
+    // From sample to last bit 3.922 ms pass, and then another 22.5 ms.
     assert_eq!((link.frames_missed, link.age_100us), (2, 262));
     bench.frame(70, 0, 70_000, false);
     assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
@@ -228,7 +228,7 @@ fn an_image_that_already_holds_objects_of_a_newer_cycle_is_not_withdrawn_with_th
     assert_eq!(bench.album.published.len(), before);
     bench.frame(50, 1, 50_000, false);
     assert_eq!(bench.album.shown::<5>(), [0, 1, 2, 3, 4, 5]);
-    // An image is not replaced either that waits for its second frame and holds no object yet.
+    // An image that waits for its second frame is not replaced either, even if it holds no object yet.
     bench.frame(60, 0, 60_000, true);
     assert!(!bench.commit.withdraw(end::<5>(60_000, 0) + 300, &Health::default(), &mut bench.album));
 }
@@ -467,7 +467,7 @@ fn five_receivers_a_lost_first_frame_costs_its_own_objects_only() {
 fn five_receivers_the_halves_of_two_cycles_are_never_shown_together() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
-    // Both frames between these two were lost, and the deadline was late.
+    // Both frames between the two received ones were lost, and the deadline was late.
     assert_eq!(bench.frame(60, 1, 60_000, false), 2);
     assert_eq!(bench.album.published.len(), 2);
     assert_eq!(bench.album.shown::<5>(), [3, 4, 5]);
@@ -626,7 +626,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
     let (mut timestamp, mut sampled_us) = (u32::MAX - 300, origin);
     let mut now = origin;
     for &(kind, number, hits) in steps {
-        // HORUS does this most of the time; otherwise its timestamp, its clock or the channel goes wrong.
+        // Most of the time HORUS keeps its cycle; otherwise its timestamp, its clock or the channel goes wrong.
         let (ms, us) = match kind {
             0..=19 => (10, 10_000),
             20 | 21 => (10, 9_500 + i128::from(number % 1_002)),

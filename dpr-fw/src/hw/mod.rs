@@ -37,11 +37,11 @@
 //! | 242 | NVMC: an erase or write hangs the processor if POFWARN comes in it | the firmware writes no flash |
 //! | 246 | extra current in idle after EasyDMA | only current is lost |
 //!
-//! 241 is described by embassy-rs/embassy (`embassy-nrf`, change log, SAADC), and 242 by Zephyr (`soc_flash_nrf.c`,
-//! `suspend_pofwarn`). No public source at hand describes 259, 266 and 270; Nordic's errata sheet of the revision that
-//! is fitted has to be read for them before a board flies.
+//! Anomaly 241 is described by embassy-rs/embassy (`embassy-nrf`, change log, SAADC), and 242 by Zephyr
+//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source at hand describes 259, 266 and 270; Nordic's errata sheet
+//! of the revision that is fitted has to be read for them before a board flies.
 //!
-//! 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
+//! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
 #![allow(unsafe_code)]
 
 mod integrity;
@@ -225,7 +225,7 @@ pub(crate) fn init(
 fn start_crystal(clock: &pac::CLOCK) {
     // The event may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();
-    // SAFETY: task registers take 1.
+    // SAFETY: a task register takes a 1.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
     let is_started = || clock.events_hfclkstarted.read().bits() != 0;
     if !crystal::starts(is_started, || asm::delay(crystal::PAUSE_CYCLES)) {

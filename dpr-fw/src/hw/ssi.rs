@@ -62,7 +62,7 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls both tasks of the SSI so that they check in, if no transaction does, whose end would call both.
+    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction has called them.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer is the port's, valid for ever; reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
@@ -137,7 +137,7 @@ impl SsiPort {
         }
         // SAFETY: the proof above holds here, too.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // The timer runs from here on: before the first image it takes nothing away that was given.
+        // The timer runs from here on: before the first image there is nothing that it could take away.
         // SAFETY: a task register takes a 1.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());

@@ -64,7 +64,7 @@ impl Timer for Time {
     }
 }
 
-/// Both tasks with all that they share with other tasks.
+/// The tasks `commit` and `deadline` with all that they share with other tasks.
 struct Dpr {
     intake: Intake<3>,
     rotation: Rotation<ReceiveMemory, FrameInfo>,

@@ -75,7 +75,7 @@ pub struct Outbox<'a, M, B, D> {
     pub mailbox: M,
     /// The image that is being filled, if there is one.
     pub filling: &'a mut Option<Filling<B>>,
-    /// The SSI.
+    /// The SSI, which has to be told of images.
     pub doorbell: D,
     /// What the port task has ready for the next image.
     pub port: &'a PortArea,

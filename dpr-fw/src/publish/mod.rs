@@ -10,10 +10,10 @@
 //! **FRESH** rises when the next transaction gets a new image, or 0xFF throughout if that transaction begins while the
 //! image is being put in. The next transaction then never gets an older image:
 //!
-//! - While no transaction is under way, the commit task asks for the semaphore, and calls the SSI task, which takes the
-//!   new image, raises FRESH, and releases, in this order. An earlier transaction reads 0xFF.
+//! - While no transaction is under way, the commit task asks for the semaphore and calls the SSI task. That task takes
+//!   the new image, raises FRESH, then releases. A transaction that begins before the release reads 0xFF.
 //! - While a transaction is under way, what the next one gets is settled already: the SSI task runs between the two and
-//!   takes the newest image. So the commit task raises FRESH itself. The SSI task is masked from the question whether a
+//!   takes the newest image. So the commit task raises FRESH itself. The SSI task is masked from the check whether a
 //!   transaction is under way until FRESH has risen, so nothing is released in between.
 //!
 //! **Expiry.** FRESH restarts a timer in hardware. If the timer is not restarted in time, it takes the semaphore from

@@ -326,7 +326,7 @@ fn with_two_receive_buffers_a_frame_that_comes_while_the_other_is_read_is_given_
         assert_eq!((filling.memory().name, filling.memory().words), (2, [0; WORDS]));
         assert_eq!((read.memory().name, read.memory().words), (0, [1; WORDS]));
     }
-    // A frame that is not delivered leaves it alone, too.
+    // A frame that is not delivered leaves the buffer that is being read alone, too.
     let (next, found) = rotation.replace(filling);
     assert_eq!(found, sound(1));
     filling = next;

@@ -6,7 +6,7 @@ use core::{
     sync::atomic::{compiler_fence, Ordering},
 };
 
-/// Words of memory, as a scrub accesses them. The tests implement it for faulty memory.
+/// Words of memory, as a scrub accesses them. The tests implement this trait for faulty memory.
 pub trait Memory {
     /// Returns the number of 32-bit words.
     fn words(&self) -> usize;

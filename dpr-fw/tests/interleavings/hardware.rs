@@ -45,7 +45,7 @@ pub(crate) struct Transaction {
 /// What can happen beside the processor, at any instant at which it is enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The flight controller selects.
+    /// The flight controller selects the DPR.
     Select,
     /// EasyDMA carries the next half of the bytes, out and in.
     Carry,

@@ -134,7 +134,7 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // Nobody reads these before they are written again, which makes one state less.
+            // Nobody reads these bytes before they are written again; clearing them makes one state less.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
