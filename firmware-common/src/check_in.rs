@@ -98,7 +98,7 @@ impl<T: Task> CheckIn<T> {
 
     /// Records that `task` is alive. May be called from any priority.
     pub fn check_in(&self, task: T) {
-        // One store is enough. A bit in a word that all tasks share takes four times as long, in the way of each frame.
+        // A bit of a word that all tasks share would take four times as long as this store, in the way of each frame.
         if let Some(own) = self.seen.get(task.number() as usize) {
             own.store(true, Ordering::Relaxed);
         }

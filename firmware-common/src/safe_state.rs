@@ -13,9 +13,9 @@
 //! has stacked the frame, and sets the stack pointer to the stack's start before it calls anything. The fault may be an
 //! overflow of the stack, and nothing that was interrupted is used again.
 //!
-//! The memory protection unit is switched off: the safe state reaches for peripherals that are shut to the tasks, and
-//! its table may be what is wrong. A fault inside the safe state is a HardFault, since the faults of lower priority are
-//! masked; it begins the safe state anew. A fault inside that one locks the core up, and the watchdog ends it.
+//! The memory protection unit is switched off: the safe state uses peripherals that are shut to the tasks, and the
+//! table may itself be wrong. A fault in the safe state is a HardFault, since the faults of lower priority are masked,
+//! and begins the safe state anew. A fault in the second safe state locks the core up, which the watchdog ends.
 
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
@@ -60,7 +60,7 @@ mod imp {
     /// Returns the exception whose handler runs, or was interrupted by a fault: the most urgent of the interrupts that
     /// are active, or 0, which is the start or the idle loop.
     ///
-    /// It comes from the interrupt controller and not from the stacked frame, which may not be there.
+    /// The number comes from the interrupt controller and not from the stacked frame, which may not be there.
     #[must_use]
     pub fn active_exception() -> u16 {
         /// The words of interrupts that the larger part has (91 interrupts, RM0090 "vector table").

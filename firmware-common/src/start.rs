@@ -4,7 +4,7 @@
 //!
 //! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics. All of `__pre_init` is assembler,
 //! since Rust code may not run before that. A firmware installs it with [`install_start!`](crate::install_start), whose
-//! argument are the board's own first instructions. These use no stack, so that damaged memory does not stop them, and
+//! arguments are the board's own first instructions. These use no stack, so that damaged memory does not stop them, and
 //! do two things in this order:
 //!
 //! 1. The reset flags are read and cleared in the part.

@@ -1,8 +1,8 @@
 //! Guard words, which a write beyond the end of a static, or a full stack, changes first.
 //!
 //! There are two words before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
-//! (`guards.x`), and at the end of the stack. Their value follows from their address, so a block of memory that is
-//! copied over another does not restore them, and it is neither 0 nor erased flash.
+//! (`guards.x`), and at the end of the stack. The value of each follows from its address, so a block of memory that is
+//! copied over another does not restore it, and is neither 0 nor erased flash.
 
 use super::Memory;
 

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for slices that it was kept from, but does
-//! not more than [`MOST_SLICES`] at once ([`Pace`]). A slice does a fixed amount of each of four things:
+//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for slices that it was kept from, but does no
+//! more than [`MOST_SLICES`] at once ([`Pace`]). A slice does a fixed amount of each of four things:
 //!
 //! | what | how | a mismatch |
 //! |---|---|---|
@@ -47,7 +47,7 @@ pub const SLICE_US: u32 = 2_500;
 /// The most slices that are made up for at once: those of 50 ms. Any further slices are dropped.
 pub const MOST_SLICES: u32 = 20;
 
-/// Words of memory, as the patrol accesses them. The tests implement it for faulty memory.
+/// Words of memory, as the patrol accesses them. The tests implement this trait for faulty memory.
 pub trait Memory {
     /// Returns the word at `address`.
     fn load(&self, address: u32) -> u32;

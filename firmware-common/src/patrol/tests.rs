@@ -100,8 +100,7 @@ fn is_apart(address: u32) -> bool {
     APART_WORDS.iter().any(|words| words.contains(&((address - USED) / 4))) || address == APART_BYTES.start & !3
 }
 
-/// Returns the words that are tested: all except those that are left out, and those that have no neighbour to be tested
-/// with.
+/// Returns the words that are tested: all but those that are left out or have no neighbour to be tested with.
 fn tested() -> Vec<u32> {
     let is_in = |word: u32| word < USED_WORDS && !is_apart(USED + 4 * word);
     (0..USED_WORDS).filter(|&word| is_in(word) && (is_in(word + 1) || word > 0 && is_in(word - 1))).collect()
