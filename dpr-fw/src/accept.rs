@@ -1,27 +1,27 @@
-//! Which objects of an air frame are accepted.
+//! Decides which objects of an air frame are accepted.
 //!
 //! # Design
 //!
-//! An object is accepted or rejected by itself: its length tells the place, then its CRCs, its identifier and its
-//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing,
-//! overflow) is counted elsewhere and decides nothing. Only a wrong length rejects a frame outright, since then no
-//! object has a place.
+//! Each object is accepted or rejected by itself: the frame's length tells the object's place, then the object's CRCs,
+//! identifier and timestamp decide (black channel; paper, section 2.3). What the front end reports of the frame
+//! (CRC-16, framing, overflow) is counted elsewhere and decides nothing. Only a wrong length rejects a frame as a
+//! whole, since then no object has a place.
 //!
-//! A cycle is what carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a frame
-//! is that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes
-//! cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an intact
-//! object carries no timestamp and leaves the sequence as it is.
+//! A cycle is all that carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a
+//! frame is that of its first intact object; an intact object with another timestamp is rejected, so no image ever
+//! mixes cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an
+//! intact object carries no timestamp and leaves the sequence as it is.
 //!
 //! The sequence compares timestamps with the DPR's clock. The instant that counts is that of the cycle's sample: the
 //! end of the frame less the time that HORUS takes from sample to last bit, which is a constant of each frame of the
-//! profile ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is heard. The second frame of
-//! a cycle shares the verdict on the first, if it has the same timestamp, comes in a place that has not been there yet,
-//! and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was
-//! held back for any time would be accepted. Any other frame with a timestamp is another cycle, also one that repeats
-//! the timestamp.
+//! profile ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is received. The second frame
+//! of a cycle shares the verdict on the first, if it has the same timestamp, comes in a place that has not been there
+//! yet, and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that
+//! was held back for any time would be accepted. Any other frame with a timestamp is another cycle, also one that
+//! repeats the timestamp.
 //!
-//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies
-//! under the mask that comes out.
+//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies them
+//! under the mask that results.
 
 use core::hint::black_box;
 
@@ -32,11 +32,11 @@ use profile::{
     Object, Profile, Rejection, MAX_RECEIVERS,
 };
 
-/// Objects that a profile has at most.
+/// The most objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The two frames of a cycle tell the same instant of its sample within so much, µs: the tolerance of the sequence for
-/// a step of 0 ms.
+/// The most by which the two frames of a cycle may differ in the instant of their sample, µs: the tolerance of the
+/// sequence for a step of 0 ms.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
@@ -50,28 +50,28 @@ pub const fn same_sample(one_us: u64, other_us: u64) -> bool {
 pub struct Objects(u8);
 
 impl Objects {
-    /// None.
+    /// The set of no objects.
     pub const NONE: Self = Self(0);
 
-    /// All objects of a profile of `receivers` receivers.
+    /// Returns all objects of a profile of `receivers` receivers.
     #[must_use]
     pub const fn all(receivers: usize) -> Self {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// The objects that a frame at `place` carries.
+    /// Returns the objects that a frame at `place` carries.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
     }
 
-    /// Whether object number `index` is among them.
+    /// Whether object number `index` is in the set.
     #[must_use]
     pub const fn has(self, index: usize) -> bool {
         index < MAX_OBJECTS && self.0 >> index & 1 == 1
     }
 
-    /// Those of both sets.
+    /// Returns the objects that are in either set.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -83,57 +83,57 @@ impl Objects {
         self.0 & other.0 == 0
     }
 
-    /// How many.
+    /// Returns the number of objects in the set.
     #[must_use]
     pub const fn count(self) -> u32 {
         self.0.count_ones()
     }
 
-    /// With object number `index` if `on`.
+    /// Returns the set with object number `index` added if `on`.
     const fn with(self, index: usize, on: bool) -> Self {
         Self(self.0 | (on as u8) << index)
     }
 }
 
-/// How a frame stands to the cycles before it.
+/// The relation of a frame to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
-    /// No object is intact: no timestamp is known.
+    /// No object is intact, so no timestamp is known.
     Unknown,
-    /// The frame of the current cycle that was still missing; the verdict on its first frame holds.
+    /// The frame was still missing from the current cycle; the verdict on the cycle's first frame holds.
     Same,
-    /// Another cycle, and what the sequence says of it.
+    /// The frame belongs to another cycle, which the sequence judges so.
     Next(Judgement),
 }
 
 /// The verdict on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// Where the frame belongs.
+    /// The frame's place in the profile.
     pub place: Place,
-    /// When the sample was taken that the frame's place says it carries: µs on the DPR's clock.
+    /// When the sample of the frame was taken, as the frame's place says, µs on the DPR's clock.
     pub sampled_us: u64,
-    /// How it stands to the cycles before it.
+    /// The relation of the frame to the cycles before it.
     pub cycle: Cycle,
-    /// The objects accepted.
+    /// The objects that were accepted.
     pub accepted: Objects,
 }
 
 impl Verdict {
-    /// The number of the frame in its cycle: 0 or 1.
+    /// Returns the number of the frame in its cycle: 0 or 1.
     #[must_use]
     pub const fn frame(&self) -> usize {
         frame_number(self.place)
     }
 
-    /// The objects of the frame that were rejected.
+    /// Returns the objects of the frame that were rejected.
     #[must_use]
     pub const fn rejected(&self) -> Objects {
         Objects(Objects::at(self.place).0 & !self.accepted.0)
     }
 }
 
-/// The number of the frame with that place in its cycle: 0 for the one that carries Reported-Position, else 1.
+/// Returns the number of the frame with that place in its cycle: 0 if it carries Reported-Position, otherwise 1.
 const fn frame_number(place: Place) -> usize {
     if place.first() == 0 {
         0
@@ -144,16 +144,16 @@ const fn frame_number(place: Place) -> usize {
 
 /// The objects of a frame that were verified while it was still arriving.
 ///
-/// Verifying is most of what a frame costs, and all but the last bytes of the last object are there before the frame
+/// Most of the work on a frame is verifying, and all but the last bytes of the last object are there before the frame
 /// ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Early {
     timestamps: [u32; MAX_OBJECTS],
-    /// The frame CRC of the object that follows, as far as it is there.
+    /// The frame CRC of the object that follows, over the bytes that are there.
     begun: Begun,
-    /// The payload length that LEN announced; 0 if nothing has arrived. Bytes, as this goes from task to task.
+    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. A `u8`, as it goes from task to task.
     length: u8,
-    /// Objects verified, from the front.
+    /// The number of objects verified, from the front.
     done: u8,
     intact: Objects,
 }
@@ -169,24 +169,24 @@ impl Early {
         Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS], begun: Begun::NOTHING }
     }
 
-    /// Objects verified so far.
+    /// Returns the number of objects verified so far.
     #[must_use]
     pub const fn done(&self) -> usize {
         self.done as usize
     }
 
-    /// `arrived` is what has arrived of the frame so far, beginning with LEN, in a buffer that only grows until the
-    /// frame is over. Verifies the objects that are complete and were not verified yet.
+    /// Verifies the objects that are complete and were not verified yet. `arrived` is what has arrived of the frame so
+    /// far, beginning with LEN, in a buffer that only grows until the frame is over.
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
-            // LEN counts itself.
+            // LEN counts its own byte, too.
             *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
     }
 
-    /// `payload` is what there is of it.
+    /// Verifies the objects that are complete in `payload`, the part of the payload that is there.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
@@ -203,9 +203,9 @@ impl Early {
                 return;
             };
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
-            // The barrier keeps the compiler from going separate ways with intact and damaged objects.
+            // The barrier keeps the compiler from branching between intact and damaged objects.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
-            // Every object begins with its timestamp; that of a damaged one is not used.
+            // Every object begins with its timestamp; the timestamp of a damaged object is not used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
                 *timestamp = u32::from_le_bytes(*bytes);
             }
@@ -214,11 +214,11 @@ impl Early {
     }
 }
 
-/// Memory of the cycles, for a profile of `N` receivers.
+/// What is kept of past cycles, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
     sequence: Sequence,
-    /// The places of the current cycle whose frame has been there.
+    /// The places of the current cycle whose frame has been received.
     seen: Objects,
     /// Whether the current cycle is in sequence.
     in_sequence: bool,
@@ -228,12 +228,12 @@ impl<const N: usize> Acceptance<N> {
     /// The age of the sample at the end of each frame of a cycle, µs.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
-        // Where there is no second frame no place is a second frame's.
+        // If there is no second frame, no place is that of a second frame.
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
         [first, second]
     };
 
-    /// Nothing received yet.
+    /// The state before anything was received.
     #[must_use]
     pub const fn new() -> Self {
         Self { sequence: Sequence::new(), seen: Objects::NONE, in_sequence: false }
@@ -248,8 +248,8 @@ impl<const N: usize> Acceptance<N> {
     pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
-        // What was verified under another length than the frame turned out to have was not verified.
-        // A payload that has a place is shorter than 256 bytes.
+        // Objects count as not verified if they were verified under another length than that of the whole frame. A
+        // payload that has a place is shorter than 256 bytes.
         let length = payload.len() as u8;
         let mut early = if early.length == length { *early } else { Early::of(length) };
         early.advance::<N>(payload);
@@ -269,13 +269,13 @@ impl<const N: usize> Acceptance<N> {
         Ok(Verdict { place, sampled_us, cycle, accepted })
     }
 
-    /// The sequence of the cycles judged so far.
+    /// Returns the sequence of the cycles judged so far.
     #[must_use]
     pub const fn sequence(&self) -> &Sequence {
         &self.sequence
     }
 
-    /// Notes that a frame with that timestamp came for these places.
+    /// Records that a frame with that timestamp came for these places.
     fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
@@ -297,19 +297,19 @@ mod tests {
     use crate::commit::testing::{frames, profile};
     use proptest::prelude::*;
 
-    /// When frame number `frame` of a cycle that is sampled at `sampled_us` ends.
+    /// Returns when frame number `frame` of a cycle that is sampled at `sampled_us` ends.
     fn end<const N: usize>(sampled_us: u64, frame: usize) -> u64 {
         sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
     }
 
-    /// Judges frame number `frame` of the cycle `timestamp`, that was sampled at `sampled_us`.
+    /// Judges frame number `frame` of the cycle `timestamp`, which was sampled at `sampled_us`.
     fn judge<const N: usize>(acceptance: &mut Acceptance<N>, timestamp: u32, frame: usize, sampled_us: u64) -> Verdict {
         let sent = profile::<N>(timestamp);
         let payload = air::split(&sent).nth(frame).expect("a frame of the cycle");
         acceptance.judge(payload, &Early::default(), end::<N>(sampled_us, frame)).expect("the length is right")
     }
 
-    /// In sequence: the last cycle was 40, sampled at 40 ms.
+    /// Returns a state in sequence: the last cycle was 40, sampled at 40 ms.
     fn in_sequence<const N: usize>() -> Acceptance<N> {
         let mut acceptance = Acceptance::new();
         for cycle in 1..=4_u32 {
@@ -328,7 +328,7 @@ mod tests {
         assert_eq!((place(0), place(1)), (Objects(0b111), Objects(0b11_1000)));
         let set = Objects(0b0110);
         assert_eq!([0, 1, 2, 3, 6, 8, 9].map(|index| set.has(index)), [false, true, true, false, false, false, false]);
-        // A bit that no object has.
+        // No object has this bit.
         assert!(!Objects(1 << 6).has(6));
         assert_eq!(set.union(Objects(0b1010)), Objects(0b1110));
         assert!(set.is_disjoint(Objects(0b1001)) && !set.is_disjoint(Objects(0b0100)));
@@ -416,7 +416,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // The first frame can at the earliest end when it was sent after the second.
+        // This is the earliest end of the first frame if it was sent after the second.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
@@ -424,7 +424,7 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // Of each cycle the first frame, the second or both; the first four find the sequence.
+        // The first frame of each cycle is received, the second or both; the first four cycles find the sequence.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {
@@ -539,7 +539,7 @@ mod tests {
 
     #[test]
     fn bytes_behind_the_length_that_len_announces_are_no_objects_of_the_frame() {
-        // GPS3, intact and in its place in the profile, behind the last object of a cycle's first frame.
+        // GPS3 follows, intact and in its place in the profile, behind the last object of a cycle's first frame.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);
@@ -556,7 +556,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // What follows is judged by what was there when it was verified.
+        // An object is judged by the bytes that were there when it was verified.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

@@ -1,7 +1,7 @@
-//! What is wired and allocated on the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
+//! Wires and allocated peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
 //! header.
 //!
-//! To move a signal to another pin, or to give something another peripheral, change it here; nothing else names either.
+//! To move a signal to another pin, or to use another peripheral, change this file: only it names the two.
 //!
 //! | signal | pin | Arduino header | direction |
 //! |---|---|---|---|
@@ -46,24 +46,24 @@ use nrf52840_hal::{
 
 dpr_fw::each_task!(firmware_common::task_vectors);
 
-/// The SSI's chip select in port 1: P1.04.
+/// The pin of the SSI's chip select in port 1: P1.04.
 pub(crate) const SSI_SELECT_PIN: u8 = 4;
-/// GPIOTE channel of FRESH.
+/// The GPIOTE channel of FRESH.
 pub(crate) const FRESH_CHANNEL: usize = 1;
-/// Compare register of TIMER0 for the waits of the front end's driver.
+/// The compare register of TIMER0 for the waits of the front end's driver.
 pub(crate) const WAIT_COMPARE: usize = 0;
-/// Capture register of TIMER0 for the IRQ's edge.
+/// The capture register of TIMER0 for the IRQ's edge.
 pub(crate) const EDGE_CAPTURE: usize = 1;
-/// Capture register of TIMER0 for the present time.
+/// The capture register of TIMER0 for the present time.
 pub(crate) const NOW_CAPTURE: usize = 3;
-/// Compare registers of TIMER2 for the expiry of the image.
+/// The compare registers of TIMER2 for the expiry of the image.
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
-/// Compare register of TIMER2 for the end of the FRESH pulse.
+/// The compare register of TIMER2 for the end of the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
-/// Compare register of TIMER3 for the end of the pause after a transaction.
+/// The compare register of TIMER3 for the end of the pause after a transaction.
 pub(crate) const PAUSE_COMPARE: usize = 0;
 
-/// Pins of the front end.
+/// The pins of the front end.
 pub(crate) struct RfPins {
     pub(crate) select: Pin<Output<PushPull>>,
     pub(crate) mosi: Pin<Output<PushPull>>,
@@ -72,7 +72,7 @@ pub(crate) struct RfPins {
     pub(crate) irq: Pin<Input<PullDown>>,
 }
 
-/// Pins of the SSI.
+/// The pins of the SSI.
 pub(crate) struct SsiPins {
     pub(crate) clock: Pin<Input<Floating>>,
     pub(crate) mosi: Pin<Input<Floating>>,
@@ -80,7 +80,7 @@ pub(crate) struct SsiPins {
     pub(crate) select: Pin<Input<PullUp>>,
 }
 
-/// All pins.
+/// All pins of the board.
 pub(crate) struct Pins {
     pub(crate) rf: RfPins,
     pub(crate) ssi: SsiPins,
@@ -88,7 +88,7 @@ pub(crate) struct Pins {
 }
 
 impl Pins {
-    /// Configures the pins as the table says. Chip select is high and FRESH is low before they are outputs.
+    /// Configures the pins as the table says. Chip select is high and FRESH is low before they become outputs.
     pub(crate) fn new(port0: pac::P0, port1: pac::P1) -> Self {
         let port0 = p0::Parts::new(port0);
         let port1 = p1::Parts::new(port1);
@@ -111,8 +111,8 @@ impl Pins {
     }
 }
 
-/// Configures both GPIOTE channels and the PPI as the tables say. The timers and SPIS1 may be configured later: nothing
-/// happens before they produce events.
+/// Configures both GPIOTE channels and the PPI as the tables say. The timers and SPIS1 may be configured later, since
+/// nothing happens before they produce events.
 pub(crate) fn connect(
     gpiote: pac::GPIOTE,
     ppi: pac::PPI,

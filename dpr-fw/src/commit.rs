@@ -1,24 +1,24 @@
-//! From frame to image: deposits what is accepted, decides when an image is published.
+//! How a frame becomes an image: deposits the accepted objects, and decides when an image is published.
 //!
 //! # Design
 //!
-//! Each image is built from scratch in a scrubbed buffer: accepted objects are copied in, all else stays zero, which no
-//! CRC accepts. Nothing is ever carried over from the image before.
+//! Each image is built from scratch in a scrubbed buffer: accepted objects are copied in, and all else stays zero,
+//! which no CRC accepts. Nothing is ever carried over from the previous image.
 //!
-//! - Up to three receivers: a cycle is one frame, so each frame is published at once, also one of which no object was
+//! - Up to three receivers: a cycle is one frame, so each frame is published at once, even if none of its objects was
 //!   accepted.
-//! - Five receivers: the image is published with the cycle's second frame. The two belong together if their ends say
-//!   the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), so also where one of
-//!   them is damaged and its timestamp unknown; if both are known, their timestamps must be the same. If the second
-//!   does not come, what there is is published when its deadline has passed
-//!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to it. A second
-//!   frame whose first was lost is published at once.
-//! - Silence: at each deadline an image without objects is published, so that what was valid once does not stay
+//! - Five receivers: the image is published with the cycle's second frame. Two frames belong together if their ends
+//!   give the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), even if one of
+//!   them is damaged and its timestamp unknown; if both timestamps are known, they must be equal. If the second frame
+//!   does not come, the first one's objects are published when the second one's deadline has passed
+//!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to the first. A
+//!   second frame whose first was lost is published at once.
+//! - Silence: at each deadline an image without objects is published, so that values that were valid once do not stay
 //!   readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Whether it has passed is
-//! decided here from that instant alone, never from the interrupt that reports it: the task that a frame starts and the
-//! task that the timer starts do the same three things. They take in the frames that wait, call
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. This module decides from
+//! that instant alone whether the deadline has passed, never from the interrupt that reports it: the task that a frame
+//! starts and the task that the timer starts do the same three things. They take in the frames that wait, call
 //! [`Commit::check_deadline`], and set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
 //! ended is dealt with before that frame, so the images are the same in either order of the two tasks.
 //!
@@ -38,30 +38,30 @@ use crate::{
     ImageMemory,
 };
 
-/// What comes over the air was written by HORUS.
+/// HORUS wrote what comes over the air.
 const HORUS: Writer<Horus> = Writer::claim();
-/// Link-Status is the DPR's own.
+/// The DPR itself writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
-/// Where images go.
+/// The place to which the commit task's images go.
 pub trait Images {
-    /// The image being filled: the same one until it is published, scrubbed when it is first asked for.
+    /// Returns the image being filled: the same one until it is published, and scrubbed when first returned.
     fn filling(&mut self) -> &mut ImageMemory;
-    /// Copies Port-Status and the uplinks, which are sealed already, to their place in the image being filled, which is
-    /// that of a map for `N` receivers.
+    /// Copies Port-Status and the uplinks, which are sealed already, to their place in the image being filled, in the
+    /// layout of a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
-    /// Makes what was filled the newest image.
+    /// Makes the image that was filled the newest one.
     fn publish(&mut self);
 }
 
 /// A frame out of a receive buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// Its payload, as received.
+    /// The frame's payload, as received.
     pub payload: &'a [u8],
-    /// The counter, µs, when the front end reported its end: not after the frame is handed to [`Commit::frame`].
+    /// The counter, µs, when the front end reported the frame's end, which is before [`Commit::frame`] gets it.
     pub ended_us: u32,
-    /// What of it was verified while it arrived.
+    /// The part of the frame that was verified while it arrived.
     pub early: &'a Early,
 }
 
@@ -71,15 +71,15 @@ pub struct Commit<const N: usize> {
     acceptance: Acceptance<N>,
     monitor: Monitor<N>,
     link: Link,
-    /// Objects in the image being filled.
+    /// The objects in the image being filled.
     shown: Objects,
-    /// If the image being filled waits for its cycle's second frame: when the cycle was sampled, µs since start.
+    /// If the image being filled waits for its second frame: when that frame's cycle was sampled, µs since start.
     open: Option<u64>,
-    /// Port-Status and the uplinks are in the image being filled.
+    /// Whether Port-Status and the uplinks are in the image being filled.
     port_placed: bool,
 }
 
-/// Copies the bits of `from` that are set in `mask`, word by word, five words a turn.
+/// Copies the bits of `from` that are set in `mask`, word by word, five words per turn of the loop.
 fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     const TURN: usize = 20;
     let copy = |to: &mut [u8], from: &[u8]| {
@@ -103,10 +103,10 @@ impl<const N: usize> Default for Commit<N> {
 }
 
 impl<const N: usize> Commit<N> {
-    /// Objects in a profile.
+    /// The number of objects in a profile.
     const OBJECTS: usize = N + 1;
 
-    /// Nothing received yet.
+    /// The state before anything was received.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -119,9 +119,9 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// The DPR has started: publishes an image without objects, so that the flight controller can read Link-Status from
-    /// now on. `now_us` is the value of the DPR's µs counter here and below; it never goes back from one call to the
-    /// next.
+    /// Publishes an image without objects at the DPR's start, so that the flight controller can read Link-Status from
+    /// now on. `now_us` is the value of the DPR's µs counter, as in the other methods; it never goes back from one call
+    /// to the next.
     pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
         self.link.advance(now_us);
         self.monitor.begin(now_us);
@@ -129,8 +129,8 @@ impl<const N: usize> Commit<N> {
     }
 
     /// Takes a frame in, and restarts the deadline from its end. Frames are to be taken in in the order of their ends.
-    /// How many images were published: one, none if the second frame of a cycle is waited for, one more if something
-    /// else had to go out first.
+    /// Returns how many images were published: one, none if the second frame of a cycle is waited for, and one more if
+    /// another image had to go out first.
     ///
     /// # Errors
     ///
@@ -147,7 +147,7 @@ impl<const N: usize> Commit<N> {
         let ended_us = self.link.clock().instant_us(frame.ended_us);
         let mut verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
         if health.flash_fault {
-            // What judges them is not the program that was built.
+            // A flash fault means that the code that judges the objects is not the program that was built.
             verdict.accepted = Objects::NONE;
         }
 
@@ -159,7 +159,7 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // Still with the status of the cycle that it shows.
+                // The image goes out with the status of the cycle that it shows.
                 self.publish(health, images);
                 published += 1;
             }
@@ -175,17 +175,17 @@ impl<const N: usize> Commit<N> {
         Ok(published)
     }
 
-    /// Publishes an image if the deadline has passed at `now_us`: what there is of a cycle whose second frame has not
-    /// come, without objects if no frame has. Moves the deadline on. To be called at any time after the frames that
-    /// wait were taken in; however long ago the deadline has passed, the work is the same. Whether an image was
-    /// published.
+    /// Publishes an image if the deadline has passed at `now_us`: with the objects of a cycle whose second frame has
+    /// not come, or without objects if no frame has. Moves the deadline on. To be called at any time after the frames
+    /// that wait were taken in; however long ago the deadline has passed, the work is the same. Returns whether an
+    /// image was published.
     pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         self.lapse(now_us, health, images)
     }
 
     /// Puts Port-Status and the uplinks, as they are ready now, into the image being filled. To be called while a frame
-    /// arrives; what was not done then is done when the image is published.
+    /// arrives; otherwise this is done when the image is published.
     pub fn prepare(&mut self, images: &mut impl Images) {
         if !self.port_placed {
             images.place_port::<N>();
@@ -193,13 +193,13 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// What is shown must not be: publishes an image without objects at once. Whether one was published: not if another
-    /// replaces what is shown soon,
+    /// Publishes an image without objects at once, because the one that is shown must not be shown. Returns whether it
+    /// did. It does not if another image replaces the shown one soon:
     ///
     /// - while the image being filled holds objects of a newer cycle, which goes out within
     ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
-    /// - while a frame's end is due, which would have to wait: that frame brings the next image, or else its deadline,
-    ///   2.7 ms later.
+    /// - while a frame's end is due, since publishing would delay that frame: the frame brings the next image, or else
+    ///   its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {
@@ -209,26 +209,26 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// The next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame and with
-    /// each deadline that passes.
+    /// Returns the next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame
+    /// and with each deadline that passes.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
     }
 
-    /// What is counted and shown of the link.
+    /// Returns what is counted and shown of the link.
     #[must_use]
     pub const fn link(&self) -> &Link {
         &self.link
     }
 
-    /// Does what the deadlines that have passed until `until_us` demand; whether there was one, and an image was
-    /// published.
+    /// Does what the deadlines that have passed until `until_us` demand. Returns whether there was one, so that an
+    /// image was published.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // What waits for a second frame is too old by now.
+            // Objects that wait for a second frame are too old by now.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;
@@ -237,12 +237,12 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects in, and zeros in the rejected ones' place, at the same cost.
+    /// Copies the accepted objects into the image, and zeros in place of the rejected ones, at the same cost.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // Behind the barrier the compiler cannot tell the two masks apart, or it would copy or clear, at different
+            // The barrier keeps the compiler from telling the two masks apart: it would copy or clear, at different
             // costs.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
@@ -251,7 +251,7 @@ impl<const N: usize> Commit<N> {
         self.shown = self.shown.union(verdict.accepted);
     }
 
-    /// Seals Link-Status into the image and lets it go.
+    /// Seals Link-Status into the image and publishes the image.
     fn publish(&mut self, health: &Health, images: &mut impl Images) {
         let status = self.link.seal(self.shown, Objects::all(N), health);
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
@@ -272,7 +272,7 @@ const _: () = assert!(GpsObject::SIZE.is_multiple_of(4) && ReportedPosition::SIZ
 pub(crate) mod testing {
     use profile::{air, GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
 
-    /// A sealed profile whose every value tells its timestamp and its place.
+    /// Returns a sealed profile whose every value tells its timestamp and its place.
     pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
         let reported = ReportedValues {
             timestamp,
@@ -303,7 +303,7 @@ pub(crate) mod testing {
         Profile::seal(&reported, &gps)
     }
 
-    /// The two frames of a profile with five receivers.
+    /// Returns the two frames of a profile with five receivers.
     pub(crate) fn frames(timestamp: u32) -> [Vec<u8>; 2] {
         let profile = profile::<5>(timestamp);
         let frames: Vec<_> = air::split(&profile).map(<[u8]>::to_vec).collect();

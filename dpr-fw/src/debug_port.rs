@@ -11,56 +11,56 @@
 //! | UICR.APPROTECT, 0x1000_1208 | 0x5A, HwDisabled | the flashing tool, once: `cargo xtask flash dpr` |
 //! | APPROTECT.DISABLE, 0x4000_0558 | 0x5A, SwDisable | the firmware, after every reset |
 //!
-//! So a firmware that does not write APPROTECT.DISABLE can be flashed once, and after the next power-on its board
-//! answers no debugger any more, until everything is erased.
+//! So a firmware that does not write APPROTECT.DISABLE can be flashed once. After the next power-on its board answers
+//! no debugger any more, until everything is erased.
 //!
-//! [`open`] does as Nordic's own start-up code does (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
-//! `nrf52_handle_approtect`): on such a part the value in UICR decides. A board that was locked on purpose, by writing
-//! another value there, stays locked. The firmware writes no UICR: that is non-volatile memory, and a part whose UICR
-//! is erased has no debugger attached that could need it.
+//! [`open`] does the same as Nordic's own start-up code (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
+//! `nrf52_handle_approtect`): on such a part the value in UICR decides. A board that was locked on purpose, by another
+//! value there, stays locked. The firmware never writes UICR, which is non-volatile memory; a part whose UICR is erased
+//! has no debugger attached that could need it.
 //!
 //! # How a part is recognised
 //!
 //! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in
-//! ASCII, for example 0x4141_4630 for AAF0. Build codes from F on are taken as locked by default, as embassy-rs/embassy
-//! does (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code asks two words of FICR that
-//! the product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`); both agree in that
-//! a part newer than what they know is one of the locked kind.
+//! ASCII, for example 0x4141_4630 for AAF0. Build codes from F on count as locked by default, as in embassy-rs/embassy
+//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code reads two words of FICR that the
+//! product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`). Both take a part that
+//! is newer than those they have listed for one of the locked kind.
 
-/// UICR.APPROTECT, bits 7..0: the hardware's half of the lock is open (HwDisabled).
+/// The value of UICR.APPROTECT, bits 7..0, that opens the hardware's half of the lock (HwDisabled).
 pub const HW_DISABLED: u32 = 0x5A;
 
-/// APPROTECT.DISABLE: the software's half of the lock is open (SwDisable).
+/// The value of APPROTECT.DISABLE that opens the software's half of the lock (SwDisable).
 pub const SW_DISABLE: u32 = 0x5A;
 
-/// The first build code letter of parts that start locked.
+/// The first letter of the build codes of parts that start locked.
 const FIRST_LOCKED: u8 = b'F';
 
-/// The registers that it takes.
+/// The registers that decide about the debug port.
 pub trait Registers {
-    /// FICR.INFO.VARIANT, 0x1000_0104.
+    /// Reads FICR.INFO.VARIANT, 0x1000_0104.
     fn variant(&self) -> u32;
 
-    /// UICR.APPROTECT, 0x1000_1208.
+    /// Reads UICR.APPROTECT, 0x1000_1208.
     fn uicr_approtect(&self) -> u32;
 
     /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Called only on parts that have that register.
     fn disable_protection(&mut self);
 }
 
-/// What the part and its UICR make of the debug port.
+/// The state of the debug port, which the part and its UICR determine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DebugPort {
-    /// The hardware alone decides, by UICR.APPROTECT: the part has no APPROTECT.DISABLE.
+    /// The hardware alone decides, by UICR.APPROTECT, since the part has no APPROTECT.DISABLE.
     ByHardware,
-    /// The firmware has to open it and may.
+    /// The firmware has to open the debug port, and may do so.
     ToBeOpened,
-    /// It is locked, and the firmware leaves it so: UICR.APPROTECT does not say that it may be open.
+    /// The debug port is locked, and the firmware leaves it so, since UICR.APPROTECT does not allow to open it.
     Locked,
 }
 
 impl DebugPort {
-    /// What it is on a part with these two words.
+    /// Returns the state of the debug port on a part whose registers have these two values.
     #[must_use]
     pub const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
@@ -75,7 +75,7 @@ impl DebugPort {
 }
 
 /// Opens the debug port if the part needs it and UICR allows it. To be called once after every reset, before anything
-/// that could fail, so that a debugger reaches a board whose firmware does not come far.
+/// that could fail, so that a debugger reaches a board whose firmware does not get far.
 pub fn open(registers: &mut impl Registers) -> DebugPort {
     let port = DebugPort::of(registers.variant(), registers.uicr_approtect());
     if port == DebugPort::ToBeOpened {

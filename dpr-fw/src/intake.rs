@@ -1,11 +1,11 @@
-//! From frames that wait to images that are published: what the tasks `commit` and `deadline` both do.
+//! How waiting frames become published images, which the tasks `commit` and `deadline` both do.
 //!
 //! # Design
 //!
-//! Both tasks run the same function at the same priority: first every frame that waits is taken in, then the deadline
-//! is looked at. So it does not matter which of the two was called. A frame that came in time has moved the deadline
-//! before it is looked at, even if the timer's interrupt was first, and a frame of a wrong length, which moves nothing,
-//! cannot keep the deadline from being noticed.
+//! Both tasks run the same function at the same priority: first they take in every frame that waits, then they check
+//! the deadline. So it does not matter which of the two was called. A frame that came in time has moved the deadline
+//! before the deadline is checked, even if the timer's interrupt came first; and a frame of a wrong length, which moves
+//! nothing, cannot keep the deadline from being noticed.
 
 use core::borrow::BorrowMut;
 
@@ -23,29 +23,29 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The DPR's µs counter, and the timer that calls the task `deadline` by it.
+/// The DPR's µs counter, and the timer that uses it to call the task `deadline`.
 pub trait Timer {
-    /// The counter.
+    /// Returns the counter's value.
     fn now_us(&self) -> u32;
-    /// Calls when the counter has the value `at_us`, or at once if it has passed.
+    /// Makes the timer call when the counter has the value `at_us`, or at once if that has passed.
     fn set(&mut self, at_us: u32);
 }
 
-/// What other tasks have left for these two.
+/// What other tasks have left for the tasks `commit` and `deadline`.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
-    /// A frame arrives: its image is to be prepared. Without that none is, since what is written over the SSI until the
-    /// next frame is to be in it.
+    /// Whether a frame arrives, so that its image is to be prepared. Otherwise no image is prepared, since the next one
+    /// is to have what is written over the SSI until the next frame.
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,
-    /// What was found by the idle loop.
+    /// The findings of the idle loop.
     pub integrity: &'a Integrity,
     /// The image that the flight controller reads.
     pub shown: S,
 }
 
-/// What the tasks `commit` and `deadline` share, for a profile of `N` receivers.
+/// The state that the tasks `commit` and `deadline` share, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug)]
 pub struct Intake<const N: usize> {
     commit: Commit<N>,
@@ -60,9 +60,9 @@ impl<const N: usize> Intake<N> {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
-    /// Serves a call of either task: the first image at the first one, the frames that wait, the deadline, and what the
-    /// idle loop wants withdrawn. Then the timer is set anew and the next image is begun. Whether there was anything of
-    /// that; otherwise an image is prepared at most.
+    /// Serves a call of either task: publishes the first image at the first call, takes in the frames that wait, checks
+    /// the deadline, and withdraws what the idle loop wants withdrawn. Then it sets the timer anew and begins the next
+    /// image. Returns whether there was any of that; otherwise it prepares an image at most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -85,7 +85,7 @@ impl<const N: usize> Intake<N> {
         }
         let before = telemetry.publications.get();
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
-        // What was just published replaces what is shown.
+        // An image that was just published has replaced the one that was shown.
         let replaced = telemetry.publications.get() != before;
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);
@@ -115,8 +115,8 @@ impl<const N: usize> Intake<N> {
 }
 
 /// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
-/// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`]. Whether there was a frame or the
-/// deadline had passed.
+/// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`]. Returns whether there was a frame or
+/// the deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,

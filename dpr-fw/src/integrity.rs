@@ -1,41 +1,41 @@
-//! Integrity of what the DPR stores: the image that the flight controller reads, and the memory behind everything.
+//! How the DPR verifies the image that the flight controller reads, and the memory behind everything.
 //!
 //! # Design
 //!
-//! The idle loop does the work, a [slice](firmware_common::patrol) every 2.5 ms:
+//! The idle loop does all of this work, one [slice](firmware_common::patrol) every 2.5 ms:
 //!
 //! - *The published image*, object by object ([`ImageCheck`]): an object must have its CRC, or be zero throughout where
-//!   nothing was accepted. The words are copied first, and the verdict is taken only if the image is the same
+//!   nothing was accepted. The idle loop copies the words first, and takes the verdict only if the image is of the same
 //!   *generation* before and after: the SSI task counts the generation up whenever it exchanges the image. So the idle
 //!   loop holds no lock, and neither the SSI nor the commit is ever delayed. A wrong object is read a second time
-//!   before it is believed, so that a wrong copy is not taken for a wrong image.
-//! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`].
+//!   before it counts as wrong, so that a wrong copy is not taken for a wrong image.
+//! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
-//! What a finding leads to:
+//! Each finding has a consequence:
 //!
 //! | finding | what follows |
 //! |---|---|
 //! | an object of the published image | the commit task publishes an image without objects, "RAM fault" set |
-//! | flash | the same with "flash fault" set; no object is shown until a pass over flash finds it intact |
+//! | flash | the commit task does so with "flash fault"; no object is shown until a pass finds flash intact |
 //! | code in RAM | safe state, [`Cause::CodeInRam`] |
 //! | a guard word | safe state, [`Cause::GuardWord`] |
-//! | RAM in use does not hold what is written, at the start too | "RAM fault" |
+//! | RAM in use does not hold what is written to it, also at the start | Link-Status says "RAM fault" |
 //!
-//! *Why RAM that is faulty does not stop the DPR:* every object that it shows has a CRC, a timestamp and an identifier
-//! of whoever made it, which the reader verifies, so the DPR can lose an object by it, or show none, but not change one
-//! unnoticed. Buffers are scrubbed and taken out of use by themselves ([`triple`](crate::triple)); what DMA reaches is
-//! left out of the test.
+//! *Why faulty RAM does not stop the DPR:* every object that the DPR shows has a CRC, a timestamp and an identifier of
+//! its writer, which the reader verifies. So faulty RAM can make the DPR lose an object, or show none, but not change
+//! one unnoticed. Buffers are scrubbed and taken out of use by themselves ([`triple`](crate::triple)); the RAM that DMA
+//! reaches is left out of the test.
 //!
-//! *Why the image without the damaged object shows no other one either:* it would have to be built from the damaged
-//! image or from a copy of it. But each image is built from scratch out of objects that were just accepted, and nothing
-//! is ever carried over from the image before ([`commit`](crate::commit)); FRESH would announce objects of an older
-//! cycle a second time, and they would stay readable for longer than one image may. The loss is what is left of one
-//! cycle, 10 ms at most; then the next frame brings all objects into another buffer.
+//! *Why the image that replaces a damaged one shows no object:* an image with the other objects would have to be built
+//! from the damaged image or from a copy of it. But each image is built from scratch out of objects that were just
+//! accepted, and nothing is ever carried over from the previous image ([`commit`](crate::commit)); FRESH would announce
+//! objects of an older cycle a second time, and they would stay readable for longer than one image may. Only the rest
+//! of one cycle is lost, 10 ms at most; then the next frame brings all objects into another buffer.
 //!
 //! # Time to detect
 //!
-//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`], [`RAM_DETECT_US`], each with its derivation. They hold
-//! as long as the idle loop gets its slices; if it does not for 100 ms, the watchdog resets the part.
+//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold as long
+//! as the idle loop gets its slices; if it gets none for 100 ms, the watchdog resets the part.
 
 use core::{
     ops::Range,
@@ -55,40 +55,40 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// Words that a slice verifies: together with an object of the image about 1 % of the processor on the pessimistic
-/// clock.
+/// The words that a slice verifies: together with an object of the image they take about 1 % of the processor's time on
+/// the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// A self-test does so many slices in place of one.
+/// The number of slices that a self-test does in place of one.
 pub const SELF_TEST_SLICES: u32 = 3;
 
-/// Where the part of flash ends that the memory protection unit has shut.
+/// The end of the part of flash that the memory protection unit has shut.
 pub const SHUT_END: u32 = NULL_PAGE_END;
 
-/// Bytes of flash, of RAM that holds code, and of RAM with stack and statics, at most: those of `memory.x`.
+/// The most bytes of flash; the next two are RAM that holds code, and RAM with stack and statics (`memory.x`).
 const FLASH_BYTES: u32 = 96 * 1024;
 const CODE_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// Objects of the published image that are verified in a slice. With three receivers all eight are in four slices,
-/// which is as long as an image is shown while frames come.
+/// The number of objects of the published image that a slice verifies. With three receivers all eight objects take four
+/// slices, which is as long as an image is shown while frames come.
 pub const OBJECTS_PER_SLICE: u32 = 2;
 
-/// From a flip in the published image to the image without it, µs, for a profile of five receivers: two of the ten
-/// objects have their turn in each slice, and the idle loop may have slept until the next deadline.
+/// The time from a flip in the published image until an image replaces it, µs, for a profile of five receivers: each
+/// slice verifies two of the ten objects, and the idle loop may have slept until the next deadline.
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
-/// From a flip in flash to Link-Status, µs, at most: two passes over the image's whole budget.
+/// The time from a flip in flash until Link-Status shows it, µs, at most: two passes over the program's whole budget.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
 
-/// From a flip in code in RAM to the safe state, µs, at most: one pass over all the RAM that code may have.
+/// The time from a flip in RAM code to the safe state, µs, at most: one pass over all the RAM that code may have.
 pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;
 
-/// From a bit of RAM in use that sticks to Link-Status, µs, at most: one pass over it.
+/// The time from when a bit of RAM in use sticks until Link-Status shows it, µs, at most: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + FRAME_DEADLINE_US;
 
-/// A self-test lasts no longer than this, µs: a pass over flash and one over RAM, whichever takes longer.
+/// The longest that a self-test lasts, µs: a pass over flash or one over RAM, whichever takes longer.
 pub const SELF_TEST_US: u32 = {
     let (flash, ram) = (FLASH_DETECT_US / 2, RAM_DETECT_US);
     (if flash > ram { flash } else { ram }) / SELF_TEST_SLICES + FRAME_DEADLINE_US
@@ -101,26 +101,26 @@ const _: () = {
     assert!(RAM_DETECT_US <= 10_300_000);
 };
 
-/// The image that the flight controller reads at present, for a task that may be interrupted by the one that exchanges
-/// it.
+/// The image that the flight controller reads at present, for a task that may be interrupted by the task that exchanges
+/// the image.
 pub trait Shown {
-    /// Counts the images that were shown; 0 before the first. As long as it stays the same, so does the image.
+    /// Returns the count of images shown so far, 0 before the first. While it stays the same, so does the image.
     fn generation(&self) -> u32;
 
-    /// Copies words of the image from word `first` on; anything if the image was exchanged meanwhile.
+    /// Copies words of the image from word `first` on. If the image was exchanged meanwhile, the copy is arbitrary.
     fn copy(&self, first: usize, words: &mut [u32]);
 }
 
-/// Longest object of an image, words.
+/// The length of the longest object of an image, words.
 const OBJECT_WORDS: usize = 16;
 
-/// Re-verifies the map for `N` receivers, one object at a call.
+/// Re-verifies the map for `N` receivers, one object per call.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ImageCheck<const N: usize> {
     next: usize,
 }
 
-/// What an object of an image came to.
+/// The result of verifying an object of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
     Intact,
@@ -130,24 +130,24 @@ enum Found {
 }
 
 impl<const N: usize> ImageCheck<N> {
-    /// Objects of the map: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
+    /// The objects of the map: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
     pub const OBJECTS: usize = N + 5;
 
-    /// The number of Port-Status among them.
+    /// The number of Port-Status among the objects.
     const PORT_STATUS: usize = N + 2;
 
-    /// Begins with Link-Status.
+    /// A check that begins with Link-Status.
     #[must_use]
     pub const fn new() -> Self {
         Self { next: 0 }
     }
 
-    /// Verifies the next [`OBJECTS_PER_SLICE`] objects; the generation of the image if one is damaged.
+    /// Verifies the next [`OBJECTS_PER_SLICE`] objects; returns the image's generation if one is damaged.
     pub fn slice(&mut self, shown: &impl Shown) -> Option<u32> {
         (0..OBJECTS_PER_SLICE).fold(None, |damaged, _| damaged.or_else(|| self.step(shown)))
     }
 
-    /// Verifies the next object; the generation of the image if it is damaged.
+    /// Verifies the next object; returns the image's generation if the object is damaged.
     pub fn step(&mut self, shown: &impl Shown) -> Option<u32> {
         let generation = shown.generation();
         let object = self.next;
@@ -155,12 +155,12 @@ impl<const N: usize> ImageCheck<N> {
         if found != Found::Unknown {
             self.next = (object + 1) % Self::OBJECTS;
         }
-        // Once more, before it is believed.
+        // The object is read once more before it counts as damaged.
         let damaged = found == Found::Damaged && Self::look(object, generation, shown) == Found::Damaged;
         damaged.then_some(generation)
     }
 
-    /// Where an object is, bytes.
+    /// Returns the bytes that an object has in the image.
     fn place(object: usize) -> Option<Range<usize>> {
         if object == 0 {
             return Some(0..LinkStatus::SIZE);
@@ -184,7 +184,7 @@ impl<const N: usize> ImageCheck<N> {
         if shown.generation() != generation {
             return Found::Unknown;
         }
-        // Link-Status and Port-Status are always there.
+        // Link-Status and Port-Status are there in every image.
         let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
         if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
             Found::Intact
@@ -194,18 +194,18 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// What the idle loop and the commit task tell each other.
+/// The state that the idle loop and the commit task share.
 #[derive(Debug)]
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 for none.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
-    /// Flash was found changed, and no image without objects was published since.
+    /// Whether flash was found changed, and no image without objects was published since.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
 
-/// States of a self-test; from [`PASSED`] on there is a result.
+/// The states of a self-test; from [`PASSED`] on there is a result.
 const NONE: u32 = 0;
 const REQUESTED: u32 = 1;
 const RUNNING: u32 = 2;
@@ -219,7 +219,7 @@ impl Default for Integrity {
 }
 
 impl Integrity {
-    /// Nothing was found.
+    /// The state before anything was found.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -230,20 +230,20 @@ impl Integrity {
         }
     }
 
-    /// Whether flash was found changed and was not found intact since: no object may be shown.
+    /// Whether flash was found changed and was not found intact since, so that no object may be shown.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
-    /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. To be asked by
-    /// the commit task; told once.
+    /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. The commit task
+    /// asks, and gets each withdrawal once.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
 
-    /// Asks for a self-test: one whole pass over flash and one over RAM in use. One that is under way begins anew.
+    /// Asks for a self-test: one whole pass over flash and one over RAM in use. A test under way begins anew.
     pub fn request_self_test(&self) {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
@@ -254,16 +254,16 @@ impl Integrity {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Whether the self-test that has ended has found everything in order; told once, `None` if none has ended since.
+    /// Returns whether the self-test that has ended passed; once for each, `None` if none has ended since.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // A request that comes in between is not lost.
+        // The exchange does not lose a request that comes in between.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
 
-    /// Serves whoever asks for self-tests: `wanted` as long as one was asked for and is not done. The result, once.
+    /// Serves a caller that wants self-tests: `wanted` holds until one is done. Returns each result once.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -275,12 +275,12 @@ impl Integrity {
         result
     }
 
-    /// The image of `generation` was found damaged.
+    /// Takes note that the image of `generation` was found damaged.
     fn image_damaged(&self, generation: u32) {
         self.damaged.store(generation, Ordering::Relaxed);
     }
 
-    /// A pass over flash is complete.
+    /// Takes note that a pass over flash is complete.
     fn flash_pass(&self, intact: bool) {
         if !intact && !self.flash_fault.load(Ordering::Relaxed) {
             self.withdraw.store(true, Ordering::Relaxed);
@@ -289,18 +289,18 @@ impl Integrity {
     }
 }
 
-/// What the idle loop has to do about a slice.
+/// What the idle loop has to do after a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consequence {
-    /// Nothing.
+    /// The idle loop has to do nothing.
     None,
-    /// Call the commit task: there is something that it must withdraw.
+    /// Call the commit task, because there is something that it must withdraw.
     Withdraw,
     /// Enter the safe state for this cause, with this detail.
     Stop(Cause, u32),
 }
 
-/// What the idle loop remembers of a self-test.
+/// The results of a self-test so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     flash: Option<bool>,
@@ -314,13 +314,13 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// No self-test is under way.
+    /// A judge while no self-test is under way.
     #[must_use]
     pub const fn new() -> Self {
         Self { self_test: SelfTest { flash: None, ram: None } }
     }
 
-    /// Whether a self-test was asked for: the passes then have to begin anew.
+    /// Whether a self-test was asked for, so that the passes have to begin anew.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
@@ -330,7 +330,7 @@ impl Judge {
         begins
     }
 
-    /// Judges a slice: `damaged` is what [`ImageCheck::step`] said in it.
+    /// Judges a slice; `damaged` is what [`ImageCheck::step`] returned in it.
     pub fn judge(
         &mut self,
         slice: &Slice,
@@ -360,7 +360,7 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // The worst last.
+        // The worst finding comes last, so that it decides.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }
@@ -373,7 +373,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // A request that came meanwhile stands.
+        // A request that came meanwhile is kept.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

@@ -1,9 +1,9 @@
-//! Firmware of the DPR: NFC-F frames in, an active dual-ported RAM read over SSI.
+//! The firmware of the DPR: NFC-F frames come in, and an active dual-ported RAM is read over SSI.
 //!
 //! # Design
 //!
-//! This library is everything that decides; it needs no MCU and the host tests it. The binary beside it is an RTIC
-//! table of tasks, and its module `hw` is the only place that touches registers. One cycle, from top to bottom:
+//! This library has everything that decides; it needs no MCU, and the host tests it. The binary beside it is an RTIC
+//! table of tasks, and only the binary's module `hw` accesses registers. One cycle, from top to bottom:
 //!
 //! | module | what it does | where it runs |
 //! |---|---|---|
@@ -12,11 +12,11 @@
 //! | [`intake`] | takes in the frames that wait, then looks at the deadline | commit |
 //! | [`accept`] | verifies the objects of a frame, each by itself, and the sequence of its cycle | commit |
 //! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
-//! | [`integrity`] | re-verifies the published image; what a change of memory leads to | idle |
+//! | [`integrity`] | re-verifies the published image; what follows from a change of memory | idle |
 //! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
-//! | [`protection`] | what the memory protection unit opens | start |
+//! | [`protection`] | the regions that the memory protection unit opens | start |
 //! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
-//! | [`ssi`] | what the flight controller asked for, and how much it may ask | SSI interrupt |
+//! | [`ssi`] | what the flight controller asked for, and how much it may ask for | SSI interrupt |
 //! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`reset`] | why the part last started | start |
@@ -24,8 +24,8 @@
 //! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
-//! Constant time: what a cycle costs does not depend on what the data say. Every object is verified and copied under a
-//! mask whatever the verdict is, and no loop ends early.
+//! Constant time: the cost of a cycle does not depend on what the data say. Every object is verified, and copied under
+//! a mask whatever the verdict is, and no loop ends early.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
@@ -58,7 +58,7 @@ compile_error!(
 #[cfg(not(any(feature = "gps-1", feature = "gps-2", feature = "gps-3", feature = "gps-5")))]
 compile_error!("choose one of the features gps-1, gps-2, gps-3, gps-5");
 
-/// GNSS receivers in the profile, chosen by the feature `gps-N`.
+/// The number of GNSS receivers in the profile, chosen by the feature `gps-N`.
 pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
     1
 } else if cfg!(feature = "gps-2") {
@@ -69,12 +69,12 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
     3
 };
 
-/// Words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
+/// The words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// Words of an image buffer: the map for five receivers, the longest.
+/// The words of an image buffer: the map for five receivers, which is the longest.
 pub const IMAGE_WORDS: usize = profile::map::Map::<5>::LEN.div_ceil(4);
 
-/// Memory for one air frame.
+/// The memory of one air frame.
 pub type ReceiveMemory = [u32; RECEIVE_WORDS];
-/// Memory for one image.
+/// The memory of one image.
 pub type ImageMemory = [u32; IMAGE_WORDS];

@@ -8,30 +8,30 @@ use profile::{
 
 use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 
-/// From the end of one frame to the latest end of the next, µs: the cycle and a quarter of it, for the drift of two
-/// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds
-/// up.
+/// The time from the end of one frame to the latest end of the next, µs: the cycle and a quarter of it, for the drift
+/// of two crystals and the jitter of a start-up. It is measured from each frame anew, not by a local tick, so that
+/// drift never adds up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// So long before and after the instant at which a frame should end, µs, nothing is published that can wait for it:
-/// more than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and two crystals are apart in a
-/// cycle.
+/// For this time before and after the instant at which a frame should end, µs, nothing is published that can wait for
+/// it: it is more than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and more than two
+/// crystals drift apart in a cycle.
 pub const FRAME_DUE_US: u32 = 200;
-/// While HORUS is silent a frame counts as missed this often, µs: the cycle.
+/// While HORUS is silent, a frame counts as missed once in this time, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends 3.935 ms
-/// after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
+/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends
+/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
 pub const SECOND_FRAME_US: u32 = 7_000;
-/// A restart of HORUS stays shown for so long, µs, that no control cycle can overlook it.
+/// How long a restart of HORUS stays shown, µs: no control cycle can overlook it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
 
 const _: () = {
     let first = air::age_at_end_us::<5>(0).expect("the first frame of two");
     let second = air::age_at_end_us::<5>(1).expect("the second frame of two");
-    // A second frame that belongs to the first is never later than its deadline.
+    // A second frame that belongs to the first never comes after its deadline.
     assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
 };
 
-/// The DPR's time: a free-running counter of µs, taken further.
+/// The DPR's time, which a free-running counter of µs carries on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clock {
     counter_us: u32,
@@ -41,14 +41,14 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// At start.
+    /// The clock at the start.
     #[must_use]
     pub const fn new() -> Self {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
     /// Moves on to counter value `now_us`, which must not be before that of the last call. To be called at least every
-    /// 71 minutes; it is called every 12.5 ms.
+    /// 71 minutes; the DPR calls it every 12.5 ms.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -58,19 +58,19 @@ impl Clock {
         self.below_ms_us = us % 1000;
     }
 
-    /// ms since start, wraps after 49 days.
+    /// Returns the ms since start, which wrap after 49 days.
     #[must_use]
     pub const fn ms(&self) -> u32 {
         self.ms
     }
 
-    /// µs since start, never wraps.
+    /// Returns the µs since start, which never wrap.
     #[must_use]
     pub const fn us(&self) -> u64 {
         self.us
     }
 
-    /// The instant at which the counter had the value `counter_us`, less than 71 minutes ago: µs since start.
+    /// Returns the instant at which the counter had the value `counter_us`, less than 71 minutes ago, µs since start.
     #[must_use]
     pub const fn instant_us(&self, counter_us: u32) -> u64 {
         self.us.wrapping_sub(self.counter_us.wrapping_sub(counter_us) as u64)
@@ -80,13 +80,13 @@ impl Clock {
 /// What the deadline waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
-    /// Any frame; nothing was heard yet, so none is missed.
+    /// The deadline waits for any frame; nothing was received yet, so none is missed.
     Any,
-    /// The second frame of the current cycle.
+    /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The next cycle's first frame; the current cycle's second is counted as missed.
+    /// The deadline waits for the next cycle's first frame; the current one's second is counted as missed.
     First,
-    /// A whole cycle.
+    /// The deadline waits for a whole cycle.
     Cycle,
 }
 
@@ -98,28 +98,28 @@ struct Slot {
     frame: u32,
 }
 
-/// What deadlines that have passed mean.
+/// The meaning of deadlines that have passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
-    /// Frames that are missed now.
+    /// The number of frames that count as missed now.
     pub missed: u32,
-    /// No frame came in time after the last one, so that nothing may be shown any more. Otherwise only a cycle's second
-    /// frame is late.
+    /// Whether no frame came in time after the last one, so that nothing may be shown any more. Otherwise only a
+    /// cycle's second frame is late.
     pub silent: bool,
 }
 
-/// The missed-frame monitor: a deadline restarted by each frame, and the count of the frames that did not come.
+/// The missed-frame monitor: a deadline that each frame restarts, and the count of the frames that did not come.
 ///
 /// A frame is missed if its time has passed. During silence the deadlines count; when a frame arrives, the instants of
-/// the samples say how many frames were due between it and the one before, and those that no deadline has counted are
-/// added. So the count does not depend on whether a damaged frame could be told apart from its neighbours: it is one
-/// that was received.
+/// the samples say how many frames were due between it and the previous one, and those that no deadline has counted are
+/// added. So the count does not depend on whether a damaged frame could be told apart from its neighbours: it counts as
+/// received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
     deadline_us: u32,
     last: Option<Slot>,
-    /// Frames counted as missed since the last one arrived.
+    /// The number of frames counted as missed since the last one arrived.
     counted: u32,
 }
 
@@ -130,29 +130,29 @@ impl<const N: usize> Default for Monitor<N> {
 }
 
 impl<const N: usize> Monitor<N> {
-    /// Frames in a cycle.
+    /// The number of frames in a cycle.
     const FRAMES: u32 = air::frames(N) as u32;
     const CYCLE_US: u32 = 1_000 * CYCLE_MS;
 
-    /// Waits for the first frame. As long as nothing was heard nothing is expected, so nothing counts as missed.
+    /// A monitor that waits for the first frame. Until a frame is received none is expected, so none is missed.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: Due::Any, deadline_us: 0, last: None, counted: 0 }
     }
 
-    /// The next deadline: value of the DPR's µs counter.
+    /// Returns the next deadline, a value of the DPR's µs counter.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.deadline_us
     }
 
-    /// The DPR has started at counter value `now_us`: the first deadline is [`FRAME_DEADLINE_US`] later.
+    /// Starts at counter value `now_us`: the first deadline is [`FRAME_DEADLINE_US`] later.
     pub fn begin(&mut self, now_us: u32) {
         self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
     }
 
-    /// Frame number `frame` of a cycle that was sampled at `sampled_us` on the DPR's clock has ended at counter value
-    /// `ended_us`: restarts the deadline. How many frames were missed before it that no deadline has counted.
+    /// Takes a frame that ended at counter value `ended_us`, number `frame` of a cycle sampled at `sampled_us` on the
+    /// DPR's clock, and restarts the deadline. Returns the missed frames before it that no deadline counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -173,13 +173,13 @@ impl<const N: usize> Monitor<N> {
     }
 
     /// Whether a cycle's first frame ends within [`FRAME_DUE_US`] of the counter value `now_us`, or has ended, if HORUS
-    /// keeps its cycle. Later than a cycle after the last frame it may be said of an instant at which none is due.
+    /// keeps its cycle. Later than a cycle after the last frame it may be true of an instant at which none is due.
     #[must_use]
     pub const fn is_frame_due(&self, now_us: u32) -> bool {
         if !matches!(self.due, Due::Cycle) {
             return false;
         }
-        // From the end of a cycle's first frame to that of its last.
+        // This is the time from the end of a cycle's first frame to that of its last.
         let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
             (Some(first), Some(last)) => last - first,
             _ => 0,
@@ -188,14 +188,14 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
-    /// Whether the deadline has passed at counter value `now_us`, itself included: it is less than 35 minutes ago.
+    /// Whether the deadline has passed at counter value `now_us`, or passes then. It is less than 35 minutes ago.
     #[must_use]
     pub const fn has_lapsed(&self, now_us: u32) -> bool {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// At counter value `now_us`: `None` if the deadline has not passed. If it has, and however many others since, what
-    /// that means; the next deadline is after `now_us`.
+    /// Returns `None` if the deadline has not passed at counter value `now_us`. If it has, and however many others
+    /// since, returns what that means; the next deadline is after `now_us`.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -208,7 +208,7 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // One deadline, and one for each further period.
+            // There was one deadline, and one more for each further period.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -227,19 +227,19 @@ impl<const N: usize> Monitor<N> {
 /// What other tasks know and Link-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
-    /// A scrub has found a stuck bit since start.
+    /// Whether a scrub has found a stuck bit since start.
     pub ram_fault: bool,
-    /// The RFID front end is lost at the moment.
+    /// Whether the RFID front end is lost at the moment.
     pub front_end_fault: bool,
-    /// The RFID front end works and senses no field of the sender.
+    /// Whether the RFID front end works and senses no field of the sender.
     pub no_field: bool,
-    /// The program memory does not have the CRC that the build gave it.
+    /// Whether the program memory does not have the CRC that the build gave it.
     pub flash_fault: bool,
     /// Why the DPR last started.
     pub reset_reason: ResetReason,
-    /// Accesses over SSI that were refused since start.
+    /// The number of accesses over SSI that were refused since start.
     pub access_violations: u32,
-    /// The last uplink or command that came in was refused.
+    /// Whether the last uplink or command that came in was refused.
     pub uplink_rejected: bool,
 }
 
@@ -247,7 +247,7 @@ pub struct Health {
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     clock: Clock,
-    /// When the sample was taken of the last Reported-Position that was accepted, µs since start.
+    /// When the sample of the last accepted Reported-Position was taken, µs since start.
     reported_us: Option<u64>,
     accepted: u32,
     rejected: u32,
@@ -266,7 +266,7 @@ impl Default for Link {
 }
 
 impl Link {
-    /// Nothing received: the age is saturated, and the sequence is searched for.
+    /// The state before anything was received: the age is saturated, and the sequence is searched for.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -282,18 +282,18 @@ impl Link {
         }
     }
 
-    /// Time has come to counter value `now_us`.
+    /// Moves the clock on to counter value `now_us`.
     pub fn advance(&mut self, now_us: u32) {
         self.clock.advance(now_us);
     }
 
-    /// The DPR's clock.
+    /// Returns the DPR's clock.
     #[must_use]
     pub const fn clock(&self) -> &Clock {
         &self.clock
     }
 
-    /// Counts a frame; `sequence` is what it has come to with this frame.
+    /// Counts a frame; `sequence` is the sequence that includes this frame.
     pub fn frame(&mut self, verdict: &Verdict, sequence: &Sequence) {
         self.received = self.received.wrapping_add(1);
         self.accepted = self.accepted.wrapping_add(verdict.accepted.count());
@@ -315,7 +315,7 @@ impl Link {
         self.missed = self.missed.wrapping_add(frames);
     }
 
-    /// Link-Status for an image that shows `shown` of the `expected` objects, and that is published now.
+    /// Returns the Link-Status of an image that shows `shown` of the `expected` objects and is published now.
     ///
     /// The link is up if the cycle that the image shows brought at least one object that may be shown. The age is that
     /// of the sample of the last Reported-Position that was accepted.
@@ -347,15 +347,15 @@ impl Link {
         })
     }
 
-    /// Objects accepted, objects rejected, frames received, frames missed; since start, wrapping.
+    /// Returns objects accepted, objects rejected, frames received and frames missed; since start, wrapping.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
     }
 
-    /// µs since `instant_us`; saturates, as it does if there was no such instant.
+    /// Returns the µs since `instant_us`; saturates, as it does if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // Without a branch, so that it takes as long where there was none.
+        // The computation has no branch, so that it takes equally long if there was no instant.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -431,7 +431,7 @@ mod tests {
         assert_eq!(monitor.deadline_us(), 32_500);
         assert_eq!(monitor.lapse(32_499), None);
         assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
-        // The three that were due at 20, 30 and 40 ms, of which deadlines have counted two.
+        // Three frames were due, at 20, 30 and 40 ms, of which deadlines have counted two.
         assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
         assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
         assert_eq!(monitor.deadline_us(), 72_500);
@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Frame number and sample in µs of two frames, and how many were due between them.
+        // Each row has frame number and sample in µs of two frames, and how many were due between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -461,7 +461,7 @@ mod tests {
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 0);
         assert_eq!(monitor.frame(0, 40_000, 0), 3);
-        // What deadlines counted before a frame is not taken off what is missed after it.
+        // The frames that deadlines counted before a frame are not subtracted from those missed after it.
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 5_000);
         assert_eq!(monitor.lapse(37_500), OVERDUE(3, true));
@@ -469,7 +469,7 @@ mod tests {
         assert_eq!(monitor.frame(0, 80_000, 85_000), 3);
     }
 
-    /// Frames that end at 0 (first), then nothing: lost are the second (3.9 ms), and both of every later cycle.
+    /// A first frame ends at 0, then none comes: the second (3.9 ms) is lost, and both of every later cycle.
     #[test]
     fn two_frames_a_cycle_every_lost_frame_is_counted_once_its_time_has_passed() {
         let mut monitor = Monitor::<5>::new();
@@ -486,11 +486,11 @@ mod tests {
             }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
-        // The second frame of the tenth cycle comes: of the ninth the second was missed, and the first of the tenth.
+        // The tenth cycle's second frame comes: the second of the ninth was missed, and the first of the tenth.
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
-    /// A verdict on the first frame of a cycle of three receivers of which `accepted` are accepted.
+    /// Returns a verdict on the first frame of a cycle of three receivers, of which `accepted` are accepted.
     fn verdict(accepted: Objects, cycle: Cycle, sampled_us: u64) -> Verdict {
         Verdict { place: Place::of_frame::<3>(0).expect("a frame"), sampled_us, cycle, accepted }
     }
@@ -509,7 +509,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // Without Reported-Position the age goes on.
+        // The age goes on without Reported-Position.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {
@@ -550,12 +550,12 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // Silence.
+        // No frame comes for this time.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);
         assert!(values(&link).status.out_of_sequence());
-        // Frozen, as long as the next cycle is not there.
+        // The timestamp stays frozen until the next cycle comes.
         let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
         assert_eq!(judged(&mut link, 40, 400_000), frozen);
         assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));

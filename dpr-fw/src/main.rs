@@ -1,5 +1,5 @@
-//! Firmware of the DPR. This file is the table of tasks; what they do is in the library, the registers are in `hw`, and
-//! pins, vectors and channels are in `board`.
+//! The firmware of the DPR. This file is the table of tasks; the library has what they do, `hw` has the registers, and
+//! `board` has pins, vectors and channels.
 //!
 //! | task | when | has to be through within |
 //! |---|---|---|
@@ -11,19 +11,19 @@
 //! | `port` | a transaction has brought something; an image was published | 10 ms |
 //! | `idle` | nothing else wants to run | 100 ms |
 //!
-//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
-//! table in [`dpr_fw::task`].
+//! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
+//! in [`dpr_fw::task`] of these attributes.
 //!
-//! Where the bounds come from: after 10 µs the flight controller may select again; 40 µs are two bytes on air, and a
-//! task that verifies an object early takes about 30 (the front end's FIFO holds what arrives meanwhile); 0.1 ms is
-//! what the design allows from the last bit to a readable image; after 10 ms the next frame needs the buffer; after 100
+//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on air, and a
+//! task that verifies an object early takes about 30 µs (the front end's FIFO holds what arrives meanwhile). 0.1 ms is
+//! what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After 100
 //! ms the watchdog bites.
 //!
-//! SSI above RFID above commit above scrub above port above idle. A flight controller that never stops cannot keep the
-//! others from running: how often the highest tasks run is bounded by the pause between two transactions that they
-//! serve and by what they grant ([`dpr_fw::ssi`]).
+//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that never stops cannot
+//! keep the others from running: how often the highest tasks run is bounded by the pause between two transactions that
+//! they serve, and by what they grant ([`dpr_fw::ssi`]).
 //!
-//! Only `idle` writes to the log, and no task masks interrupts for that ([`firmware_common::log_section`]).
+//! Only `idle` writes to the log, and no task masks interrupts for the log ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -89,13 +89,13 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// The RFID side has called for an image to be prepared.
+    /// Whether the RFID side has called for an image to be prepared.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The tasks are asked for their signs of life once a cycle: not sooner than this after the last time, µs.
+    /// The least time between two calls of the tasks for signs of life, which come once a cycle, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
-    /// What `commit` and `deadline`, of the same priority, share.
+    /// The state that `commit` and `deadline`, which have one priority, share.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
@@ -139,7 +139,7 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
-        // What EasyDMA reaches, and what a debugger reads.
+        // This is the memory that EasyDMA reaches, and the counters that a debugger reads.
         let mut shared = [const { 0..0 }; APART - 2];
         shared[0] = memory::span(cx.local.receive);
         shared[1] = memory::span(cx.local.images);
@@ -174,7 +174,7 @@ mod app {
         let mut memory = PartMemory::take();
         let patrol = Patrol::new(patrol::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
-        // The first image, before anything is heard.
+        // The first image is published before any frame is received.
         board::call(Task::commit);
         (
             Shared {
@@ -201,8 +201,8 @@ mod app {
         )
     }
 
-    /// The lowest priority: re-verifies what is stored, logs changes and a summary each second, feeds the watchdog,
-    /// sleeps.
+    /// Has the lowest priority: re-verifies what is stored, logs changes and a summary each second, feeds the watchdog,
+    /// and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [front_end])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut shown = FrontEnd::Starting;
@@ -211,7 +211,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // Most interrupts have nothing for this loop: they cost it this question.
+            // Most interrupts leave this loop nothing to do, and cost it only this question.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -228,7 +228,7 @@ mod app {
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
                 let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test is of flash and RAM: the image is verified as often as ever.
+                // A self-test concerns flash and RAM: the image is verified as often as otherwise.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
@@ -259,7 +259,7 @@ mod app {
         }
     }
 
-    /// A transaction has ended, or the semaphore has come for another reason.
+    /// Runs when a transaction has ended, or the semaphore has come for another reason.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
@@ -268,21 +268,21 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// The pause after a transaction is over: the end of the next may call `ssi_end` again, and does if it has come.
+    /// Runs when the pause after a transaction is over: the next end may call `ssi_end` again, and does if it has come.
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
         CHECK_IN.check_in(Task::ssi_pause);
     }
 
-    /// A transfer with the front end has ended.
+    /// Runs when a transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
         CHECK_IN.check_in(Task::rf_spi);
     }
 
-    /// The front end's IRQ has risen.
+    /// Runs when the front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 4, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
@@ -290,7 +290,7 @@ mod app {
         CHECK_IN.check_in(Task::rf_irq);
     }
 
-    /// A wait of the front end's driver is over.
+    /// Runs when a wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
@@ -315,7 +315,7 @@ mod app {
         }
     }
 
-    /// A frame is in its buffer: verified, deposited, published.
+    /// Runs when a frame is in its buffer, and verifies, deposits and publishes it.
     #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
@@ -323,7 +323,7 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// No frame came in time: what was valid must not stay readable.
+    /// Runs when no frame came in time: what was valid must not stay readable.
     #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
@@ -354,19 +354,19 @@ mod app {
         }
     }
 
-    /// Buffers were read or replaced: scrubs them, then asks the other tasks for their signs of life, once a cycle.
+    /// Scrubs buffers that were read or replaced, then asks the other tasks for signs of life, once a cycle.
     #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::scrub);
-        // With five receivers a cycle has two frames, and one call a cycle is enough for the watchdog.
+        // With five receivers a cycle has two frames, but one call per cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
             return;
         }
         *cx.local.asked_us = now_us;
-        // What has come of frames needs no call.
+        // Tasks that a frame has already called need no other call.
         for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
             if !CHECK_IN.has_checked_in(task) {
                 board::call(task);
@@ -376,13 +376,13 @@ mod app {
         board::call(Task::port);
     }
 
-    /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
-    /// image shows of it.
+    /// Runs when a transaction has brought something or an image was published: judges what came in and prepares what
+    /// the next image shows of it.
     #[task(binds = SWI2_EGU2, priority = 1, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // As many as the SSI task grants between two images, at most.
+        // There are at most as many as the SSI task grants between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

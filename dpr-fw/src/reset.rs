@@ -1,23 +1,23 @@
 //! Why the part last started.
 //!
 //! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared; after power-on and after a brown-out it
-//! is zero, since both come from the on-chip reset generator. They are told apart by a word of RAM that is not
-//! initialised: with it still there the supply only dipped.
+//! is zero, since both come from the on-chip reset generator. A word of RAM that is not initialised tells these two
+//! apart: if the word has kept its value, the supply only dipped.
 
 use profile::ResetReason;
 
-/// Bit 0: the reset pin.
+/// Bit 0 stands for the reset pin.
 const RESETPIN: u32 = 1;
-/// Bit 1: the watchdog.
+/// Bit 1 stands for the watchdog.
 const DOG: u32 = 1 << 1;
-/// Bit 2: software or a debugger, by AIRCR.SYSRESETREQ.
+/// Bit 2 stands for software or a debugger, by AIRCR.SYSRESETREQ.
 const SREQ: u32 = 1 << 2;
-/// Bit 3: lockup.
+/// Bit 3 stands for lockup.
 const LOCKUP: u32 = 1 << 3;
 
-/// The reason that RESETREAS `bits` tell, given whether the word of RAM had kept its value.
+/// Returns the reason that RESETREAS `bits` tell, given whether the word of RAM had kept its value.
 ///
-/// With the pin's bit set the others are not believed (anomaly 136). Bits of wake-up from System OFF, which is never
+/// If the pin's bit is set, the others are ignored (anomaly 136). Bits of wake-up from System OFF, which is never
 /// entered, count as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {

@@ -1,16 +1,16 @@
-//! The RFID side: what comes of the steps of the ST25R3916's listener machine, and where frames go.
+//! The RFID side: carries out the steps of the ST25R3916's listener machine, and hands frames on.
 //!
 //! # Design
 //!
-//! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`FrontEndPort`] starts SPI transfers by
-//! EasyDMA and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ
-//! pin risen, timer elapsed. All three call [`Reception::serve`], and the cyclic check-in that pends the task repairs
-//! what a lost edge of the IRQ pin could have left waiting.
+//! The machine ([`st25r3916::Listener`]) decides what to send to the chip; the [`FrontEndPort`] starts SPI transfers by
+//! EasyDMA and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: a transfer has ended,
+//! the IRQ pin has risen, the timer has elapsed. All three call [`Reception::serve`], and the cyclic check-in, which
+//! calls the task as well, serves what a lost edge of the IRQ pin has left waiting.
 //!
-//! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives it into
-//! the byte before the place where the data go: for the first read that is the last of the [`LEAD`] bytes, for later
-//! ones the last byte of the chunk before, which the port keeps and puts back. So frames lie where they are wanted
-//! without a copy.
+//! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives that byte
+//! just before the place where the data go. For the first read this is the last of the [`LEAD`] bytes, for later ones
+//! the last byte of the previous chunk, which the port keeps and puts back. So frames lie where they are wanted without
+//! a copy.
 //!
 //! # Buffers
 //!
@@ -21,8 +21,8 @@
 //! # The end of a frame
 //!
 //! A frame's end is the rising edge of the IRQ pin (I_rxe), whose instant the hardware captures
-//! ([`FrontEndPort::irq_edge_us`]). It does not depend on when the processor looks, nor on whether the interrupt was
-//! read in a status read that the edge caused or in one that a time-out had caused before it.
+//! ([`FrontEndPort::irq_edge_us`]). The instant depends neither on when the processor looks, nor on whether the
+//! interrupt was read in a status read that the edge caused or in one that a time-out had caused before.
 
 use rtic_core::Mutex;
 use st25r3916::{
@@ -37,63 +37,63 @@ use crate::{
     triple::{Filling, Memory, Rotated, Rotation},
 };
 
-/// Bytes in front of LEN in a receive buffer: room for the byte under the read command, chosen so that the payload is
-/// aligned.
+/// The bytes in front of LEN in a receive buffer: room for the byte under the read command, chosen so that the payload
+/// is aligned.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
-/// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the
-/// end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms
-/// at worst (store-and-forward) and re-arming 0.03 ms; the setting that is read back then may take until after that
-/// sync.
+/// How long the chip is left alone after a frame, µs: the commit takes 50 µs. The next sync is at least 0.45 ms after
+/// the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Until then reading takes
+/// 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms; the setting that is read back afterwards may take until
+/// after that sync.
 pub const RESUME_AFTER_US: u32 = 80;
 
-/// The hardware that the executor needs, with the receive buffer that is being written. A response is without the byte
-/// under a read command.
+/// The hardware that the executor needs, with the receive buffer that is being written. A response does not include the
+/// byte under a read command.
 pub trait FrontEndPort: executor::Port {
-    /// A receive buffer.
+    /// The type of a receive buffer.
     type Buffer: Memory;
 
-    /// The counter, µs, at the last rising edge of the IRQ pin, captured by hardware.
+    /// Returns the counter, µs, at the last rising edge of the IRQ pin, captured by hardware.
     fn irq_edge_us(&mut self) -> u32;
     /// Exchanges the receive buffer. Called while no transfer runs.
     fn exchange(&mut self, with: impl FnOnce(Filling<Self::Buffer>) -> Filling<Self::Buffer>);
-    /// The first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs, which
-    /// would put its own bytes in.
+    /// Returns the first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs,
+    /// since a read would put its own bytes in.
     fn arrived(&self, len: usize) -> &[u8];
 }
 
-/// State of the RFID front end.
+/// The state of the RFID front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FrontEnd {
-    /// It has never listened yet.
+    /// The front end has never listened yet.
     Starting,
-    /// It is configured and listens.
+    /// The front end is configured and listens.
     Listening {
-        /// It senses the sender's field, or has received a frame, since which the field was not lost.
+        /// Whether the front end senses the sender's field, or has received a frame and not lost the field since.
         field: bool,
     },
-    /// It was lost, for that reason, and is being brought up again. After [`Fault::Silence`] it stays so until a frame
-    /// comes: whether it hears is not known before.
+    /// The front end was lost, for this reason, and is being brought up again. After [`Fault::Silence`] it stays in
+    /// this state until a frame comes, since only a frame shows that it receives.
     Lost(Fault),
 }
 
 impl FrontEnd {
-    /// Whether it works, as far as is known, and senses no field. One that is lost otherwise says nothing of the field.
+    /// Whether the front end works, as far as is known, and senses no field. After other faults the field is unknown.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
     }
 
-    /// Whether it is out of order, as far as is known: also if nothing is heard although the sender's field is there.
-    /// Without that field silence says nothing about this side.
+    /// Whether the front end is out of order, as far as is known, also if it receives nothing although the sender's
+    /// field is there. Without that field silence says nothing about the DPR's side.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
-    /// The front end says that the field is there, or is gone.
+    /// Takes note that the front end says that the field is there, or is gone.
     fn note_field(&mut self, there: bool) {
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;
@@ -104,34 +104,34 @@ impl FrontEnd {
 /// What is known of a frame beside its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
-    /// Payload bytes.
+    /// The number of payload bytes.
     pub len: usize,
-    /// The counter, µs, at its end.
+    /// The counter, µs, at the frame's end.
     pub ended_us: u32,
-    /// What of it was verified while it arrived.
+    /// The part of the frame that was verified while it arrived.
     pub early: Early,
 }
 
 impl FrameInfo {
-    /// The payload in the receive buffer's `bytes`; empty if the buffer is too short for it.
+    /// Returns the payload in the receive buffer's `bytes`; empty if the buffer is too short for it.
     #[must_use]
     pub fn payload<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         bytes.get(LEAD + PAYLOAD_OFFSET..LEAD + PAYLOAD_OFFSET + self.len).unwrap_or(&[])
     }
 }
 
-/// Whom the RFID tasks have to call.
+/// The tasks that the RFID tasks have to call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
-    /// Nobody.
+    /// No task has to be called.
     None,
-    /// The commit task: most of a frame is there, time to prepare the image for it.
+    /// The commit task: most of a frame is there, so it is time to prepare the image for the frame.
     Prepare,
     /// The commit task and the scrub task: a buffer was handed on, to be read or to be scrubbed.
     Handed,
 }
 
-/// What the RFID tasks do.
+/// The state of the RFID tasks.
 #[derive(Debug)]
 pub struct Reception<P> {
     executor: Executor<Listener, P>,
@@ -149,8 +149,8 @@ impl<P: FrontEndPort> Reception<P> {
     }
 
     /// Carries the driver on as far as it goes, for a profile of `N` receivers. A frame goes into `rotation`, and the
-    /// driver on with a clean buffer. While a frame arrives, the objects that are complete are verified here, so that
-    /// this is not left for after its last bit. Tells whom to call.
+    /// driver goes on with a clean buffer. While a frame arrives, this already verifies the objects that are complete,
+    /// so that less work is left after the last bit. Returns which tasks to call.
     pub fn serve<const N: usize>(
         &mut self,
         mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
@@ -163,7 +163,7 @@ impl<P: FrontEndPort> Reception<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
-                    // A front end that begins to listen in a field need not tell of it.
+                    // A front end that begins to listen in a field may not report that field.
                     front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
@@ -186,7 +186,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // The sender may be off: nothing need be wrong here.
+                        // The sender may be off, so this need not be a fault.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }
@@ -230,13 +230,13 @@ impl<P: FrontEndPort> Reception<P> {
         }
     }
 
-    /// The port, for a test to look at.
+    /// Returns the port, for a test.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }
 }
 
-/// A frame was begun in the receive buffer that will not be delivered: goes on with a clean one.
+/// Puts a clean buffer in place of one in which a frame was begun that will not be delivered.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

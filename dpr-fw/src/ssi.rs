@@ -1,25 +1,25 @@
-//! What the flight controller asks for, and how much it may ask.
+//! Decides what the flight controller reads next, and how many transactions it may make.
 //!
 //! # Design
 //!
-//! A transaction shows the window of the [map](profile::map) that the transaction before it asked for, and the map from
-//! its start if that asked for nothing. A request is eight bytes with a CRC; eight bytes 0x00, or 0xFF (an undriven
+//! A transaction shows the window of the [map](profile::map) that the previous transaction asked for, and the map from
+//! its start if that one asked for nothing. A request is eight bytes with a CRC; eight bytes 0x00, or 0xFF (an undriven
 //! line), ask for nothing. After anything else (a damaged request, one that reaches beyond the map) the next
 //! transaction shows the map from its start.
 //!
-//! That is all that is judged here, because the next transaction waits for it. What a transaction brought is judged by
-//! a task of low priority ([`port`](crate::port)), which gets the whole receive area.
+//! Only the request is judged here, because the next transaction waits for it. The rest of what a transaction brought
+//! is judged by a task of low priority ([`port`](crate::port)), which gets the whole receive area.
 //!
-//! The SSI interrupt stands above all others, so a flight controller that selects and deselects the DPR in a loop could
-//! keep the RFID side from running. The peripheral reports the end of granted transactions only, whether bytes were
-//! clocked in them or not, and two bounds hold for those:
+//! The SSI interrupt has a higher priority than all others, so a flight controller that selects and deselects the DPR
+//! in a loop could keep the RFID side from running. The peripheral reports only the end of granted transactions,
+//! whether bytes were clocked in them or not, and two bounds hold for those:
 //!
-//! - [`PAUSE_US`]: after the task has served the end of one, the end of the next does not call it before that time is
-//!   over. The events that call it are masked until a timer lifts the mask; the shortcut from END to ACQUIRE has taken
-//!   the buffers from the peripheral meanwhile, so the flight controller reads 0xFF. So the task comes between the last
-//!   bit of a frame and its image at most once, whatever the flight controller does.
-//! - [`Budget`] counts them, and when it is used up the buffer is not granted again until the next image is published.
-//!   So the load is bounded, that of the port task included.
+//! - [`PAUSE_US`]: after the task has served the end of one transaction, the end of the next does not call it before
+//!   that time is over. The events that call it are masked until a timer lifts the mask; the shortcut from END to
+//!   ACQUIRE has taken the buffers from the peripheral meanwhile, so the flight controller reads 0xFF. So the task runs
+//!   between the last bit of a frame and its image at most once, whatever the flight controller does.
+//! - [`Budget`] counts these transactions, and when it is used up the buffer is not granted again until the next image
+//!   is published. So the load is bounded, including that of the port task.
 
 use core::ops::Range;
 
@@ -28,15 +28,15 @@ use profile::{
     Uplink, Violation,
 };
 
-/// Bytes behind the object in which nothing may be written: a transaction that drives them wants to write more than
+/// The bytes behind the object in which nothing may be written: a transaction that drives them wants to write more than
 /// there is place for.
 pub const BEYOND_BYTES: usize = 8;
 
-/// Bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. What else is clocked in is
-/// dropped by the peripheral.
+/// The bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. The peripheral drops whatever
+/// else is clocked in.
 pub const RECEIVE_BYTES: usize = REQUEST_SIZE + Uplink::SIZE + BEYOND_BYTES;
 
-/// Memory for what a transaction brings in.
+/// The memory for what a transaction brings in.
 pub type ReceiveArea = [u32; RECEIVE_BYTES / 4];
 
 const _: () = assert!(RECEIVE_BYTES.is_multiple_of(4));
@@ -44,13 +44,13 @@ const _: () = assert!(RECEIVE_BYTES.is_multiple_of(4));
 /// What a transaction asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// Nothing.
+    /// The transaction asked for nothing.
     Nothing,
-    /// A window of the map.
+    /// The transaction asked for a window of the map.
     Window,
-    /// It was too short to ask; whether that is a violation depends on what it brought instead.
+    /// The transaction was too short to ask; whether that is a violation depends on what it brought instead.
     Short,
-    /// What it may not have.
+    /// The transaction asked for what it may not have.
     Refused(Violation),
 }
 
@@ -61,13 +61,13 @@ pub struct Windows<const LEN: usize> {
 }
 
 impl<const LEN: usize> Windows<LEN> {
-    /// The whole map.
+    /// The state in which the next transaction shows the whole map.
     #[must_use]
     pub const fn new() -> Self {
         Self { next: None }
     }
 
-    /// A transaction is over, in which `mosi` came in. Its request decides what the next one shows.
+    /// Takes the end of a transaction in which `mosi` came in. Its request decides what the next one shows.
     pub fn transaction(&mut self, mosi: &[u8]) -> Asked {
         let (asked, next) = match mosi.first_chunk().map(|request| ssi::parse(request, LEN)) {
             Some(Ok(Parsed::Nothing)) => (Asked::Nothing, None),
@@ -79,7 +79,7 @@ impl<const LEN: usize> Windows<LEN> {
         asked
     }
 
-    /// The bytes of the map that the next transaction shows.
+    /// Returns the bytes of the map that the next transaction shows.
     #[must_use]
     pub fn window(&self) -> Range<usize> {
         self.next.map_or(0..LEN, |request| {
@@ -89,20 +89,20 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// After the SSI task has served the end of a transaction, the next end does not call it for this time, µs: longer than
-/// the way of a frame from its last bit to its image with the SSI task in it (docs/timing.md#sums), and shorter
-/// than the least time from end to end of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) without the time
-/// in which the first of them is served.
+/// After the SSI task has served the end of a transaction, the next end does not call it for this time, µs. It is
+/// longer than the way of a frame from its last bit to its image with the SSI task in it (docs/timing.md#sums), and
+/// shorter than the least time from end to end of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) without
+/// the time in which the first of them is served.
 pub const PAUSE_US: u32 = 95;
 
 const _: () = assert!(PAUSE_US * 1_000 + ssi::timing::GAP_NS < ssi::timing::SPACING_NS);
 
-/// Transactions that are granted between two publications: 10 ms apart, a control cycle of 1 ms needs ten. Each takes 7
-/// µs of interrupt, and the port task 10 to 20 for what it brought; with these the processor stays below a load of a
-/// tenth even if a flight controller never stops (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
+/// The number of transactions that are granted between two publications: in 10 ms a control cycle of 1 ms needs ten.
+/// Each takes 7 µs of interrupt, and the port task 10 to 20 µs for what it brought; so the processor's load stays below
+/// a tenth even if a flight controller never stops (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
 pub const BUDGET: u32 = 16;
 
-/// How many transactions may still be granted.
+/// The number of transactions that may still be granted.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget(u32);
 
@@ -113,28 +113,28 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// [`BUDGET`].
+    /// A budget of [`BUDGET`] transactions.
     #[must_use]
     pub const fn new() -> Self {
         Self(BUDGET)
     }
 
-    /// Uses one. Tells whether it was the last.
+    /// Uses one transaction up, and returns whether it was the last.
     pub fn spend(&mut self) -> bool {
         self.0 = self.0.saturating_sub(1);
         self.0 == 0
     }
 
-    /// Whether another may be granted.
+    /// Whether another transaction may be granted.
     #[must_use]
     pub const fn is_left(&self) -> bool {
         self.0 > 0
     }
 }
 
-/// When the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction that is
-/// under way will, and its end should not meet such a call, which would delay it; so that is waited for, but not for
-/// more than [`SignOfLife::MOST`] cycles: a flight controller that never deselects the DPR must not reset it.
+/// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction
+/// under way will call it, and such a call should not delay its end. So its end is waited for, but for at most
+/// [`SignOfLife::MOST`] cycles: a flight controller that never deselects the DPR must not reset it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SignOfLife {
     transactions: u32,
@@ -142,19 +142,19 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// So many cycles, of 12.5 ms at most, a transaction may last before the task is called during it: with the call's
-    /// own cycle half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it: with
+    /// the cycle of the call they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// No transaction has been seen since the start, which has taken up to a third of the watchdog's time: of one that
-    /// is under way already one cycle is waited for.
+    /// The state at the start, which has taken up to a third of the watchdog's time: a transaction that is already
+    /// under way is waited for during one cycle.
     #[must_use]
     pub const fn new() -> Self {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether the task is to be called, after so many transactions in all, and while the DPR is selected or not. Asked
-    /// once a cycle.
+    /// Whether the task is to be called, after this number of transactions in all, and while the DPR is selected or
+    /// not. To be asked once a cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;
@@ -248,7 +248,7 @@ mod tests {
             prop_assert!(window.start < window.end && window.end <= 156);
             if !damage {
                 let inside = length > 0 && usize::from(offset) + usize::from(length) <= 156;
-                // (0, 0) has a CRC that is not zero, so it is a request, for nothing at all.
+                // The request (0, 0) has a CRC that is not zero, so it is a request, for no bytes at all.
                 let expected = match inside {
                     true => Asked::Window,
                     false if mosi == [0xFF; 8] => Asked::Nothing,

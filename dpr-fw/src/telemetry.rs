@@ -1,86 +1,86 @@
-//! What the firmware counts about itself, for a debugger or the bench to read from RAM by symbol.
+//! The counters that the firmware keeps of itself, which a debugger or the bench reads from RAM by symbol.
 
 use crate::triple::Scrubbed;
 
 firmware_common::counters! {
-    /// The static `DPR_TELEMETRY` in the image: 32-bit counters in this order, all zero at start. Totals wrap.
+    /// The static `DPR_TELEMETRY` in the program: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
-        /// Frames of a right length.
+        /// Frames that had a right length.
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,
-        /// Objects accepted.
+        /// Objects that were accepted.
         objects_accepted,
-        /// Objects rejected, each by itself.
+        /// Objects that were rejected, each by itself.
         objects_rejected,
-        /// Frames rejected outright.
+        /// Frames that were rejected as a whole.
         wrong_length,
         /// Frames for which the front end reported a CRC-16, framing or FIFO error; they are judged like any other.
         chip_crc_flags,
-        /// Buffers scrubbed, receive buffers and images.
+        /// Buffers that were scrubbed, receive buffers and images.
         scrubs,
         /// Stuck bits found by scrubs.
         scrub_faults,
-        /// Receive buffers and images taken out of use because of stuck bits.
+        /// Receive buffers and images that were taken out of use because of stuck bits.
         buffers_out_of_use,
         /// Faults of the RFID front end, and frames that began but were not delivered.
         rf_faults,
-        /// Times the front end was brought up again after a fault.
+        /// How often the front end was brought up again after a fault.
         rf_recoveries,
         /// Frames lost because commit and scrub were late by a cycle.
         overruns,
         /// SSI transactions in which the image was shown.
         ssi_transactions,
-        /// What a flight controller did and may not do, of all kinds ([`profile::port_status`]); stays at `u32::MAX`.
+        /// Actions that a flight controller may not do, of all kinds ([`profile::port_status`]); stays at `u32::MAX`.
         access_violations,
-        /// Images published.
+        /// Images that were published.
         publications,
         /// Images that became readable for the next SSI transaction.
         images_readable,
-        /// Longest SSI interrupt, processor cycles.
+        /// The longest SSI interrupt, processor cycles.
         ssi_worst_cycles,
-        /// Longest commit, frame or deadline, processor cycles, with what preempted it.
+        /// The longest commit, of a frame or a deadline, processor cycles, including what preempted it.
         commit_worst_cycles,
-        /// From the end of the last frame to its publication, µs. (The cycle counter stands still while the processor
-        /// sleeps.)
+        /// The time from the end of the last frame to its publication, µs. (The cycle counter stands still while the
+        /// processor sleeps.)
         rxe_to_publish_us,
-        /// The longest of those, µs.
+        /// The longest time from the end of a frame to its publication, µs.
         rxe_to_publish_worst_us,
-        /// SSI transactions that clocked more bytes out than their window had; those read 0xFF.
+        /// SSI transactions that clocked more bytes out than their window had; the extra bytes read 0xFF.
         ssi_over_reads,
-        /// SSI transactions that clocked more bytes in than fit into a receive area; those were dropped. A transaction
-        /// that reads more than 80 bytes does so always.
+        /// SSI transactions that clocked more bytes in than fit into a receive area; the extra bytes were dropped. A
+        /// transaction that reads more than 80 bytes always does so.
         ssi_overflows,
-        /// Times an image expired in hardware because none replaced it in time.
+        /// How often an image expired in hardware because none replaced it in time.
         images_expired,
         /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
         last_stop,
-        /// Passes over flash.
+        /// Passes of the patrol over flash.
         flash_passes,
-        /// Those of them that found it changed.
+        /// Passes over flash that found it changed.
         flash_faults,
         /// Objects of published images that were found changed.
         image_faults,
-        /// Passes over RAM in use.
+        /// Passes of the patrol over the RAM in use.
         ram_passes,
-        /// Times at which RAM in use did not hold what was written, at the start too.
+        /// How often the RAM in use did not hold what was written to it, also at the start.
         ram_errors,
-        /// Times the transactions that are granted between two images were used up.
+        /// How often the transactions that are granted between two images were used up.
         ssi_budgets_spent,
-        /// Transactions whose object was dropped because two before it still waited to be judged.
+        /// Transactions whose object was dropped because two earlier ones still waited to be judged.
         ssi_objects_dropped,
         /// Uplinks stored since start or since they were cleared.
         uplinks_accepted,
-        /// 1 if the last uplink or command that came in was refused, else 0.
+        /// 1 if the last uplink or command that came in was refused, otherwise 0.
         uplink_rejected,
-        /// Longest run of the port task, processor cycles, with what preempted it.
+        /// The longest run of the port task, processor cycles, including what preempted it.
         port_worst_cycles,
-        /// Times the front end lost the sender's field.
+        /// How often the front end lost the sender's field.
         field_losses,
-        /// Times the front end was brought up anew since nothing had been heard for long.
+        /// How often the front end was brought up anew since nothing had been received for long.
         rf_silences,
-        /// The last register of the front end that did not read as it was set: its address (with 0x40 in space B) in
-        /// bits 23 to 16, then what it was set to, then what it read as; 0 if there was none.
+        /// The last register of the front end that did not read as it was set, or 0: its address (with 0x40 in space B)
+        /// in bits 23 to 16, then the value that was set, then the value that was read.
         rf_register,
     }
 }

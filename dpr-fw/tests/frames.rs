@@ -1,6 +1,6 @@
-//! From the air to the image, without an MCU: what the firmware's tasks call, on the chip model.
+//! The way from the air to the image, without an MCU: what the firmware's tasks call, on the chip model.
 //!
-//! Time is virtual and byte-exact on SPI at 8 MHz; what the tasks of the firmware do takes no time here.
+//! Time is virtual and byte-exact on SPI at 8 MHz; the work of the firmware's tasks takes no time here.
 
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
@@ -26,17 +26,17 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Space, Technology};
 
-/// One byte at 8 MHz.
+/// The time of one byte at 8 MHz, ns.
 const BYTE_NS: u64 = 1_000;
-/// One bit at 424 kbit/s: 32 periods of 13.56 MHz.
+/// The time of one bit at 424 kbit/s, as: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 2_359_882_005_899;
 const CYCLE_NS: u64 = 10_000_000;
-/// The first byte of a status read: registers from 0x19 on.
+/// The first byte of a status read, which reads registers from 0x19 on.
 const STATUS_READ: u8 = 0x59;
-/// The first cycle's sample: bring-up is over and the field has been on for a while.
+/// The first cycle's sample, ns: bring-up is over, and the field has been on for a while.
 const FIRST_TICK_NS: u64 = 33_000_000;
 
-/// The timestamp of cycle number `cycle`, ms.
+/// Returns the timestamp of cycle number `cycle`, ms.
 fn timestamp(cycle: u64) -> u32 {
     10 * (cycle as u32 + 1)
 }
@@ -55,12 +55,12 @@ struct World {
     now: u64,
     air: VecDeque<(u64, AirEvent)>,
     transfer: Option<Transfer>,
-    /// SPIM0 does not go on: transfers that are started never end.
+    /// Whether SPIM0 hangs, so that transfers that are started never end.
     stuck: bool,
     irq: bool,
-    /// The last rising edge of the IRQ pin.
+    /// When the IRQ pin last rose, ns.
     irq_rose_ns: u64,
-    /// How often it rose while a status was being read.
+    /// How often the IRQ pin rose while a status was being read.
     rises_in_status_reads: u32,
 }
 
@@ -97,7 +97,7 @@ impl World {
         }
     }
 
-    /// A frame whose first bit is on the air at `at`.
+    /// Sends a frame whose first bit is on the air at `at`.
     fn send(&mut self, at: u64, payload: &[u8], damage: impl FnOnce(&mut [u8])) {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -118,7 +118,7 @@ impl World {
     }
 }
 
-/// CRC-16 of NFC-F: polynomial 0x1021, initial value 0, most significant bit first.
+/// Returns CRC-16 of NFC-F: polynomial 0x1021, initial value 0, most significant bit first.
 fn crc16(bytes: &[u8]) -> [u8; 2] {
     let crc = bytes.iter().fold(0_u16, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| if crc >> 15 == 1 { crc << 1 ^ 0x1021 } else { crc << 1 })
@@ -139,14 +139,14 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The port as the hardware does it: a read lands one byte early, and that byte is put back.
+/// The port does the same as the hardware: a read lands one byte early, and that byte is put back.
 struct SimPort {
     world: Rc<RefCell<World>>,
     buffer: Option<Filling<Buffer>>,
     response: Vec<u8>,
     read: Option<(usize, usize)>,
     timer_ns: u64,
-    /// Every buffer that was put in to be written was clean.
+    /// Whether every buffer that was put in to be written was clean.
     always_clean: bool,
 }
 
@@ -236,7 +236,7 @@ impl rf::FrontEndPort for SimPort {
     }
 }
 
-/// Images as they are published, and when.
+/// The images that were published, each with its time.
 struct Album {
     filling: ImageMemory,
     published: Vec<(u64, ImageMemory)>,
@@ -264,7 +264,7 @@ struct Dpr<const N: usize> {
     commit: Commit<N>,
     album: Album,
     telemetry: Telemetry,
-    /// The commit task does not run.
+    /// Whether the commit task does not run.
     commit_waits: bool,
 }
 
@@ -315,7 +315,7 @@ impl<const N: usize> Dpr<N> {
         self.world.borrow_mut().send(at, payload, |_| ());
     }
 
-    /// Sends the frames of cycle number `cycle`, counted from 0, at their slots; the instant of its last bit.
+    /// Sends the frames of cycle number `cycle`, counted from 0, at their slots; returns the instant of its last bit.
     fn send_cycle(&mut self, cycle: u64) -> u64 {
         let sent = profile_at::<N>(timestamp(cycle));
         let tick = FIRST_TICK_NS + CYCLE_NS * cycle;
@@ -328,7 +328,7 @@ impl<const N: usize> Dpr<N> {
         end
     }
 
-    /// The link runs and the sequence is found: cycles 0 to 3 have been there, of which the last is shown.
+    /// Returns a link that runs and is in sequence: cycles 0 to 3 have come, and the last of them is shown.
     fn in_sequence(read_mode: ReadMode) -> Self {
         let mut dpr = Self::new(read_mode);
         for cycle in 0..4 {
@@ -344,7 +344,7 @@ impl<const N: usize> Dpr<N> {
         self.album.published.len()
     }
 
-    /// Lets virtual time pass, each interrupt at its instant.
+    /// Lets virtual time pass, with each interrupt at its instant.
     fn run_to(&mut self, to: u64) {
         loop {
             let timer = self.receiver.port().timer_ns;
@@ -363,7 +363,7 @@ impl<const N: usize> Dpr<N> {
         }
     }
 
-    /// What the RFID, commit and scrub tasks call, one after the other.
+    /// Does what the RFID, commit and scrub tasks call, one after the other.
     fn serve(&mut self) {
         let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry, commit_waits } = self;
         let called = receiver.serve::<N>(Own(rotation), Own(front_end), telemetry) != Call::None;
@@ -389,7 +389,7 @@ impl<const N: usize> Dpr<N> {
     }
 }
 
-/// A profile whose values tell its timestamp.
+/// Returns a profile whose values tell its timestamp.
 fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     let (latitude, longitude, altitude) =
         (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);
@@ -418,8 +418,8 @@ fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     Profile::seal(&reported, &[gps; N])
 }
 
-/// 20 cycles; every profile but those of the search for the sequence has to be shown, byte for byte, and published
-/// within `bound_ns` of the last bit.
+/// Sends 20 cycles; every profile except those of the search for the sequence has to be shown, byte for byte, and
+/// published within `bound_ns` of the last bit.
 fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
     let mut dpr = Dpr::<N>::new(read_mode);
     let ends: Vec<_> = (0..20).map(|cycle| dpr.send_cycle(cycle)).collect();
@@ -446,7 +446,7 @@ fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
 
 #[test]
 fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
-    // Of 0.1 ms: 40 µs for SPI and the chip, the rest for the processor.
+    // The bound is the share of 0.1 ms that SPI and the chip get, 40 µs; the processor gets the rest.
     every_profile_arrives::<1>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<2>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<3>(ReadMode::WhileFilling, 40_000);
@@ -472,7 +472,7 @@ fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
     let (frame_ns, _) = dpr.album.published[4];
     let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
-        // Each step calls the task once more, as an edge that is told twice or the check-in does.
+        // Each step calls the task once more, as an edge that is reported twice or the check-in does.
         dpr.run_to(frame_ns + later_ns);
         assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
     }
@@ -482,12 +482,12 @@ fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
 
 #[test]
 fn a_receive_buffer_holds_the_longest_frame_and_less_than_a_word_more() {
-    // LEN, payload and CRC-16, behind the bytes that align the payload.
+    // The frame has LEN, payload and CRC-16, behind the bytes that align the payload.
     let longest = LEAD + 1 + air::MAX_PAYLOAD + 2;
     assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
 }
 
-/// What of each frame of a cycle of `N` receivers was verified before its last byte was there.
+/// Returns what of each frame of a cycle of `N` receivers was verified before the frame's last byte was there.
 fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     let mut dpr = Dpr::<N>::in_sequence(read_mode);
     dpr.commit_waits = true;
@@ -496,7 +496,7 @@ fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     std::iter::from_fn(|| dpr.rotation.read()).map(|received| received.about().early).collect()
 }
 
-/// What is verified of the frames of a cycle if of each all but the last `missing` bytes have arrived.
+/// Returns what is verified of a cycle's frames if all but the last `missing` bytes of each have arrived.
 fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
     let sent = profile_at::<N>(timestamp(4));
     let early = air::split(&sent).map(|payload| {
@@ -510,7 +510,7 @@ fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
 
 #[test]
 fn all_but_the_last_bytes_of_a_frame_are_verified_while_it_arrives() {
-    // What was to come when the third read began is left for the end, of which two bytes are the frame's CRC-16.
+    // The bytes after the third read's begin are left for the end, and two of them are the frame's CRC-16.
     assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(TAIL - 2));
     assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(TAIL - 2));
     assert_eq!(verified_early::<5>(ReadMode::WhileFilling), early_without::<5>(TAIL - 2));
@@ -558,12 +558,12 @@ fn a_frame_of_another_length_is_counted_and_the_next_is_shown() {
     assert!(dpr.receiver.port().always_clean);
 }
 
-/// What becomes of a frame that does not arrive.
+/// The reason why a frame does not arrive.
 #[derive(Clone, Copy, Debug)]
 enum Lost {
-    /// The field goes off under it.
+    /// The field goes off during the frame.
     WithTheField,
-    /// The transfer that reads its bytes never ends.
+    /// The transfer that reads the frame's bytes never ends.
     WithTheSpi,
 }
 
@@ -580,7 +580,7 @@ fn a_buffer_in_which_a_frame_was_lost_is_scrubbed_before_another_is_received() {
             world.air.push_back(end);
             world.air.push_back((tick + 5_500_000, AirEvent::FieldOn));
         }
-        // Bytes of it are read into the buffer on the way.
+        // Bytes of the frame are read into the buffer on the way.
         dpr.run_to(tick + 4_750_000);
         let buffer_is_clean = |dpr: &mut Dpr<3>| {
             dpr.receiver.port().buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS])
@@ -663,7 +663,7 @@ fn the_end_of_a_frame_that_comes_during_a_status_read_is_its_own_instant() {
         let at = FIRST_TICK_NS + 4 * CYCLE_NS + 1_000 * u64::from(slot_us);
         dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[0] += more);
         {
-            // Tenths of a percent: 2.5 µs each at the frame's end.
+            // The bit rate is off by tenths of a percent, each 2.5 µs at the frame's end.
             let longer = |span: u64| span + span / 1_000 * slow;
             let mut world = dpr.world.borrow_mut();
             for (instant, event) in &mut world.air {
@@ -677,7 +677,7 @@ fn the_end_of_a_frame_that_comes_during_a_status_read_is_its_own_instant() {
         dpr.run_to(at + 5_000_000);
         met += dpr.world.borrow().rises_in_status_reads - met_before;
         assert_eq!(dpr.profile(4), sent.as_bytes(), "LEN + {more}, {slow}");
-        // The age counts from the end of the frame: that of the sync would make it 2.4 ms more.
+        // The age counts from the end of the frame; from the sync it would be 2.4 ms more.
         let (published, _) = dpr.album.published[4];
         let age_100us = (published - (FIRST_TICK_NS + 4 * CYCLE_NS)) / 100_000;
         assert!(u64::from(dpr.link().age_100us).abs_diff(age_100us) <= 1, "LEN + {more}, {slow}: {:?}", dpr.link());
@@ -711,11 +711,11 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         }
         dpr.run_to(silent_from + 450_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
-        // Brought up anew after 0.5 s and after another second; it is lost meanwhile.
+        // The front end is brought up anew after 0.5 s and after another second; it is lost meanwhile.
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
-        // Without a field it is the sender that is missing.
+        // Without a field the sender is missing.
         assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
         dpr.run_to(silent_from + 1_700_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");

@@ -1,9 +1,9 @@
-//! Which tasks have checked in, so that the watchdog may be fed.
+//! Records which tasks have checked in, so that the watchdog may be fed.
 //!
-//! A board's one watchdog is fed from its idle loop, which runs only when nothing else wants to, and only when every
-//! task has checked in since it was last fed. So a task that hangs, a task that starves those below it and an interrupt
-//! that never comes all end in the same reset. No task may need the outside world in order to check in; each firmware
-//! says at its list of tasks what makes them run.
+//! A board's only watchdog is fed from its idle loop, which runs only when nothing else wants to, and only when every
+//! task has checked in since the watchdog was last fed. So a task that hangs, a task that starves those below it and an
+//! interrupt that never comes all end in the same reset. No task may need the outside world in order to check in; each
+//! firmware's list of tasks says what makes them run.
 
 use core::{
     marker::PhantomData,
@@ -12,19 +12,19 @@ use core::{
 
 /// The tasks of a firmware that have to check in.
 pub trait Task: Copy {
-    /// How many there are, at most 32.
+    /// The number of tasks, at most 32.
     const COUNT: u32;
 
-    /// The number of this one, below [`Task::COUNT`].
+    /// Returns the number of this task, below [`Task::COUNT`].
     fn number(self) -> u32;
 }
 
-/// Makes `TASKS` and `Task` of the names and vectors of a firmware's tasks.
+/// Makes `TASKS` and `Task` from the names and vectors of a firmware's tasks.
 #[macro_export]
 macro_rules! task_table {
     ($($name:ident $vector:ident)*) => {
-        /// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench
-        /// shows, by name.
+        /// Every task of the firmware with its interrupt vector, the most urgent first. A trace of the bench shows
+        /// these names.
         pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
 
         /// A task, by the name of its function. Each has to check in.
@@ -35,7 +35,7 @@ macro_rules! task_table {
         }
 
         impl Task {
-            /// All of them.
+            /// All tasks, the most urgent first.
             pub const ALL: [Self; TASKS.len()] = [$(Self::$name),*];
         }
 
@@ -57,13 +57,13 @@ macro_rules! task_vectors {
         /// The vectors of the tasks, in the order of [`TASKS`].
         const TASK_VECTORS: [Interrupt; TASKS.len()] = [$(Interrupt::$vector),*];
 
-        /// Calls `task`: it runs as soon as no task of its priority or of a higher one does.
+        /// Calls `task`, which runs as soon as no task of its priority or of a higher one does.
         #[inline(always)]
         pub(crate) fn call(task: Task) {
             rtic::pend(TASK_VECTORS[task as usize]);
         }
 
-        /// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
+        /// Returns the name of the task whose exception has this number: its interrupt's plus 16 (ARMv7-M ARM B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
             let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
             let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
@@ -75,7 +75,7 @@ macro_rules! task_vectors {
 /// The most tasks that a firmware can have.
 const MOST: usize = 32;
 
-/// Which tasks `T` have checked in.
+/// The tasks `T` that have checked in.
 #[derive(Debug)]
 pub struct CheckIn<T> {
     seen: [AtomicBool; MOST],
@@ -89,28 +89,28 @@ impl<T: Task> Default for CheckIn<T> {
 }
 
 impl<T: Task> CheckIn<T> {
-    /// No task has checked in.
+    /// The state in which no task has checked in.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(T::COUNT >= 1 && T::COUNT as usize <= MOST) }
         Self { seen: [const { AtomicBool::new(false) }; MOST], tasks: PhantomData }
     }
 
-    /// Notes that `task` is alive. May be called from any priority.
+    /// Records that `task` is alive. May be called from any priority.
     pub fn check_in(&self, task: T) {
-        // One store: a bit of a word that all tasks share takes four times as long, on the way of each frame.
+        // A bit of a word that all tasks share would take four times as long as this store, in the way of each frame.
         if let Some(own) = self.seen.get(task.number() as usize) {
             own.store(true, Ordering::Relaxed);
         }
     }
 
-    /// Whether `task` has checked in since [`complete`](Self::complete) last answered yes.
+    /// Whether `task` has checked in since [`complete`](Self::complete) last returned true.
     #[must_use]
     pub fn has_checked_in(&self, task: T) -> bool {
         self.seen.get(task.number() as usize).is_some_and(|own| own.load(Ordering::Relaxed))
     }
 
-    /// Whether every task has checked in since this last answered yes. If so, all have to check in anew.
+    /// Whether every task has checked in since this last returned true. If so, all have to check in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
         let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));

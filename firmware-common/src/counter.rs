@@ -5,7 +5,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// One 32-bit counter or high-water mark. Totals wrap. Each has one writer, so no update is ever lost.
+/// One 32-bit counter or high-water mark. Totals wrap. Each counter has one writer, so no update is ever lost.
 #[derive(Debug, Default)]
 #[repr(transparent)]
 pub struct Counter(AtomicU32);
@@ -23,18 +23,18 @@ impl Counter {
         Self::starting_at(0)
     }
 
-    /// The number.
+    /// Returns the number.
     #[must_use]
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Counts `amount` more.
+    /// Adds `amount`; wraps.
     pub fn add(&self, amount: u32) {
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Adds `amount`; wraps. Only for the one task that ever changes this number: it takes no exclusive access.
+    /// Adds `amount`; wraps. Only for a task that alone changes this number, since it takes no exclusive access.
     pub fn add_alone(&self, amount: u32) {
         self.0.store(self.0.load(Ordering::Relaxed).wrapping_add(amount), Ordering::Relaxed);
     }
@@ -44,12 +44,12 @@ impl Counter {
         self.0.store(value, Ordering::Relaxed);
     }
 
-    /// Sets the number to `value` if that is larger.
+    /// Sets the number to `value` if `value` is larger.
     pub fn record_max(&self, value: u32) {
         self.0.fetch_max(value, Ordering::Relaxed);
     }
 
-    /// Sets the number to `value` if that is smaller.
+    /// Sets the number to `value` if `value` is smaller.
     pub fn record_min(&self, value: u32) {
         self.0.fetch_min(value, Ordering::Relaxed);
     }
@@ -67,10 +67,10 @@ macro_rules! counters {
         }
 
         impl $of {
-            /// Names of the counters, in their order in memory.
+            /// The names of the counters, in their order in memory.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name),)*];
 
-            /// All zero.
+            /// Counters that are all zero.
             #[must_use]
             pub const fn new() -> Self {
                 Self { $($name: $crate::counter::Counter::new(),)* }

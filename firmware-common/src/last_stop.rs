@@ -1,15 +1,15 @@
-//! Why the firmware last stopped itself: written when a board enters its safe state, read after the restart.
+//! Why the firmware last stopped itself: written when a board enters its safe state, and read after the restart.
 //!
 //! # Design
 //!
-//! The log of a board in flight is read by nobody, and its watchdog restarts it 100 ms later. So the cause of the stop
-//! is kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it: what
-//! stands there after power-on, or after a stop that did not get as far as writing it, is no record. The first stop
-//! since a start is the one that is kept; what fails in the safe state itself does not overwrite it.
+//! Nobody reads the log of a board in flight, and its watchdog restarts it 100 ms later. So the cause of the stop is
+//! kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it: what this
+//! memory holds after power-on, or after a stop that did not get as far as writing it, is no record. The first stop
+//! since a start is kept; what fails in the safe state itself does not overwrite it.
 //!
-//! After the restart the firmware [takes](take) the record once: it logs it, counts it in its telemetry, and keeps its
-//! [`code`] for as long as it runs. A restart that no record explains (the supply, the reset pin, a task that hung) has
-//! code 0.
+//! After the restart the firmware [takes](take) the record once: it logs the record, counts it in its telemetry, and
+//! keeps the record's [`code`] for as long as it runs. A restart that no record explains (the supply, the reset pin, a
+//! task that hung) has code 0.
 //!
 //! # Code
 //!
@@ -26,7 +26,7 @@ use core::{
 
 macro_rules! causes {
     ($($(#[$doc:meta])* $cause:ident = $number:literal, $name:literal;)*) => {
-        /// What made the firmware stop itself.
+        /// The reason why the firmware stopped itself.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
         pub enum Cause {
@@ -36,7 +36,7 @@ macro_rules! causes {
         impl Cause {
             const ALL: [Self; [$($number),*].len()] = [$(Self::$cause),*];
 
-            /// The cause in words.
+            /// Returns the cause in words.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -52,13 +52,13 @@ causes! {
     MemoryProtection = 1, "memory protection";
     /// The bus has refused an access: nothing is there, or its clock is off.
     BusFault = 2, "bus fault";
-    /// An instruction that cannot be executed: undefined, unaligned, a division by zero, a wrong state.
+    /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state.
     UsageFault = 3, "usage fault";
-    /// A HardFault that none of the three explains: a vector that could not be read, a debug event.
+    /// A HardFault happened that none of the three explains: a vector that could not be read, or a debug event.
     HardFault = 4, "hard fault";
-    /// A panic. The detail is its line.
+    /// The firmware panicked. The detail is the line of the panic.
     Panic = 5, "panic";
-    /// An exception or interrupt that has no task. The detail is its interrupt number.
+    /// An exception or interrupt came that has no task. The detail is its interrupt number.
     NoTask = 6, "interrupt without a task";
     /// The program in flash is no longer the one that was built. The detail is the CRC found.
     Flash = 7, "flash changed";
@@ -68,19 +68,19 @@ causes! {
     GuardWord = 9, "guard word changed";
     /// The external clock has failed (HORUS).
     Clock = 10, "external clock failed";
-    /// An oscillator or PLL has not become ready in its time at the start.
+    /// An oscillator or PLL did not become ready in its time at the start.
     ClockStart = 11, "clock did not start";
-    /// RAM that is in use does not hold what is written. The detail is the address, 0 if it was not tested at the
-    /// start.
+    /// RAM that is in use does not hold what is written to it. The detail is the address, 0 if RAM was not tested at
+    /// the start.
     Ram = 12, "RAM faulty";
     /// The supply is below what the part needs. The detail is the threshold, mV.
     Supply = 13, "supply too low";
-    /// The reset below the lowest supply is not set (HORUS). The detail is the level in the option bytes.
+    /// The brown-out reset is not set to the level that HORUS needs. The detail is the level in the option bytes.
     BrownOutLevel = 14, "brown-out reset not set";
 }
 
 impl Cause {
-    /// Whether what was stored in memory did not read as it was written: flash, code in RAM, a guard word, RAM in use.
+    /// Whether memory did not read as it was written: flash, code in RAM, a guard word, or RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -91,15 +91,15 @@ impl Cause {
     }
 }
 
-/// The last bytes of the path of a source file, as many as fit, padded with zeros.
+/// The end of the path of a source file, as many bytes as fit, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place([u8; Self::LEN]);
 
 impl Place {
-    /// Bytes of a path that are kept.
+    /// The number of bytes of a path that are kept.
     pub const LEN: usize = 24;
 
-    /// The end of `path`.
+    /// Returns the end of `path`.
     #[must_use]
     pub fn of(path: &str) -> Self {
         let mut bytes = [0; Self::LEN];
@@ -110,7 +110,7 @@ impl Place {
         Self(bytes)
     }
 
-    /// The text, up to the first byte that is none.
+    /// Returns the text, up to the first byte that is not text.
     #[must_use]
     pub fn text(&self) -> &str {
         let len = self.0.iter().position(|byte| !byte.is_ascii_graphic()).unwrap_or(Self::LEN);
@@ -118,7 +118,7 @@ impl Place {
     }
 }
 
-/// One stop.
+/// A stop of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
     /// What made the firmware stop.
@@ -126,41 +126,41 @@ pub struct Stop {
     /// The number of the exception whose handler ran, 0 for the start and the idle loop (ARMv7-M ARM B1.5.2: interrupt
     /// n is exception n + 16).
     pub exception: u16,
-    /// CFSR of a fault, otherwise what [`Cause`] says.
+    /// The CFSR of a fault, otherwise the detail that [`Cause`] describes.
     pub detail: u32,
-    /// The address that a fault was about, if the processor knows it.
+    /// The address that a fault was about, if the processor has it.
     pub address: Option<u32>,
-    /// The instruction that was interrupted; 0 if it is not known.
+    /// The address of the instruction that was interrupted; 0 if it is not known.
     pub pc: u32,
-    /// The return address of the function that it is in, or nearly so; 0 if it is not known.
+    /// The return address of the function that was interrupted, or nearly so; 0 if it is not known.
     pub lr: u32,
-    /// Where a panic was called.
+    /// The place in the source at which a panic was called.
     pub place: Place,
 }
 
-/// Words of a record, its CRC included.
+/// The number of words in a record, including its CRC.
 pub const WORDS: usize = 5 + Place::LEN / 4 + 1;
 
-/// What the processor says of a fault (ARMv7-M ARM B3.2.15 to B3.2.19).
+/// What the processor reports of a fault (ARMv7-M ARM B3.2.15 to B3.2.19).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultStatus {
-    /// Configurable Fault Status Register.
+    /// The Configurable Fault Status Register.
     pub cfsr: u32,
-    /// MemManage Fault Address Register.
+    /// The MemManage Fault Address Register.
     pub mmfar: u32,
-    /// BusFault Address Register.
+    /// The BusFault Address Register.
     pub bfar: u32,
 }
 
 impl FaultStatus {
-    /// MMFSR, without its valid bit.
+    /// The bits of MMFSR, without its valid bit.
     const MEMORY: u32 = 0x0000_007F;
-    /// BFSR, without its valid bit.
+    /// The bits of BFSR, without its valid bit.
     const BUS: u32 = 0x0000_7F00;
     const USAGE: u32 = 0xFFFF_0000;
     const MMARVALID: u32 = 1 << 7;
     const BFARVALID: u32 = 1 << 15;
-    /// The frame of the exception could not be written: MSTKERR, STKERR.
+    /// The bits that say that the frame of the exception could not be written: MSTKERR, STKERR.
     const NO_FRAME: u32 = 1 << 4 | 1 << 12;
 
     /// Whether the processor has written the frame of the exception.
@@ -169,7 +169,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Memory protection first: what the unit refuses often makes the stacking fail as well.
+    /// Checks memory protection first, since an access that the unit refuses often makes the stacking fail as well.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection
@@ -194,27 +194,27 @@ impl FaultStatus {
 }
 
 impl Stop {
-    /// A stop for `cause`, of which no more is known than `detail`.
+    /// Makes a stop for `cause`, of which no more is known than `detail`.
     #[must_use]
     pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
         Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
     }
 
-    /// A fault in the handler of `exception`. `frame` are link register and program counter as the processor has
-    /// stacked them, if it has.
+    /// Makes the stop of a fault in the handler of `exception`. `frame` has the link register and the program counter
+    /// that the processor has stacked, if it has.
     #[must_use]
     pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
         let (lr, pc) = frame.unwrap_or((0, 0));
         Self { address: status.address(), pc, lr, ..Self::new(status.cause(), exception, status.cfsr) }
     }
 
-    /// A panic that was called at `line` of the file at `path`.
+    /// Makes the stop of a panic that was called at `line` of the file at `path`.
     #[must_use]
     pub fn of_panic(path: &str, line: u32, exception: u16) -> Self {
         Self { place: Place::of(path), ..Self::new(Cause::Panic, exception, line) }
     }
 
-    /// The stop in one word; see the module's table.
+    /// Returns the stop in one word; see the module's table.
     #[must_use]
     pub const fn code(&self) -> u32 {
         let detail = match self.cause {
@@ -227,7 +227,7 @@ impl Stop {
         (self.cause as u32) << 24 | exception << 16 | detail
     }
 
-    /// The record, its CRC last.
+    /// Returns the record, whose CRC is its last word.
     #[must_use]
     pub fn to_words(&self) -> [u32; WORDS] {
         let mut words = [0; WORDS];
@@ -247,7 +247,7 @@ impl Stop {
         words
     }
 
-    /// The stop that `words` record; `None` if they do not have their CRC, or tell of no cause.
+    /// Returns the stop that `words` record; `None` if they do not have their CRC, or record no cause.
     #[must_use]
     pub fn from_words(words: &[u32; WORDS]) -> Option<Self> {
         let [head, detail, address, pc, lr, text @ .., check] = words;
@@ -264,15 +264,15 @@ impl Stop {
     }
 }
 
-/// The frame CRC of all words but the last.
+/// Returns the frame CRC of all words but the last.
 fn check_word(words: &[u32; WORDS]) -> u32 {
     profile::crc::frame_of_words(words.iter().take(WORDS - 1).copied())
 }
 
-/// What a fault's status register tells, in words.
+/// Returns in words what a fault's status register tells.
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // Why the frame could not be written is told by the access before it, if there was one.
+        // If an access came before the frame that could not be written, that access is the reason.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }
@@ -297,7 +297,7 @@ fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     bits.iter().find(|(bit, _)| cfsr >> bit & 1 != 0).map_or("no more is known", |(_, name)| name)
 }
 
-/// For example "memory protection, data access at 0x08000400, pc 0x08001234".
+/// Writes, for example, "memory protection, data access at 0x08000400, pc 0x08001234".
 impl fmt::Display for Stop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.cause.name())?;
@@ -318,12 +318,12 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The record. What stands here after power-on has, but for one case in 2^32, not its CRC.
+/// The record. Its content after power-on does not have its CRC, except for one case in 2^32.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
 #[cfg_attr(target_os = "none", link_section = ".uninit.LAST_STOP")]
 static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 
-/// A stop was recorded since the start.
+/// Whether a stop was recorded since the start.
 static NOTED: AtomicBool = AtomicBool::new(false);
 
 /// The code of the stop before this start.
@@ -337,9 +337,9 @@ pub fn note(stop: &Stop) {
     record(&stop.to_words());
 }
 
-/// Runs `wait`, whose end is not in our hands, with `stop` recorded: if it never ends, the watchdog does, and after the
-/// restart the record says what was waited for. What stops the firmware in it replaces the record; otherwise there is
-/// none afterwards. A record of before has to be [taken](take) first.
+/// Runs `wait`, whose end the firmware cannot enforce, with `stop` recorded: if it never ends, the watchdog resets the
+/// part, and after the restart the record says what was waited for. A stop during the wait replaces the record;
+/// otherwise there is none afterwards. An older record has to be [taken](take) first.
 pub fn unless_over<T>(stop: &Stop, wait: impl FnOnce() -> T) -> T {
     record(&stop.to_words());
     let over = wait();
@@ -353,8 +353,8 @@ fn record(words: &[u32; WORDS]) {
     }
 }
 
-/// The stop before this start, if the firmware had stopped itself; from then on there is no record until the next one.
-/// To be called once, at start.
+/// Returns the stop before this start, if the firmware had stopped itself; from then on there is no record until the
+/// next stop. To be called once, at start.
 pub fn take() -> Option<Stop> {
     let mut words = [0; WORDS];
     for (to, from) in words.iter_mut().zip(&RECORD) {
@@ -365,7 +365,7 @@ pub fn take() -> Option<Stop> {
     stop
 }
 
-/// The code of the stop before this start, 0 if the firmware had not stopped itself.
+/// Returns the code of the stop before this start, 0 if the firmware had not stopped itself.
 #[must_use]
 pub fn code() -> u32 {
     CODE.load(Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! What the firmwares of both boards have alike, so that it exists once and means the same on both.
+//! What the firmwares of both boards have in common, so that it exists once and means the same on both.
 //!
 //! | module | what it does |
 //! |---|---|
@@ -10,7 +10,7 @@
 //! | `memory` | words of flash and RAM by the linker's symbols (target only) |
 //! | [`mpu`] | tables of the memory protection unit |
 //! | [`patrol`] | integrity of flash, code in RAM, guard words and RAM in use, round the clock |
-//! | [`safe_state`] | what a panic or a fault does: enter the board's safe state, log once, wait for the watchdog |
+//! | [`safe_state`] | the reaction to a panic or a fault: the board's safe state, one log message, the watchdog |
 //! | [`start`] | the first instructions: reset flags, watchdog, and the code that runs from RAM |
 //! | [`start_test`] | the test of the RAM before anything is stored in it |
 //! | `task_table` | the table of tasks, from the attributes in `main.rs` |

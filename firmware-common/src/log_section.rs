@@ -1,21 +1,21 @@
-//! The critical section that the logger uses: it masks nothing while the idle loop logs.
+//! The critical section of the logger, which masks nothing while the idle loop logs.
 //!
-//! Chosen by the feature `log-section`.
+//! The feature `log-section` selects it.
 //!
 //! # Design
 //!
 //! `defmt-rtt` writes each message within a [critical section](https://docs.rs/critical-section). The usual
 //! implementation for one core masks all interrupts, and a message of a few numbers takes 5 to 10 µs: any deadline of
-//! that order is missed whenever a message happens to be written. Here only the idle loop and the start-up code log.
-//! They run in thread mode, and no interrupt handler enters a critical section, so two never overlap even though none
-//! is masked.
+//! that order is missed if a message happens to be written. In these firmwares only the idle loop and the start-up code
+//! log. They run in thread mode, and no interrupt handler enters a critical section, so two sections never overlap even
+//! though no interrupt is masked.
 //!
 //! A handler that stops the firmware is the exception. It never returns, and if it interrupted a message that was being
 //! written ([`is_interrupted`]), [`safe_state`](crate::safe_state) does without a message: the logger would panic. In
 //! handler mode all interrupts are masked as usual, so that no second handler comes in between.
 
-/// Whether a message was being written in thread mode as the caller, a handler, was called. False without the feature
-/// `log-section`: the critical section then lets no interrupt in between, and of a fault within it nothing is known.
+/// Whether a message was being written in thread mode when the caller, a handler, was called. False without the feature
+/// `log-section`: the critical section then lets no interrupt in between, and a fault within it is not known.
 #[must_use]
 pub fn is_interrupted() -> bool {
     #[cfg(all(target_os = "none", feature = "log-section"))]
@@ -31,16 +31,16 @@ mod imp {
 
     use cortex_m::{interrupt, peripheral::SCB, register::primask};
 
-    /// Thread mode is in a section.
+    /// Whether thread mode is in a section.
     pub(super) static WRITING: AtomicBool = AtomicBool::new(false);
 
     struct LogSection;
 
     critical_section::set_impl!(LogSection);
 
-    // SAFETY: two sections never overlap. In thread mode there is one thread, and handlers enter no section but that of
-    // the safe state, which never returns and writes nothing into a message that is being written (module docs). In
-    // handler mode all interrupts are masked.
+    // SAFETY: two sections never overlap. In thread mode there is one thread, and the only handler that enters a
+    // section is that of the safe state, which never returns and writes nothing into a message that is being written
+    // (module docs). In handler mode all interrupts are masked.
     unsafe impl critical_section::Impl for LogSection {
         unsafe fn acquire() -> critical_section::RawRestoreState {
             if !in_handler() {
@@ -58,7 +58,7 @@ mod imp {
             if !in_handler() {
                 WRITING.store(false, Ordering::Relaxed);
             } else if unmask != 0 {
-                // SAFETY: they were not masked when the section began.
+                // SAFETY: interrupts were not masked when the section began.
                 unsafe { interrupt::enable() };
             }
         }

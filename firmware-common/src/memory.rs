@@ -1,13 +1,13 @@
 //! Memory as the linker has laid it out, word by word: the program in flash, code in RAM, guard words, RAM in use.
 //!
-//! Everything here is a load or a store of one word at an address between two symbols of the linker script. Loads are
+//! Each function here loads or stores words at addresses between two symbols of the linker script. Loads are
 //! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
 //! reference may point, and what other tasks or a bit flip change meanwhile must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
 
-/// The address of a linker symbol.
+/// Gives the address of a linker symbol.
 macro_rules! address {
     ($symbol:ident) => {{
         extern "C" {
@@ -18,26 +18,26 @@ macro_rules! address {
 }
 pub(crate) use address;
 
-/// The word at `address`, which must be one of the part's memory and open to loads.
+/// Returns the word at `address`, which must be one of the part's memory and open to loads.
 #[must_use]
 pub fn load(address: u32) -> u32 {
     let word: u32;
-    // SAFETY: a load from memory changes nothing, and every word of it may be read. It is not `pure`: what is read may
-    // have changed since the last time.
+    // SAFETY: a load from memory changes nothing, and every word of memory may be read. The assembly is not `pure`: the
+    // word may have changed since the last time.
     unsafe {
         asm!("ldr {0}, [{1}]", out(reg) word, in(reg) address, options(readonly, nostack, preserves_flags));
     }
     word
 }
 
-/// The word at `address` of flash, past the memory protection unit, which may have it shut.
+/// Returns the word at `address` of flash, even if the memory protection unit has it shut.
 ///
-/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and nothing runs but NMI; it
-/// lasts for one load. The barrier makes sure that the load is judged at the raised priority (B5.2.1).
+/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and nothing runs but NMI.
+/// FAULTMASK is set for one load. The barrier makes sure that the load is judged at the raised priority (B5.2.1).
 #[must_use]
 pub fn load_shut(address: u32) -> u32 {
     let word: u32;
-    // SAFETY: as `load`; FAULTMASK was clear before, since the callers are tasks, and is clear after it.
+    // SAFETY: as for `load`; FAULTMASK was clear before, since the callers are tasks, and is clear afterwards.
     unsafe {
         asm!(
             "cpsid f",
@@ -52,27 +52,27 @@ pub fn load_shut(address: u32) -> u32 {
     word
 }
 
-/// Stores `word` at `address`, which must be a guard's.
+/// Stores `word` at `address`, which must belong to a guard.
 pub(crate) fn store(address: u32, word: u32) {
-    // SAFETY: the caller, the patrol, stores into memory alone that the linker gave to no object of the program.
+    // SAFETY: the caller, the patrol, stores only into memory that the linker gave to no object of the program.
     unsafe { (address as *mut u32).write_volatile(word) };
 }
 
-/// Inverts the word of RAM at `address` and the one behind it and restores them; the bits that did not read as they
-/// were written. All interrupts are masked meanwhile; see [`patrol::ram`](crate::patrol::ram) for how long, and for the
-/// order of the accesses.
+/// Inverts the word of RAM at `address` and the one behind it and restores them; returns the bits that did not read as
+/// they were written. All interrupts are masked meanwhile; [`patrol::ram`](crate::patrol::ram) says for how long, and
+/// has the order of the accesses.
 pub(crate) fn exercise(address: u32) -> u32 {
     let wrong: u32;
-    // SAFETY: both words are RAM, which the caller's layout says. Nothing sees them inverted: interrupts are masked,
-    // the instructions between use no memory but them, and what DMA reaches is left out by the layout. They are
-    // restored from registers. PRIMASK was clear before, since the caller is a task in thread mode, and is clear after
-    // it.
+    // SAFETY: both words are RAM, as the caller's layout says. Nothing sees them inverted: interrupts are masked,
+    // the instructions in between use no other memory, and the layout leaves out what DMA reaches. The words are
+    // restored from registers. PRIMASK was clear before, since the caller is a task in thread mode, and is clear
+    // afterwards.
     unsafe {
         asm!(
             "cpsid i",
             "ldr {c0}, [{at}]",
             "ldr {c1}, [{at}, #4]",
-            // Up: read the contents, write the complement.
+            // The way up reads the contents and writes the complement.
             "ldr {wrong}, [{at}]",
             "eors {wrong}, {c0}",
             "mvns {c0}, {c0}",
@@ -82,7 +82,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
             "orrs {wrong}, {read}",
             "mvns {c1}, {c1}",
             "str {c1}, [{at}, #4]",
-            // Down: read the complement, write the contents.
+            // The way down reads the complement and writes the contents.
             "ldr {read}, [{at}, #4]",
             "eors {read}, {c1}",
             "orrs {wrong}, {read}",
@@ -111,19 +111,19 @@ pub(crate) fn exercise(address: u32) -> u32 {
     wrong
 }
 
-/// Where `object` is.
+/// Returns the addresses of `object`.
 pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
     let start = (&raw const *object).cast::<u8>() as u32;
     start..start + size_of_val(object) as u32
 }
 
-/// The program in flash: from the vector table up to its CRC.
+/// Returns the addresses of the program in flash: from the vector table up to its CRC.
 #[must_use]
 pub fn program() -> Range<u32> {
     address!(__vector_table)..address!(__program_crc)
 }
 
-/// The word behind the program, which holds its CRC.
+/// Returns the word behind the program, which holds its CRC.
 #[must_use]
 pub fn stored_crc() -> u32 {
     load(address!(__program_crc))

@@ -1,55 +1,55 @@
-//! The memory protection unit: which memory the firmware may read, write and execute, and that it may do nothing else.
+//! The memory protection unit: what memory the firmware may read, write and execute; it may access no other memory.
 //!
 //! # Design
 //!
 //! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. A table is a constant and is
-//! checked when it is compiled. `apply` is the only function that writes the unit.
+//! checked when it is compiled. Only `apply` and `off` write the unit.
 //!
-//! - *Everything that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), for privileged code too,
-//!   which all of the firmware is. The private peripheral bus at 0xE000_0000 is exempt by the architecture (B3.5.1).
+//! - *All that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), for privileged code too, and all
+//!   of the firmware is privileged. The private peripheral bus at 0xE000_0000 is exempt by the architecture (B3.5.1).
 //! - *A region of a higher number wins where two overlap* (B3.5.3). A subregion that is shut leaves its eighth to the
 //!   regions of lower numbers, or to none.
 //! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0): the
 //!   handler of a fault that the table itself has caused must be able to run.
-//! - *Exception vectors are fetched past the unit* (B3.5.1), so the vector table may be shut.
-//! - *DMA is not seen by the unit*: it stands between the core and the bus.
+//! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
+//! - *The unit does not check DMA*: it stands between the core and the bus.
 //!
-//! A violation is the exception MemManage, which ends in the board's safe state
-//! ([`safe_state`](crate::safe_state)). It is named after the restart ([`last_stop`](crate::last_stop)).
+//! A violation raises the exception MemManage, which ends in the board's safe state
+//! ([`safe_state`](crate::safe_state)). The cause is named after the restart ([`last_stop`](crate::last_stop)).
 
-/// What may be done with a region.
+/// The accesses that a region allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Allowed {
-    /// Nothing.
+    /// No access is allowed.
     Nothing,
-    /// Data are read.
+    /// Data may be read.
     Read,
-    /// Data are read, code is executed.
+    /// Data may be read, and code may be executed.
     ReadExecute,
-    /// Data are read and written.
+    /// Data may be read and written.
     ReadWrite,
 }
 
-/// What an access wants.
+/// The kind of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// To read data.
+    /// The access reads data.
     Read,
-    /// To write data.
+    /// The access writes data.
     Write,
-    /// To execute an instruction.
+    /// The access executes an instruction.
     Execute,
 }
 
-/// What kind of memory there is: the memory attributes that the ARMv7-M ARM, table B3-14, and PM0214, section 4.2.5,
-/// give for a part without caches of its own.
+/// The kind of memory: the memory attributes that the ARMv7-M ARM, table B3-14, and PM0214, section 4.2.5, give for a
+/// part without caches of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
-    /// Normal, write-through.
+    /// Flash is normal memory, write-through.
     Flash,
-    /// Normal, write-back, shared with DMA.
+    /// RAM is normal memory, write-back, shared with DMA.
     Ram,
-    /// Device, shared: accesses stay in their order and are neither merged nor repeated.
+    /// A peripheral is shared device memory: accesses stay in order and are neither merged nor repeated.
     Peripheral,
 }
 
@@ -65,16 +65,16 @@ pub struct Region {
 }
 
 impl Region {
-    /// The smallest region, bytes (ARMv7-M ARM B3.5.8).
+    /// The size of the smallest region, bytes (ARMv7-M ARM B3.5.8).
     const SMALLEST: u32 = 32;
-    /// The smallest region that has subregions, bytes (B3.5.3).
+    /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// `size` bytes from `base` on, all of them open. `name` tells in words what is there.
+    /// Makes a region of `size` bytes from `base` on, all of them open. `name` tells in words what is there.
     ///
     /// # Panics
     ///
-    /// At compile time, if `size` is not a power of two of at least 32, or `base` not a multiple of it.
+    /// Panics at compile time if `size` is not a power of two of at least 32, or `base` not a multiple of it.
     #[must_use]
     pub const fn new(name: &'static str, base: u32, size: u32, memory: Memory, allowed: Allowed) -> Self {
         assert!(size.is_power_of_two() && size >= Self::SMALLEST, "a region's size is a power of two, at least 32");
@@ -82,11 +82,11 @@ impl Region {
         Self { name, base, size, shut: 0, memory, allowed }
     }
 
-    /// The same with only these eighths open: `open[n]` is from `base + n * size / 8` on.
+    /// Returns the same region with only these eighths open: `open[n]` is from `base + n * size / 8` on.
     ///
     /// # Panics
     ///
-    /// At compile time, if the region is too small to have eighths, or none is open.
+    /// Panics at compile time if the region is too small to have eighths, or none is open.
     #[must_use]
     pub const fn only(mut self, open: [bool; 8]) -> Self {
         assert!(self.size >= Self::SMALLEST_OF_EIGHTHS, "a region of less than 256 bytes has no subregions");
@@ -102,7 +102,7 @@ impl Region {
         self
     }
 
-    /// What is there, in words.
+    /// Returns in words what is in the region.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -119,23 +119,23 @@ impl Region {
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
     }
 
-    /// MPU_RBAR for region `number`, its bit VALID set so that the region is the one named here (B3.5.8).
+    /// Returns MPU_RBAR for region `number`; its bit VALID is set, so that it selects this region (B3.5.8).
     #[cfg(any(test, target_os = "none"))]
     const fn rbar(&self, number: u32) -> u32 {
         self.base | 1 << 4 | number
     }
 
-    /// MPU_RASR (B3.5.9), enabled.
+    /// Returns MPU_RASR (B3.5.9) of the region, enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
-        // Access permission of privileged and unprivileged code, table B3-15.
+        // The access permission is for privileged and unprivileged code, table B3-15.
         let permission = match self.allowed {
             Allowed::Nothing => 0b000,
             Allowed::ReadWrite => 0b001,
             Allowed::Read | Allowed::ReadExecute => 0b101,
         };
         let execute_never = !matches!(self.allowed, Allowed::ReadExecute);
-        // TEX (three bits), S, C, B.
+        // The bits are TEX (three bits), S, C and B.
         let attributes = match self.memory {
             Memory::Flash => 0b00_0010,
             Memory::Ram => 0b00_0111,
@@ -155,27 +155,27 @@ impl Region {
 pub struct Table<const N: usize>([Region; N]);
 
 impl<const N: usize> Table<N> {
-    /// Regions of the Cortex-M4's unit (TRM, chapter 5).
+    /// The number of regions of the Cortex-M4's unit (TRM, chapter 5).
     const MOST: usize = 8;
 
-    /// Of regions that overlap the later one decides.
+    /// Makes a table of regions. If regions overlap, the later one decides.
     ///
     /// # Panics
     ///
-    /// At compile time, if there are more than eight.
+    /// Panics at compile time if there are more than eight regions.
     #[must_use]
     pub const fn new(regions: [Region; N]) -> Self {
         assert!(N <= Self::MOST, "the unit has eight regions");
         Self(regions)
     }
 
-    /// The regions.
+    /// Returns the regions of the table.
     #[must_use]
     pub const fn regions(&self) -> &[Region] {
         &self.0
     }
 
-    /// Whether code of the firmware may access `address` so.
+    /// Whether code of the firmware may access `address` in this way.
     #[must_use]
     pub fn allows(&self, address: u32, access: Access) -> bool {
         let decides = self.0.iter().rev().find(|region| region.has(address));
@@ -186,8 +186,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// What is at `address`, in words: the name of the region that decides, else of one that spans it and has it shut,
-    /// else "an address where nothing is".
+    /// Names in words what is at `address`: the region that decides, otherwise one that spans the address and has it
+    /// shut, otherwise "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();
@@ -201,27 +201,27 @@ impl<const N: usize> Table<N> {
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// MPU_CTRL: on, not in HardFault and NMI, nothing open that no region opens (B3.5.5).
+    /// The value of MPU_CTRL: on, off in HardFault and NMI, and what no region opens is shut (B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {
         let region = table.0.get(number as usize);
-        // A region that is off has no base; RBAR's bit VALID chooses the region.
+        // A region that is switched off has no base; RBAR's bit VALID selects the region.
         let (base, attributes) = region.map_or((1 << 4 | number, 0), |region| (region.rbar(number), region.rasr()));
-        // SAFETY: the unit is off meanwhile; with it on, what the table shuts faults, which is its purpose. The tables
-        // are constants whose regions were checked when they were compiled.
+        // SAFETY: the unit is off meanwhile; with the unit on, an access to what the table shuts faults, which is its
+        // purpose. The tables are constants whose regions were checked when they were compiled.
         unsafe { unit.rbar.write(base) };
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         unsafe { unit.rasr.write(attributes) };
     }
-    // SAFETY: as above.
+    // SAFETY: the proof above holds here, too.
     unsafe { unit.ctrl.write(ENABLE) };
-    // What follows is fetched and accessed under the new table (B3.5.4).
+    // All later fetches and accesses must be made under the new table (B3.5.4).
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-/// Switches the unit off: for the safe state, which runs no task any more and needs peripherals that are shut to them.
+/// Switches the unit off for the safe state, which runs no task any more and needs peripherals that are shut to tasks.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn off() {

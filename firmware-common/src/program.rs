@@ -1,30 +1,30 @@
-//! Whether the program in flash is the one that was built.
+//! Verifies whether the program in flash is the one that was built.
 //!
 //! # Design
 //!
 //! The linker script `program_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
 //! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`])
-//! of all bytes before it, from the vector table on, into that word, most significant byte first; a gap between two
-//! sections counts as erased flash, 0xFF. At start, before anything else is done, each firmware compares. With the CRC
-//! behind it the whole is a codeword, so every burst of up to 32 wrong bits is found, and any other damage but for one
-//! case in 2^32.
+//! of all bytes before that word, from the vector table on, into the word, most significant byte first; a gap between
+//! two sections counts as erased flash, 0xFF. At start each firmware compares the two before it starts its work. The
+//! program with the CRC behind it is a codeword, so every burst of up to 32 wrong bits is found, and any other damage
+//! except for one case in 2^32.
 //!
-//! A program on which the build did not do that carries 0xFFFFFFFF and does not pass.
+//! A program into which the build has not written its CRC carries 0xFFFFFFFF and does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
 
-/// The word that the build fills in. Here, once, so that every firmware that links this crate has it.
+/// The word that the build fills in. It is defined here, so that every firmware that links this crate has it once.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `program_crc.x`.
 #[used]
 #[link_section = ".program_crc"]
 static PROGRAM_CRC: u32 = u32::MAX;
 
-/// What the comparison found.
+/// The result of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Comparison {
-    /// The frame CRC of what is in flash.
+    /// The frame CRC that was computed over the flash.
     pub computed: u32,
     /// The frame CRC that the build wrote.
     pub expected: u32,
@@ -44,8 +44,8 @@ impl Comparison {
     }
 }
 
-/// Compares the running program. Takes about 14 processor cycles a byte. To be called before the memory protection unit
-/// shuts the vector table.
+/// Compares the running program. It takes about 14 processor cycles a byte. To be called before the memory protection
+/// unit shuts the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {

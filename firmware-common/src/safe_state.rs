@@ -1,4 +1,4 @@
-//! What a panic, a fault or an interrupt without a task does on either board.
+//! What either board does after a panic, a fault or an interrupt without a task.
 //!
 //! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
 //! the flight controller), the cause is recorded for the time after the restart ([`last_stop`](crate::last_stop)) and
@@ -10,12 +10,12 @@
 //! # Faults
 //!
 //! MemManage, BusFault, UsageFault and HardFault have one handler. It begins in assembly: it notes where the processor
-//! has stacked the frame, and sets the stack pointer to the stack's start before it calls anything. A stack that has
-//! overflown is the very thing that may have to be reported, and nothing of what was interrupted is used again.
+//! has stacked the frame, and sets the stack pointer to the stack's start before it calls anything. The fault may be an
+//! overflow of the stack, and nothing that was interrupted is used again.
 //!
-//! The memory protection unit is switched off: the safe state reaches for peripherals that are shut to the tasks, and
-//! its table may be what is wrong. A fault inside the safe state is a HardFault, since the faults of lower priority are
-//! masked; it begins the safe state anew. A fault inside that one locks the core up, and the watchdog ends it.
+//! The memory protection unit is switched off: the safe state uses peripherals that are shut to the tasks, and the
+//! table may itself be wrong. A fault in the safe state is a HardFault, since the faults of lower priority are masked,
+//! and begins the safe state anew. A fault in the second safe state locks the core up, which the watchdog ends.
 
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
@@ -29,12 +29,12 @@ mod imp {
         log_section, memory, mpu,
     };
 
-    /// The cause has been logged, or is being logged: a fault inside the logger must not log again.
+    /// Whether the cause has been logged or is being logged: a fault inside the logger must not log again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
-    /// Masks all interrupts, calls `enter`, records what `stop` finds out, calls `log` with it unless a cause was
-    /// logged already or a message is being written, and waits for the watchdog. `enter` comes first: to find out may
-    /// take a while.
+    /// Masks all interrupts, calls `enter`, records what `stop` returns, calls `log` with it unless a cause was logged
+    /// already or a message is being written, and waits for the watchdog. `enter` comes first, since `stop` may take a
+    /// while.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();
@@ -49,7 +49,7 @@ mod imp {
         }
     }
 
-    /// Gives MemManage, BusFault and UsageFault handlers of their own, so that each is told from the others and a fault
+    /// Gives MemManage, BusFault and UsageFault handlers of their own, so that each differs from the others and a fault
     /// in the safe state is a HardFault. To be called once, before the memory protection unit is switched on.
     pub fn name_faults(scb: &mut SCB) {
         for exception in [Exception::MemoryManagement, Exception::BusFault, Exception::UsageFault] {
@@ -57,15 +57,15 @@ mod imp {
         }
     }
 
-    /// The exception whose handler runs, or was interrupted by a fault: of the interrupts that are active the most
-    /// urgent, otherwise 0, the start or the idle loop.
+    /// Returns the exception whose handler runs, or was interrupted by a fault: the most urgent of the interrupts that
+    /// are active, or 0, which is the start or the idle loop.
     ///
-    /// Asked of the interrupt controller and not of the stacked frame, which may not be there.
+    /// The number comes from the interrupt controller and not from the stacked frame, which may not be there.
     #[must_use]
     pub fn active_exception() -> u16 {
-        /// Words of interrupts that the larger part has (91, RM0090 "vector table").
+        /// The words of interrupts that the larger part has (91 interrupts, RM0090 "vector table").
         const WORDS: usize = 3;
-        // SAFETY: the register block is always there; registers without side effect are read.
+        // SAFETY: the register block is always there, and only registers without a side effect are read.
         let nvic = unsafe { &*NVIC::PTR };
         let mut found = (u8::MAX, 0);
         for interrupt in 0..32 * WORDS {
@@ -79,13 +79,13 @@ mod imp {
         found.1
     }
 
-    /// The fault whose frame the processor has stacked at `frame`, unless it could not.
+    /// Returns the fault whose frame the processor has stacked at `frame`, unless it could not stack one.
     #[must_use]
     pub fn fault(frame: u32) -> Stop {
-        /// Where link register and program counter are in the frame, words (ARMv7-M ARM B1.5.6).
+        /// The link register's place in the frame, words (ARMv7-M ARM B1.5.6); the next is the program counter's.
         const LR: u32 = 5;
         const PC: u32 = 6;
-        // SAFETY: the register block is always there; registers without side effect are read.
+        // SAFETY: the register block is always there, and only registers without a side effect are read.
         let scb = unsafe { &*SCB::PTR };
         let status = FaultStatus { cfsr: scb.cfsr.read(), mmfar: scb.mmfar.read(), bfar: scb.bfar.read() };
         let stacked = status.has_frame() && memory::is_stack(frame, 4 * (PC + 2));
@@ -101,8 +101,8 @@ pub use imp::{active_exception, enter, fault, name_faults};
 /// interrupt without a handler of its own.
 ///
 /// `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked; it must not panic and
-/// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that says in words what is at an address, and
-/// `$task` a `fn(u16) -> &'static str` that names the task whose exception has a number.
+/// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that names in words the area of an address,
+/// and `$task` is a `fn(u16) -> &'static str` that names the task whose exception has a number.
 #[macro_export]
 macro_rules! install_safe_state {
     ($enter:path, $area:path, $task:path) => {
@@ -115,14 +115,14 @@ macro_rules! install_safe_state {
             $crate::safe_state::enter($enter, stop, |_| defmt::error!("{}", defmt::Display2Format(info)))
         }
 
-        /// `defmt::panic!` and its kin have logged the reason themselves.
+        /// `defmt::panic!` and the like have logged the reason themselves.
         #[defmt::panic_handler]
         fn defmt_panic() -> ! {
             let stop = || $crate::last_stop::Stop::of_panic("", 0, $crate::safe_state::active_exception());
             $crate::safe_state::enter($enter, stop, |_| {})
         }
 
-        /// Logs `stop` in words; `$before` comes first.
+        /// Logs `stop` in words, behind `$before`.
         pub(crate) fn log_stop(before: &str, stop: &$crate::last_stop::Stop) {
             defmt::error!(
                 "{=str}: {}; {=str}; task {=str}; code {=u32:#010x}",
@@ -134,7 +134,7 @@ macro_rules! install_safe_state {
             );
         }
 
-        // One handler for the four faults: where the frame is, then a stack that is sound (see `safe_state`).
+        // One handler serves the four faults: it notes the frame, then takes a sound stack (see `safe_state`).
         core::arch::global_asm!(
             ".section .text.fault_entry, \"ax\", %progbits",
             ".global MemoryManagement",
@@ -165,7 +165,7 @@ macro_rules! install_safe_state {
             $crate::safe_state::enter($enter, || $crate::safe_state::fault(frame), |stop| log_stop("fault", stop))
         }
 
-        // SAFETY: nothing of what was interrupted is used again, since the handler does not return.
+        // SAFETY: nothing that was interrupted is used again, since the handler does not return.
         #[cortex_m_rt::exception]
         unsafe fn DefaultHandler(number: i16) -> ! {
             let exception = (number + 16) as u16;

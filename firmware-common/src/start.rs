@@ -1,29 +1,29 @@
-//! What runs before anything else: the watchdog, the reset flags, and the code that runs from RAM.
+//! The first steps of a start: the watchdog, the reset flags, and the code that runs from RAM.
 //!
 //! # Design
 //!
-//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics. All of it is assembler, since Rust
-//! code may not run before that. A firmware installs it with [`install_start!`](crate::install_start), whose argument
-//! are the board's own first instructions. They use no stack, so that a memory that is damaged does not stop them, and
+//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics. All of `__pre_init` is assembler,
+//! since Rust code may not run before that. A firmware installs it with [`install_start!`](crate::install_start), whose
+//! arguments are the board's own first instructions. These use no stack, so that damaged memory does not stop them, and
 //! do two things in this order:
 //!
 //! 1. The reset flags are read and cleared in the part.
 //! 2. The watchdog is started.
 //!
-//! Both parts collect their reset flags until they are cleared, so a restart by the watchdog that found the flags of
-//! the start before still set could not be told from that start. In this order it can: whatever the watchdog ends came
-//! after the flags were cleared. What was read is then kept in [`RESET_FLAGS`].
+//! Both parts collect their reset flags until they are cleared. If the flags of the previous start were still set, a
+//! restart by the watchdog could not be distinguished from that start. In this order it can: whatever the watchdog ends
+//! came after the flags were cleared. The flags that were read are then kept in [`RESET_FLAGS`].
 //!
-//! No RAM but that one word is touched before `__prepare_memory`, which is reached by a branch with the reset handler's
+//! No RAM except that one word is used before `__prepare_memory`, which is reached by a branch with the reset handler's
 //! return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot` it copies
-//! the section `.hot` to where it runs; a firmware's linker script places that section (the DPR's does,
+//! the section `.hot` to where that runs; a firmware's linker script places the section (the DPR's does,
 //! `dpr-fw/hot.x`). On the nRF52840 it is fetched at 0x0080_0000 and written at 0x2000_0000, the data address of the
 //! same bytes (PS v1.7, 4.2). The copy is assembler also because a compiler may call the section's own `memcpy`. The
-//! barriers at the end: what was stored is in memory before an instruction is fetched from there (ARMv7-M ARM, A3.8).
+//! barriers at its end make sure that all is stored before an instruction is fetched from there (ARMv7-M ARM, A3.8).
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// From the address at which code in RAM is fetched to the one at which it is written (nRF52840 PS v1.7, 4.2).
+/// The distance from the address at which RAM code is fetched to that at which it is written (nRF52840 PS v1.7, 4.2).
 pub const DATA_ADDRESS: usize = 0x2000_0000 - 0x0080_0000;
 
 /// The part's reset flags as the first instructions have read them, before they cleared them in the part.
@@ -31,7 +31,7 @@ pub const DATA_ADDRESS: usize = 0x2000_0000 - 0x0080_0000;
 #[cfg_attr(target_os = "none", link_section = ".uninit.RESET_FLAGS")]
 pub static RESET_FLAGS: AtomicU32 = AtomicU32::new(0);
 
-/// The part's reset flags at this start. Only with [`install_start!`](crate::install_start) do they mean anything.
+/// Returns the part's reset flags at this start. They are valid only with [`install_start!`](crate::install_start).
 #[must_use]
 pub fn reset_flags() -> u32 {
     RESET_FLAGS.load(Ordering::Relaxed)
@@ -46,7 +46,7 @@ mod memory {
         ".type __prepare_memory, %function",
         ".thumb_func",
         "__prepare_memory:",
-        // No stack: it lies in what is tested.
+        // No stack is used, since it lies in the memory that is tested.
         "mov r8, lr",
         "bl __test_memory",
         #[cfg(feature = "hot")]
@@ -72,7 +72,7 @@ mod memory {
 }
 
 /// Installs `__pre_init`: the instructions in brackets, which must leave the link register and the stack alone and end
-/// by falling through, then the preparation of memory. What follows the brackets are operands of `global_asm!`.
+/// by falling through, then the preparation of memory. The operands of `global_asm!` follow the brackets.
 #[macro_export]
 macro_rules! install_start {
     ([$($instruction:literal),* $(,)?] $($operands:tt)*) => {

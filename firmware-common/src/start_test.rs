@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! [`start`](crate::start) calls `__test_memory`, behind the board's first instructions, before statics are set up and
-//! before code is copied to RAM. It uses registers alone, in assembler, since a stack or a static would lie in what is
-//! tested.
+//! [`start`](crate::start) calls `__test_memory` after the board's first instructions, before statics are set up and
+//! before code is copied to RAM. The test uses only registers, in assembler, since a stack or a static would lie in the
+//! memory that is tested.
 //!
 //! | RAM | test |
 //! |---|---|
@@ -18,40 +18,40 @@
 //!   down (read 0, write 1); down (read 1, write 0); up (read 0)
 //! ```
 //!
-//! It finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits of
-//! different words. Bits of one word always have the same value in it, so it does not find that one of them drags
-//! another along; what the [test at run time](crate::patrol::ram) does with the contents finds that where they differ.
+//! The march finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits
+//! of different words. All bits of a word have the same value in it, so it does not find a bit that drags along another
+//! one of its word; the [test at run time](crate::patrol::ram) finds that, where the contents make the bits differ.
 //!
-//! A reset in the middle of the test costs what was in two words of `.uninit`: what is kept there has a CRC.
+//! A reset in the middle of the test costs the contents of two words of `.uninit`; what is kept there has a CRC.
 //!
 //! # Time
 //!
-//! [`HORUS_CYCLES`] and [`DPR_CYCLES`] a word at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms of its
-//! 16 MHz at most, where its flash has no wait state; the DPR's 32 KiB and 64 KiB of code at most 23.9 ms of its
-//! 64 MHz, where its flash makes it wait. The watchdog, which runs by then, bites later than that: its first period is
-//! 340 ms (HORUS) and 98 ms (DPR) at least.
+//! A word takes [`HORUS_CYCLES`] or [`DPR_CYCLES`] at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms at
+//! most, at 16 MHz, where HORUS's flash has no wait state; the DPR's 32 KiB and 64 KiB of code take at most 23.9 ms, at
+//! 64 MHz, where the DPR's flash makes it wait. The watchdog, which runs by then, bites later than that: its first
+//! period is at least 340 ms (HORUS) and 98 ms (DPR).
 //!
 //! # Result
 //!
-//! [`take`] gives it once. A start that has not tested its memory has none, which is not taken for a good one.
+//! [`take`] returns the result once. A start that has not tested its memory has none, which does not count as sound.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The test has come to its end. With it comes, by exclusive or, the address of the block of 32 bytes in which a fault
-/// was found; no block begins at 0.
+/// The result of a test that has come to its end. It is combined by exclusive or with the address of the block of 32
+/// bytes in which a fault was found; no block begins at 0.
 pub const TESTED: u32 = 0x4D61_7263;
 
-/// What the test has come to.
+/// The result of the test.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attributes name symbol and section, which are not checked.
 #[cfg_attr(target_os = "none", no_mangle, link_section = ".uninit.MEMORY_TEST")]
 static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
 
-/// What the test of the memory at this start has come to.
+/// The result of the memory test at this start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Every word holds what is written.
+    /// Every word holds what is written to it.
     Sound,
-    /// In the 32 bytes from this address on, a word does not.
+    /// A word in the 32 bytes from this address on does not hold what is written to it.
     Faulty(u32),
     /// There is no result.
     NotTested,
@@ -61,13 +61,13 @@ impl Outcome {
     const fn of(result: u32) -> Self {
         match result ^ TESTED {
             0 => Self::Sound,
-            // All of it is in RAM, whose addresses begin with 2; anything else was not stored by the test.
+            // The addresses of RAM begin with 2; the test has not stored any other value.
             address if address >> 28 == 2 => Self::Faulty(address),
             _ => Self::NotTested,
         }
     }
 
-    /// The address of the fault, 0 if there was no test; nothing if memory is sound.
+    /// Returns the address of the fault, 0 if there was no test, or `None` if memory is sound.
     #[must_use]
     pub const fn fault(self) -> Option<u32> {
         match self {
@@ -78,17 +78,17 @@ impl Outcome {
     }
 }
 
-/// The outcome of this start's test, once: nothing of it is left for a start that does not get as far.
+/// Returns the outcome of this start's test once, so that none is left for a start that does not get as far.
 pub fn take() -> Outcome {
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
 
-/// Cycles for a word of HORUS's memory, and of the DPR's, at most.
+/// The most cycles that a word of HORUS's memory takes.
 pub const HORUS_CYCLES: u32 = 40;
-/// See [`HORUS_CYCLES`].
+/// The most cycles that a word of the DPR's memory takes.
 pub const DPR_CYCLES: u32 = 62;
 
-/// The longest that the test of `bytes` takes at `mhz` and so many cycles for each word, µs.
+/// Returns the longest time that the test of `bytes` takes at `mhz` and `cycles` for each word, µs.
 #[must_use]
 pub const fn longest_us(bytes: u32, cycles: u32, mhz: u32) -> u32 {
     (bytes / 4 * cycles).div_ceil(mhz)
@@ -100,8 +100,8 @@ const _: () = assert!(longest_us(96 * 1024, DPR_CYCLES, 64) <= 23_900);
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 mod test {
-    // r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 what was read, r6 the block that is faulty.
-    // Ranges are whole blocks (`guards.x`, `hot.x`) but for the last, which is tested in pairs of words.
+    // Registers: r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 what was read, r6 the block that is
+    // faulty. Ranges are whole blocks (`guards.x`, `hot.x`) except the last, which is tested in pairs of words.
     core::arch::global_asm!(
         ".macro visit offset, expected, written",
         "ldr r5, [r2, #\\offset]",
@@ -148,7 +148,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // At r0 again: read once more, and write what is there already.
+        // The march is at r0 again: each word is read once more, and written with what it already holds.
         "visit_up r3, r3",
         "3:",
         "bx lr",
@@ -181,7 +181,7 @@ mod test {
     );
     core::arch::global_asm!(
         ".section .text.__test_memory, \"ax\", %progbits",
-        // Two words, r3 and r4, up and down.
+        // Two words are in r3 and r4, and are tested upwards and downwards.
         "ldr r0, =__suninit",
         "ldr r1, =__ram_end",
         "4:",

@@ -1,19 +1,19 @@
 //! The table of a firmware's tasks, made from the RTIC application that binds them.
 //!
-//! A task's name, vector and priority stand in its attribute in `main.rs` and nowhere else, and RTIC takes them as
-//! literals only. So each firmware's build script reads the attributes and writes the macro `each_task!`, of which the
-//! library makes the enumeration of its tasks ([`task_table!`](crate::task_table!)) and the binary its list of vectors.
+//! Only a task's attribute in `main.rs` states its name, vector and priority, and RTIC takes these only as literals. So
+//! each firmware's build script reads the attributes and writes the macro `each_task!`. From it the library makes the
+//! enumeration of its tasks ([`task_table!`](crate::task_table!)), and the binary makes its list of vectors.
 
 extern crate std;
 
 use std::{format, string::String};
 
-/// The macro `each_task!`, which calls the macro that it is given with the name and the vector of each task of the
-/// application `source`, the most urgent first.
+/// Returns the macro `each_task!`, which calls the macro that it is given with the name and the vector of each task of
+/// the application `source`, the most urgent first.
 ///
 /// # Panics
 ///
-/// If a task does not check in by its own name, or stands behind one of lower priority: the firmware is not built then.
+/// Panics if a task does not check in by its own name or follows one of lower priority, so that nothing is built.
 #[must_use]
 pub fn each_task(source: &str) -> String {
     let mut tasks = String::new();

@@ -1,6 +1,6 @@
 //! The board: every pin, DMA stream, interrupt vector and clock that the firmware uses, each in one place
 //!
-//! NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
+//! The board is a NUCLEO-F429ZI with an X-NUCLEO-NFC08A1 or NFC06A1 on its Arduino header.
 //!
 //! | use | peripheral | pins | DMA |
 //! |---|---|---|---|
@@ -18,11 +18,11 @@
 //! # To add or move a receiver
 //!
 //! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's vectors also have to be those of the
-//! receiver's tasks in `main.rs`; each of those looks its row up by its own vector, and one that is in no row does not
-//! compile. Nothing else names a receiver's hardware.
+//! receiver's tasks in `main.rs`. Each of these tasks finds its row by its own vector, and a vector that is in no row
+//! does not compile. No other file names a receiver's hardware.
 //!
-//! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
-//! which `hw/gnss.rs` joins.
+//! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` that implements
+//! `horus_tx_fw::source::Source`; `hw/gnss.rs` joins the types.
 
 use horus_tx_fw::{
     configuration::Interface,
@@ -39,7 +39,7 @@ use stm32f4xx_hal::{
 
 horus_tx_fw::each_task!(firmware_common::task_vectors);
 
-/// Calls every task that hardware alone calls otherwise, so that it checks in.
+/// Calls every task that only hardware calls otherwise, so that each of them checks in.
 pub(crate) fn ask_for_signs_of_life() {
     Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
@@ -89,22 +89,22 @@ pub(crate) struct Stream {
 
 // ---- Cycle
 
-/// Where the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). High for
-/// the last [`timing::TICK_PULSE_TICKS`] of each cycle; it falls with the tick.
+/// The pin on which the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO
+/// (D36). It is high for the last [`timing::TICK_PULSE_TICKS`] of each cycle, and falls with the tick.
 pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::B, number: 10 }, function: 1 };
 
 // ---- State
 
-/// An input of two pins whose levels are opposite while it is sound (decision 18).
+/// An input of two pins whose levels are opposite while its wires are sound (decision 18).
 pub(crate) struct InputPair {
-    /// High while the input is active.
+    /// The pin that is high while the input is active.
     pub(crate) active: Pin,
-    /// High while it is not.
+    /// The pin that is high while the input is not active.
     pub(crate) inactive: Pin,
 }
 
-/// What tells HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
-/// D54).
+/// The inputs that tell HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency
+/// measure (D55, D54).
 pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
     InputPair { active: Pin { port: GpioPort::E, number: 2 }, inactive: Pin { port: GpioPort::E, number: 4 } },
     InputPair { active: Pin { port: GpioPort::E, number: 5 }, inactive: Pin { port: GpioPort::E, number: 6 } },
@@ -113,21 +113,21 @@ pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
 
 // ---- Front end
 
-/// The front end's SPI: SPI1.
+/// The pins of the front end's SPI, which is SPI1. The first is its clock.
 pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
 pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
 pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
 pub(crate) const CHIP_SELECT: Pin = Pin { port: GpioPort::D, number: 14 };
-/// The front end's interrupt request, rising. Its number is also that of its EXTI line: vector EXTI3.
+/// The front end's interrupt request, a rising edge. Its number is also that of its EXTI line, so its vector is EXTI3.
 pub(crate) const IRQ: Pin = Pin { port: GpioPort::A, number: 3 };
-/// What the SPI clocks in.
+/// The DMA stream of the bytes that the SPI clocks in.
 pub(crate) const SPI_IN: Stream = Stream { dma: Dma::Two, number: 0, channel: 3 };
-/// What the SPI clocks out.
+/// The DMA stream of the bytes that the SPI clocks out.
 pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3 };
 
 // ---- Receivers
 
-/// A one-shot timer of 16 bits, of those that count at [`timing::TIMER_HZ`] (APB1's).
+/// A one-shot timer of 16 bits, one of those that count at [`timing::TIMER_HZ`] (APB1's).
 #[derive(Clone, Copy)]
 pub(crate) struct Timer {
     pub(crate) registers: fn() -> *const tim3::RegisterBlock,
@@ -135,13 +135,13 @@ pub(crate) struct Timer {
     pub(crate) vector: Interrupt,
 }
 
-/// A receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
+/// The hardware of a receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
 pub(crate) struct UartPort {
-    /// The UART's registers. A USART's begin with the same ones and have one more at the end, which is not used.
+    /// The UART's registers. Those of a USART begin with the same ones and have one more at the end, which is not used.
     pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
-    /// The frequency of the bus the UART is on, from which its baud rate is derived, Hz.
+    /// The frequency of the bus that the UART is on, from which its baud rate is derived, Hz.
     pub(crate) bus_hz: u32,
     /// The UART's input.
     pub(crate) rx: AlternatePin,
@@ -149,41 +149,41 @@ pub(crate) struct UartPort {
     pub(crate) tx: AlternatePin,
     /// The DMA stream of the UART's input.
     pub(crate) stream: Stream,
-    /// The vector of the UART: the line is idle, has an error, or a byte is out.
+    /// The UART's interrupt vector: the line is idle, there was an error, or a byte was sent.
     pub(crate) uart_vector: Interrupt,
-    /// The vector of the DMA stream: half a ring is full.
+    /// The DMA stream's interrupt vector: half a ring is full.
     pub(crate) stream_vector: Interrupt,
 }
 
-/// A receiver on I2C (u-blox' DDC). Pull-ups are outside.
+/// The hardware of a receiver on I2C (u-blox's DDC). The pull-up resistors are outside of the part.
 pub(crate) struct DdcPort {
     pub(crate) registers: fn() -> *const i2c1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
-    /// The frequency of the bus the peripheral is on, Hz: a whole number of MHz.
+    /// The frequency of the bus that the peripheral is on, Hz: a whole number of MHz.
     pub(crate) bus_hz: u32,
     pub(crate) scl: AlternatePin,
     pub(crate) sda: AlternatePin,
-    /// What comes in. What goes out is written byte by byte.
+    /// The DMA stream of the bytes that come in. The bytes that go out are written one by one.
     pub(crate) stream: Stream,
-    /// For the levels of a recovery.
+    /// The timer that times the levels of a bus recovery.
     pub(crate) timer: Timer,
     pub(crate) event_vector: Interrupt,
     pub(crate) error_vector: Interrupt,
     pub(crate) stream_vector: Interrupt,
 }
 
-/// A receiver on SPI, mode 0 at [`timing::GNSS_SPI_HZ`].
+/// The hardware of a receiver on SPI, mode 0 at [`timing::GNSS_SPI_HZ`].
 pub(crate) struct SpiPort {
     pub(crate) registers: fn() -> *const spi1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
     pub(crate) sck: AlternatePin,
     pub(crate) miso: AlternatePin,
     pub(crate) mosi: AlternatePin,
-    /// Active low.
+    /// The chip select pin, which is active low.
     pub(crate) chip_select: Pin,
     pub(crate) stream_in: Stream,
     pub(crate) stream_out: Stream,
-    /// For chip select's set-up and hold time.
+    /// The timer of chip select's set-up and hold time.
     pub(crate) timer: Timer,
     pub(crate) in_vector: Interrupt,
     pub(crate) out_vector: Interrupt,
@@ -200,14 +200,14 @@ const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
-/// Where one GNSS receiver is connected, and what is asked of it.
+/// Where one GNSS receiver is connected, and the period that HORUS asks of it.
 pub(crate) struct ReceiverPort {
-    /// From one solution to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
+    /// The time from one solution to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
     pub(crate) period_ms: u16,
     pub(crate) hardware: Hardware,
 }
 
-/// GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
+/// The ports of GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
 pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
         period_ms: 100,
@@ -282,7 +282,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
 ];
 
 impl Hardware {
-    /// What it is to the receiver.
+    /// Returns the receiver's name for this interface, which selects the keys of its configuration.
     pub(crate) const fn interface(&self) -> Interface {
         match self {
             Self::Uart(_) => Interface::Uart,
@@ -291,7 +291,7 @@ impl Hardware {
         }
     }
 
-    /// What `vector` means to this receiver; `None` if it is not its own.
+    /// Returns what `vector` means to this receiver; `None` if the vector is not one of the receiver's.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
             vector as u16 == other as u16
@@ -315,7 +315,7 @@ impl Hardware {
         }
     }
 
-    /// The streams in use; one that is used alone is named twice.
+    /// Returns the DMA streams in use; a stream that is used alone is returned twice.
     const fn streams(&self) -> [Stream; 2] {
         match self {
             Self::Uart(port) => [port.stream, port.stream],
@@ -325,11 +325,11 @@ impl Hardware {
     }
 }
 
-/// The receiver, from 0, one of whose vectors is that of `task`, and what it means. To be evaluated at compile time.
+/// Returns the receiver, from 0, to which `task`'s vector belongs, and the vector's meaning. For compile time only.
 ///
 /// # Panics
 ///
-/// If it is no receiver's, or more than one's.
+/// Panics if the vector belongs to no receiver, or to more than one.
 pub(crate) const fn source_of(task: Task) -> (usize, Vector) {
     let vector = TASK_VECTORS[task as usize];
     let mut found = None;
@@ -355,7 +355,7 @@ const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
     is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
 }
 
-// One receiver on I2C and one on SPI: each has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`.
+// At most one receiver is on I2C and one on SPI: each has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`.
 const _: () = {
     let (mut ddc, mut spi) = (0, 0);
     let mut receiver = 0;
@@ -370,7 +370,7 @@ const _: () = {
     assert!(ddc <= 1 && spi <= 1, "the buffer of this kind has one user");
 };
 
-// No stream has two users.
+// No DMA stream has two users.
 const _: () = {
     assert!(IRQ.number == 3, "the vector of the task `rf_irq` is that of EXTI line 3");
     assert!(!is_same(SPI_IN, SPI_OUT));

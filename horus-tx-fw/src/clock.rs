@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! HORUS is meant to run on the external clock (HSE). Where that is missing it runs on the internal RC oscillator (HSI)
-//! instead, through the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays the
-//! same, and says so in Reported-Position's status. All bounds in processor cycles and all that compare HORUS with
+//! HORUS is meant to run on the external clock (HSE). Where HSE is missing, HORUS runs on the internal RC oscillator
+//! (HSI) instead, through the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays
+//! the same, and Reported-Position's status says so. All bounds in processor cycles and all that compare HORUS with
 //! itself still hold. What needs a crystal does not: the cycle is as long as the oscillator makes it.
 //!
 //! | | frequency | error |
@@ -13,50 +13,50 @@
 //! | HSI | 16 MHz | ±1 % at 25 °C, −8 to +4.5 % from −40 to 105 °C (DS9405, internal clock source characteristics) |
 //!
 //! The receivers' UARTs tolerate about 3 % (RM0090 "USART", tolerance of the receiver to clock deviation), so at room
-//! temperature the receivers are still heard on HSI.
+//! temperature HORUS still receives from them on HSI.
 //!
-//! The choice is made once per start. HSE that fails later is noticed by the clock security system (see the firmware's
+//! HORUS chooses once per start. If HSE fails later, the clock security system notices it (see the firmware's
 //! `hw/clock.rs`), which ends in the safe state and a reset; the start after it finds no HSE and chooses HSI. HSE that
 //! comes back is used again from the next start on.
 
-/// Frequency of the external clock (HSE), Hz.
+/// The frequency of the external clock (HSE), Hz.
 pub const EXTERNAL_HZ: u32 = 8_000_000;
 
-/// Frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
+/// The frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// How often HSE is asked whether it is ready before it is given up.
+/// How often [`choose`] asks whether HSE is ready before it gives HSE up.
 const POLLS: u32 = 1_000;
 
-/// The pause between two of those, µs, at least; in processor cycles of the internal oscillator see [`PAUSE_CYCLES`].
+/// The least pause between two polls of HSE, µs; [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
 const PAUSE_US: u32 = 10;
 
 /// `PAUSE_US` in cycles of the internal oscillator.
 pub const PAUSE_CYCLES: u32 = PAUSE_US * (INTERNAL_HZ / 1_000_000);
 
-/// HSE has at least this long to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE
+/// The least time that HSE has to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE
 /// oscillator characteristics, start-up time). A clock that is fed in from outside takes less.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
-/// The longest that [`choose`] takes, ms: a delay loop of the processor takes up to twice the cycles that it was asked
-/// for, the internal oscillator may be 8 % slow, and asking takes some cycles too.
+/// The longest that [`choose`] takes, ms: a delay loop of the processor takes up to twice the cycles asked for, the
+/// internal oscillator may be 8 % slow, and the polls take some cycles too.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 
 const _: () = assert!(START_MS == 10);
 
-/// What the PLL is fed from.
+/// The oscillator that feeds the PLL.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {
     /// HSE, a crystal.
     #[default]
     External,
-    /// HSI, since HSE is missing.
+    /// HSI, because HSE is missing.
     Internal,
 }
 
-/// Waits for HSE, which has been switched on, to become ready, and decides on what to run. `is_ready` tells whether HSE
-/// is (RCC_CR.HSERDY), `pause` waits for [`PAUSE_CYCLES`] or a little more. Always ends, after [`START_MAX_MS`] at
-/// most.
+/// Waits until HSE, which has been switched on, is ready, and returns what to run on. `is_ready` tells whether HSE is
+/// ready (RCC_CR.HSERDY), and `pause` waits for [`PAUSE_CYCLES`] or a little longer. This always ends, after
+/// [`START_MAX_MS`] at most.
 pub fn choose(mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> Source {
     for _ in 0..POLLS {
         if is_ready() {

@@ -1,36 +1,36 @@
-//! How a receiver is made to send what HORUS needs
+//! How HORUS configures a receiver to send what HORUS needs
 //!
 //! # Design
 //!
-//! Four messages, each acknowledged by itself (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
+//! HORUS sends four messages and gets an answer to each (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
 //!
 //! | step | message | if it is refused | if it is not answered |
 //! |---|---|---|---|
 //! | basic | UBX on, NMEA off, NAV-PVT with every solution, the period | the receiver is used as it is | likewise |
-//! | model | the dynamic model [`DYNAMIC_MODEL`] | the receiver is used with its own, which is told | likewise |
+//! | model | the dynamic model [`DYNAMIC_MODEL`] | the receiver is used with its own, which HORUS tells | likewise |
 //! | attitude | NAV-ATT with every solution | the receiver has no inertial sensors: normal | likewise |
 //! | inertial | ESF-INS with every solution | likewise | likewise |
 //!
-//! **Dynamic model.** A receiver's filter assumes how its carrier moves. From the factory that is a portable device or
-//! a car: low accelerations, and at most 15 or 50 m/s vertically, beyond which it gives no position. In a hard
-//! manoeuvre all receivers would lag or drop out alike, and no vote sees what all have in common. So each is told that
-//! it flies. u-blox has three airborne models; this is that of less than 2 g, "recommended for typical airborne
+//! **Dynamic model.** A receiver's filter assumes how its carrier moves. The factory setting is a portable device or a
+//! car: low accelerations, and at most 15 or 50 m/s vertically, beyond which it gives no position. In a hard manoeuvre
+//! all receivers would lag or drop out alike, and no vote detects what all have in common. So HORUS tells each that it
+//! flies. u-blox has three airborne models; this is that of less than 2 g, "recommended for typical airborne
 //! environments": a rotorcraft that banks by 45° to turn or to brake from 20 m/s accelerates by 1 g, by 60° by 1.7 g,
 //! which the model of less than 1 g does not cover; that of less than 4 g is "only recommended for extremely dynamic
 //! environments", and each step lets more noise into the position. PX4 has the same default. No airborne model gives 2D
-//! fixes. It is a message of its own, since a receiver that refuses one key refuses the whole message.
+//! fixes. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
-//! They go into the receiver's RAM, so a receiver that was without supply has forgotten them. It is noticed by its
-//! silence, upon which all of them are sent until one is answered; so also to a receiver that is not there yet.
+//! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. HORUS notices the
+//! receiver's silence and then sends all messages until one is answered, as it does before a receiver is there.
 //!
-//! **UART.** A receiver with factory settings speaks 38 400 baud. If nothing intelligible, that is no intact UBX
-//! message and no answer, has come for [`LISTEN_MS`] after the first message was sent at the usual rate, its baud rate
-//! is set at the factory's rate, and the first message follows at the usual one. A receiver that talks is never
-//! disturbed by another rate: to it that would be noise, and u-blox' receivers close their input for up to a second
-//! after 100 framing errors ("More than 100 frame errors, UART RX was disabled").
+//! **UART.** A receiver with factory settings uses 38 400 baud. If neither an intact UBX message nor an answer has come
+//! for [`LISTEN_MS`] after the first message was sent at the usual rate, HORUS sets the receiver's baud rate at the
+//! factory's rate, and sends the first message at the usual rate. HORUS never disturbs a receiver that talks with
+//! another rate: the receiver would take it as noise, and u-blox's receivers close their input for up to a second after
+//! 100 framing errors ("More than 100 frame errors, UART RX was disabled").
 //!
-//! **Bounds.** An answer is waited for, for [`ANSWER_MS`] each; a receiver that talks and does not answer is left alone
-//! after [`ATTEMPTS`], until it has been silent.
+//! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. A receiver that talks and does not answer is left
+//! alone after [`ATTEMPTS`], until it has been silent.
 //!
 //! ```text
 //!            answer           answer or 3 x none           the same             the same
@@ -44,36 +44,36 @@
 //! # Sources
 //!
 //! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
-//!   agree where they name the same; the crate has neither NAV-ATT's keys nor a way to leave the thousand others out of
-//!   flash, hence the few here.
+//!   agree on the keys that they share. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys
+//!   out of flash, so the few that HORUS needs are written here.
 //! - Dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of the models and
 //!   of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL, and pyubx2;
-//!   PX4's `GPS_UBX_DYNMODEL`. Doubt: that manual says that the ZED-F9R's sensor fusion is optimised for cars, scooters
-//!   and lawn mowers only, and not whether it goes on, with NAV-ATT and ESF-INS, under an airborne model.
-//! - Form of the message, and that one unknown key refuses all of it: u-blox, *F9 interface descriptions*,
-//!   UBX-CFG-VALSET.
+//!   PX4's `GPS_UBX_DYNMODEL`. Open: that manual says that the ZED-F9R's sensor fusion is optimised for cars, scooters
+//!   and lawn mowers only, but not whether it works, with NAV-ATT and ESF-INS, under an airborne model.
+//! - Form of the message, and the rule that one unknown key refuses the whole message: u-blox, *F9 interface
+//!   descriptions*, UBX-CFG-VALSET.
 
 use crate::{
     source::{Message, Rate, MESSAGE},
     timing,
 };
 
-/// How long an answer is waited for, ms. u-blox answers a configuration message within a second.
+/// How long HORUS waits for an answer, ms. u-blox's receivers answer a configuration message within a second.
 pub const ANSWER_MS: u32 = 1_000;
 /// How often a message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// A UART on which nothing intelligible comes for this long, ms, is tried at the factory's rate: longer than any period
-/// that is asked for, and than a receiver takes to answer while it computes.
+/// How long nothing intelligible comes on a UART before HORUS tries the factory's rate, ms: longer than any period that
+/// HORUS asks for, and longer than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
-/// From the message that sets the baud rate to the next, ms: it takes 5.2 ms by itself, and the receiver has to follow.
+/// The pause after the message that sets the baud rate, ms. The message takes 5.2 ms, and the receiver has to follow.
 pub const BAUD_MS: u32 = 200;
-/// A receiver that took its configuration has been silent after this, ms: more than two of the longest period that is
-/// asked for.
+/// A receiver that took its configuration counts as silent after this time, ms: more than two of the longest period
+/// that HORUS asks for.
 pub const SILENT_MS: u32 = 500;
-/// One that is used as it is, ms: more than the longest period that is believed.
+/// A receiver that is used as it is counts as silent after this, ms: more than the longest period that HORUS accepts.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
-/// The dynamic model that a receiver is told: airborne with less than 2 g.
+/// The dynamic model that HORUS sets in a receiver: airborne with less than 2 g.
 pub const DYNAMIC_MODEL: u8 = 7;
 
 /// How a receiver is connected.
@@ -87,24 +87,24 @@ pub enum Interface {
     Spi,
 }
 
-/// What a receiver has made of the basic message, and of that of the dynamic model.
+/// A receiver's response to the basic message and to that of the dynamic model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
-    /// It has not been heard since it was last silent, or its answer is awaited.
+    /// No intact message came since the receiver was last silent, or its answer is awaited.
     #[default]
     NotYet = 0,
-    /// It has acknowledged the basic message, and the dynamic model, unless its answer to that is awaited.
+    /// The receiver has acknowledged the basic message, and the dynamic model unless the answer to that is awaited.
     Taken = 1,
-    /// It has refused, and is used as it is.
+    /// The receiver has refused its configuration, and is used as it is.
     Refused = 2,
-    /// It talks but did not answer, and is used as it is.
+    /// The receiver talks but did not answer, and is used as it is.
     Unanswered = 3,
-    /// It has acknowledged the basic message, but not the dynamic model: it goes on with its own.
+    /// The receiver has acknowledged the basic message, but not the dynamic model: it goes on with its own model.
     OtherModel = 4,
 }
 
-/// The standing of telemetry's number, in words.
+/// Returns in words the standing that telemetry has as a number.
 #[must_use]
 pub const fn name(standing: u32) -> &'static str {
     match standing {
@@ -125,13 +125,13 @@ pub enum Answer {
     Refused,
 }
 
-/// Class and identifier of UBX-CFG-VALSET.
+/// The class and the identifier of UBX-CFG-VALSET.
 pub const VALSET: (u8, u8) = (0x06, 0x8A);
 
-/// UBX-CFG-VALSET, `layers`: RAM.
+/// The value of `layers` in UBX-CFG-VALSET that means RAM.
 const RAM: u8 = 1;
 
-/// Keys of the configuration. Bits 28 to 30 say how long the value is.
+/// The keys of the configuration. Bits 28 to 30 of a key say how long its value is.
 mod key {
     use super::Interface;
 
@@ -140,7 +140,7 @@ mod key {
     pub(super) const UART1_BAUDRATE: u32 = 0x4052_0001;
     pub(super) const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 
-    /// CFG-UART1OUTPROT-UBX, -I2COUTPROT-, -SPIOUTPROT-.
+    /// Returns the key CFG-UART1OUTPROT-UBX, CFG-I2COUTPROT-UBX or CFG-SPIOUTPROT-UBX.
     pub(super) const fn out_ubx(interface: Interface) -> u32 {
         match interface {
             Interface::Uart => 0x1074_0001,
@@ -153,7 +153,7 @@ mod key {
         out_ubx(interface) + 1
     }
 
-    /// The ports of CFG-MSGOUT follow each other: I2C, UART1, UART2, USB, SPI.
+    /// Returns the key of CFG-MSGOUT, whose ports follow each other: I2C, UART1, UART2, USB, SPI.
     const fn msgout(i2c: u32, interface: Interface) -> u32 {
         match interface {
             Interface::Ddc => i2c,
@@ -175,7 +175,7 @@ mod key {
     }
 }
 
-/// UBX-CFG-VALSET of these keys and values.
+/// Returns the UBX-CFG-VALSET that has these keys and values.
 fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
     let mut bytes = [0; MESSAGE];
     let mut len = 0;
@@ -185,7 +185,7 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         }
         len += some.len();
     };
-    // The length comes when it is known. Version 0, layers, two reserved bytes.
+    // The length is written when it is known. Behind it are version 0, the layers and two reserved bytes.
     put(&[0xB5, 0x62, VALSET.0, VALSET.1, 0, 0, 0, RAM, 0, 0]);
     for (key, value) in items {
         put(&key.to_le_bytes());
@@ -197,7 +197,7 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         put(&value.to_le_bytes()[..size]);
     }
     let end = len.min(MESSAGE - 2);
-    // Between the header and the checksum; at most a message.
+    // The payload ends before the checksum, and a message is shorter than 256 bytes.
     bytes[4] = (end - 6) as u8;
     let (mut a, mut b) = (0_u8, 0_u8);
     for byte in &bytes[2..end] {
@@ -220,29 +220,29 @@ enum Step {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// To be sent now.
+    /// The message of this step is to be sent now.
     Due(Step),
-    /// Sent then, ms.
+    /// The message of this step was sent at this time, ms.
     Awaiting(Step, u32),
     Done,
 }
 
-/// One receiver's configuration.
+/// The state of one receiver's configuration.
 #[derive(Clone, Debug)]
 pub struct Configuration {
     interface: Interface,
     period_ms: u16,
     state: State,
-    /// Messages without an answer so far, of this step.
+    /// The number of messages of this step that had no answer so far.
     unanswered: u8,
     standing: Standing,
-    /// Intact messages so far, and when the last of them came, ms.
+    /// The number of intact messages so far. The next field is when the last of them came, ms.
     messages: u32,
     last_heard: Option<u32>,
 }
 
 impl Configuration {
-    /// Of a receiver on `interface` that is to give a solution every `period_ms` ms.
+    /// The configuration of a receiver on `interface` that is to give a solution every `period_ms` ms.
     #[must_use]
     pub const fn new(interface: Interface, period_ms: u16) -> Self {
         Self {
@@ -256,20 +256,20 @@ impl Configuration {
         }
     }
 
-    /// What the receiver has made of it.
+    /// Returns how the receiver has responded to its configuration.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         self.standing
     }
 
-    /// To be called every cycle. At `now` (ms, wraps) the receiver has sent `messages` intact UBX messages (wraps), and
-    /// this answer since the last call. Gives what is to be sent to it.
+    /// Returns the message that is to be sent to the receiver now, if any. To be called every cycle. Until `now` (ms,
+    /// wraps) the receiver has sent `messages` intact UBX messages (wraps), and `answer` since the last call.
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
             self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
-            // Forgotten, lest the clock's wrap make it look young.
+            // The time is forgotten, lest the clock's wrap make it look recent.
             self.last_heard = None;
         }
         match self.state {
@@ -291,14 +291,14 @@ impl Configuration {
         Some(self.message(step))
     }
 
-    /// For how long nothing intact has come, ms.
+    /// Returns for how long nothing intact has come, ms.
     fn silent_for(&self, now: u32) -> u32 {
         self.last_heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
     }
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
         let passed = now.wrapping_sub(sent);
-        // Nothing intact since it was sent.
+        // Nothing intact has come since the message was sent.
         let is_silent = self.silent_for(now) >= passed;
         match (step, answer) {
             (Step::Baud, Some(_)) => self.go_to(Step::Basic),
@@ -412,14 +412,14 @@ mod tests {
             message
         }
 
-        /// So many ms, with a message every 100 ms if it talks; nothing is answered.
+        /// Lets `ms` pass, with a message every 100 ms if the receiver talks; it answers nothing.
         fn pass(&mut self, ms: u32, talks: bool) {
             for step in 0..ms / 10 {
                 self.step(talks && step % 10 == 9, None);
             }
         }
 
-        /// Answers until nothing more is sent for a second, `limit` messages at most.
+        /// Gives `answer` to each message until none is sent for 400 ms, and returns how many it answered.
         fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
             let mut answered = 0;
             let mut quiet = 0;
@@ -494,7 +494,7 @@ mod tests {
         assert_eq!(baud.rate(), Rate::Factory);
         let model = of(Interface::Spi).message(Step::Model);
         assert_eq!(model.bytes(), built(&[NavSpgDynModel(NavDynamicModel::AirborneWithLess2gAcceleration)]));
-        // The crate does not know NAV-ATT's keys.
+        // The crate does not have NAV-ATT's keys.
         let attitude =
             [Interface::Ddc, Interface::Uart, Interface::Spi].map(|it| keys(&of(it).message(Step::Attitude)));
         assert_eq!(attitude, [[0x2091_001F], [0x2091_0020], [0x2091_0023]]);
@@ -531,12 +531,12 @@ mod tests {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|index| if index == 1 { Answer::Refused } else { Answer::Taken }), 4);
         assert_eq!(talk.configuration.standing(), Standing::OtherModel);
-        // Silence is judged as for one that took everything.
+        // Silence is judged as for a receiver that took everything.
         talk.step(true, None);
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
 
-        // One that never answers to it.
+        // This receiver never answers the message of the dynamic model.
         let mut talk = Talk::new(Interface::Ddc);
         talk.step(false, None);
         talk.step(false, Some(Answer::Taken));
@@ -596,7 +596,7 @@ mod tests {
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
-        // `answer_all` has waited for 400 ms.
+        // `answer_all` has waited for 400 ms already.
         talk.pass(90, false);
         assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
@@ -611,7 +611,7 @@ mod tests {
     fn one_that_is_used_as_it_is_may_be_silent_for_so_long_to_the_millisecond() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         let mut last = NOW;
-        // Heard, and never answering.
+        // The receiver sends messages and never answers.
         for heard in 1..=60 {
             last = NOW.wrapping_add(100 * heard);
             configuration.poll(last, heard, None);
@@ -628,7 +628,7 @@ mod tests {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
-        // The clock has gone round: it shows what it showed when the receiver was last heard, and goes on.
+        // The clock has wrapped to the time at which the receiver was last heard, and goes on.
         for waited in 0..10 {
             configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
         }
@@ -644,7 +644,7 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The answer was the bit rate's: nothing of the basic message has been taken yet.
+        // The answer was to the bit rate's message, and the basic message has not been taken yet.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 
@@ -686,7 +686,7 @@ mod tests {
                     prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
                 }
             }
-            // One for each answer, and at the most one each 200 ms without any.
+            // There is one message for each answer, and at most one in 200 ms without any.
             prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
         }
     }

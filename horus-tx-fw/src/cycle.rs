@@ -1,25 +1,25 @@
-//! From what the receivers said to the objects of one tick
+//! How the receivers' messages become the objects of one tick
 //!
 //! # Design
 //!
-//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have said: every
-//! object is written and sealed in full, the same bytes pass through the same CRCs, and a value that is
-//! not valid is replaced by the NaN of the design by selection, not by skipping. There is no early return.
+//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have said: it writes and
+//! seals every object in full, passes the same bytes through the same CRCs, and replaces a value that is not valid by
+//! the NaN of the design with a selection instead of a branch. There is no early return.
 //!
-//! [`Cycle::vote`] comes before it, in the cycle before and after that one's slot, and seals Reported-Position:
-//! comparing the receivers takes longer than the slot leaves between the tick and the frame. So a vote knows what the
-//! receivers have said until 10 ms before its tick, and brings that to the tick. A vote of another tick is not shown.
+//! [`Cycle::vote`] is called in the cycle before, after that cycle's slot, and seals Reported-Position: comparing the
+//! receivers takes longer than the time between the tick and the slot. A vote therefore uses what the receivers have
+//! said until 10 ms before its tick, and extrapolates that to the tick. A vote for another tick is not shown.
 //!
-//! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
-//! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted, or while there
-//! is no altitude, which takes a majority as well. Which receivers
-//! may take part is decided by each one's own object: a receiver that falls silent stops taking part one period and
-//! 150 ms after its last message (see [`receiver`](crate::receiver)), and one that was outvoted says *excluded*. HORUS
-//! is *starting* until the first result, *monitoring* while there is one and in the state *position lost* while there
-//! is none any more, unless the inputs of its safety function say something else
+//! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of the receivers that
+//! agree, extrapolated to the tick, and the number of these receivers. It is *degraded* while fewer receivers agree
+//! than are fitted, or while there is no altitude, which takes a majority as well. Each receiver's own object decides
+//! whether the receiver may take part in the vote: a receiver that falls silent stops taking part one period and 150 ms
+//! after its last message (see [`receiver`](crate::receiver)), and the object of a receiver that was outvoted says
+//! *excluded*. HORUS is *starting* until the first result, *monitoring* while there is a result, and in the state
+//! *position lost* while there is none any more, unless the inputs of its safety function say something else
 //! ([`state_inputs`](crate::state_inputs)).
 //!
-//! What HORUS knows of itself goes into every Reported-Position, too: its clock, the reason of its last reset
+//! Every Reported-Position also tells what HORUS has found out about itself: its clock, the reason of its last reset
 //! ([`Start`]), and whether it has found a fault of its memory ([`Cycle::found_memory_fault`]).
 
 use core::hint::select_unpredictable;
@@ -37,40 +37,40 @@ use crate::{
     timing::timestamp,
 };
 
-/// What a start of HORUS was like.
+/// What HORUS found when it started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// The clock that it runs on.
+    /// The clock that HORUS runs on.
     pub clock: Source,
     /// Why the processor started.
     pub reason: ResetReason,
-    /// The receivers that were excluded before, as [`Verdict::excluded`] has them; see
+    /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]; see
     /// [`exclusions`](crate::exclusions).
     pub excluded: u8,
 }
 
-/// What is remembered from tick to tick of `N` receivers.
+/// The state of `N` receivers' votes that is kept from tick to tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cycle<const N: usize> {
-    /// There has been a result since the start.
+    /// Whether there has been a result since the start.
     was_located: bool,
     start: Start,
     memory_fault: bool,
     inputs: StateInputs,
     voter: Voter<N>,
-    /// The last vote, and Reported-Position as sealed for the tick that it is for.
+    /// The last vote. The next field is the Reported-Position that was sealed for the tick of that vote.
     verdict: Verdict,
     voted: Option<(u32, ReportedPosition)>,
 }
 
 impl<const N: usize> Cycle<N> {
-    /// The first cycle of a HORUS whose supply came on and that runs on the external clock.
+    /// The first cycle of a HORUS that starts after power-on and runs on the external clock.
     #[must_use]
     pub const fn new() -> Self {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// The first cycle after `start`, which Reported-Position's status tells.
+    /// The first cycle after `start`, whose content Reported-Position's status tells.
     #[must_use]
     pub const fn after(start: Start) -> Self {
         let voter = Voter::excluding(start.excluded);
@@ -85,12 +85,12 @@ impl<const N: usize> Cycle<N> {
         }
     }
 
-    /// HORUS has found a fault of its memory: every vote from now on says so.
+    /// Records that HORUS has found a fault of its memory: the result of every vote from now on says so.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }
 
-    /// The receivers that are excluded from the next vote on, one bit for each.
+    /// Returns the receivers that are excluded from the next vote on, one bit for each.
     #[must_use]
     pub const fn excluded(&self) -> u8 {
         self.voter.excluded()
@@ -101,7 +101,7 @@ impl<const N: usize> Cycle<N> {
         self.inputs.sample(levels);
     }
 
-    /// The vote of tick `tick`, from what each receiver has said until now.
+    /// Votes for tick `tick`, from what each receiver has said until now, and seals Reported-Position.
     pub fn vote(&mut self, tick: u32, solutions: &[Solution; N]) {
         let now = timestamp(tick);
         let mut inputs = [Input::default(); N];
@@ -113,13 +113,13 @@ impl<const N: usize> Cycle<N> {
         self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
     }
 
-    /// The last vote.
+    /// Returns the last vote.
     #[must_use]
     pub const fn verdict(&self) -> &Verdict {
         &self.verdict
     }
 
-    /// The sealed profile of tick `tick`, from what each receiver has said until then, and from the vote of that tick.
+    /// Returns the sealed profile of tick `tick`, from the receivers' messages until then and from that tick's vote.
     pub fn fill(&self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);
         let reported = match self.voted {
@@ -135,7 +135,7 @@ impl<const N: usize> Cycle<N> {
         Profile::new(reported, gps)
     }
 
-    /// Reported-Position as the receivers agree on it.
+    /// Returns the values of Reported-Position on which the receivers agree.
     fn reported_values(&self, verdict: &Verdict, now: u32) -> ReportedValues {
         let Verdict { position, attitude, acceleration, .. } = verdict;
         let agreeing = verdict.agreeing();
@@ -164,7 +164,7 @@ impl<const N: usize> Cycle<N> {
     }
 }
 
-/// What one receiver puts to the vote at `now` ms.
+/// Returns what one receiver contributes to the vote at `now` ms.
 fn input_of(solution: &Solution, now: u32) -> Input {
     let Solution { position, attitude, acceleration, .. } = solution;
     Input {
@@ -181,7 +181,7 @@ fn input_of(solution: &Solution, now: u32) -> Input {
     }
 }
 
-/// `value` if it is to be shown, else the NaN of the design.
+/// Returns `value` if it is to be shown, otherwise the NaN of the design.
 fn shown_f64(shown: bool, value: f64) -> f64 {
     if shown {
         value
@@ -198,7 +198,7 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
     }
 }
 
-/// One receiver's object at `now` ms.
+/// Returns the values of one receiver's object at `now` ms.
 fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
     let Solution { last_heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
@@ -213,7 +213,7 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
-    // Both are worked out whichever it is, since a branch would take longer for a receiver that has said something.
+    // Both values are computed in any case, since a branch would take longer for a receiver that has said something.
     status = select_unpredictable(
         position.pace.has_arrived(),
         status.with_solution_age_ms(Some(position.pace.age_ms(now))),

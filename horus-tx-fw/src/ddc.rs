@@ -1,83 +1,83 @@
-//! A receiver on I2C: u-blox' DDC port, one event at a time, without the registers
+//! A receiver on I2C: u-blox's DDC port, one event at a time, without the registers
 //!
 //! # Design
 //!
-//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), 0xFF is the stream. The
+//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), and 0xFF is the stream. The
 //! address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
-//! restart, read as many bytes as wait, at most [`MOST`]; stop. A cycle in which there is a message to send writes that
-//! instead.
+//! restart, read as many bytes as wait, at most [`MOST`]; stop. If there is a message to send, a cycle writes that
+//! message instead.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *One byte alone* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP
-//! requested within the time of that byte (RM0090, "I2C", master receiver), which no task of our priority can promise.
-//! If one byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on the DMA controller's end of
-//! transfer makes the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
+//! *A single byte* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP requested
+//! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
+//! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the DMA controller's end of transfer
+//! makes the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
 //!
-//! *Bounds*: what has not ended by the next tick has failed. The peripheral is then reset, the pins are taken from it,
-//! nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each [`STEP_US`], and the
-//! pins go back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the same again. Nothing
-//! ever waits. A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet, "DDC"): to HORUS that is a
-//! failed transaction, of which the bytes that have come are kept ([`Ddc::stream_under_way`]), and the bus is free
-//! afterwards.
+//! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset, the pins are
+//! taken from it, nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each
+//! [`STEP_US`], and the pins go back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the
+//! recovery is repeated. Nothing ever waits. A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet,
+//! "DDC"). HORUS takes that as a failed transaction, of which it keeps the bytes that have come
+//! ([`Ddc::stream_under_way`]), and the bus is free afterwards.
 //!
-//! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus
-//! (RM0090, "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without
-//! progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick,
-//! so that a bus that is held or disturbed does not cost the processor's time. The same holds whenever no transaction
-//! is under way: only a START switches these interrupts on.
+//! Unexpected events are bounded too: BTF stays set until the repeated START that follows is on the bus (RM0090, "I2C",
+//! status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without progress, or
+//! [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick, so that a bus
+//! that is held or disturbed does not cost the processor's time. The same holds whenever no transaction is under way:
+//! only a START switches these interrupts on.
 //!
 //! # Sources
 //!
-//! - Registers, and that they count up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read access; in
-//!   use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of 0xFFFF is
-//!   taken for none: it is what a line that nobody drives reads.
+//! - Registers, and that their address counts up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read
+//!   access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of
+//!   0xFFFF is taken as zero: a line that nobody drives reads so.
 //! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
 
 use core::ops::Range;
 
 use crate::source::{Backlog, Busy, Message, RING};
 
-/// The port's address, 7 bits.
+/// The port's address, which has 7 bits.
 pub const ADDRESS: u8 = 0x42;
 const WRITE: u8 = ADDRESS << 1;
 const READ: u8 = ADDRESS << 1 | 1;
 /// The first of the two registers that say how many bytes wait.
 const WAITING: u8 = 0xFD;
 
-/// The most bytes of the stream that are read in one cycle: at 27 µs each 6.9 ms, which leaves 2.7 ms for a receiver
-/// that stretches the clock, and 25.6 kB/s in all. A receiver with all three messages at 25 Hz sends 4.6 kB/s.
+/// The most bytes of the stream that are read in one cycle: at 27 µs each they take 6.9 ms, which leaves 2.7 ms for a
+/// receiver that stretches the clock. They are 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const MOST: usize = 256;
 
 const _: () = assert!(RING >= 2 * MOST);
 
-/// How long each level of a recovery lasts, µs: so 50 kHz, for which every I2C device is fast enough.
+/// How long each level of a recovery lasts, µs. The clock has 50 kHz, for which every I2C device is fast enough.
 pub const STEP_US: u16 = 10;
 
-/// Clocks of a recovery: a receiver that is sending a byte has let go of SDA after the eight bits and the acknowledge.
+/// The clocks of a recovery: a receiver that is sending a byte releases SDA after the eight bits and the acknowledge.
 const CLOCKS: u8 = 9;
 
-/// Ticks from a recovery that did not free the bus to the next.
+/// The number of ticks from a recovery that did not free the bus to the next one.
 pub const HOLD_TICKS: u8 = 10;
 
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
-/// 5 µs, a handler takes 1 µs at least.
+/// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so these
-/// cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50.
+/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so all
+/// cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50 errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
-/// What the bus looks like at the tick.
+/// The state of the bus at the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bus {
-    /// SCL's level.
+    /// The level of SCL.
     pub scl: bool,
-    /// SDA's level.
+    /// The level of SDA.
     pub sda: bool,
-    /// The peripheral says that the bus is busy, or has not yet carried out a START or STOP.
+    /// Whether the peripheral says that the bus is busy, or has not yet carried out a START or STOP.
     pub busy: bool,
 }
 
@@ -87,7 +87,7 @@ impl Bus {
     }
 }
 
-/// What the peripheral's status register says.
+/// The events that the peripheral's status register reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Events {
     /// SB: the START is on the bus.
@@ -96,18 +96,18 @@ pub struct Events {
     pub addressed: bool,
     /// BTF: the byte is out and acknowledged, and the next one is wanted.
     pub byte_sent: bool,
-    /// AF: no acknowledge.
+    /// AF: the receiver did not acknowledge.
     pub refused: bool,
-    /// ARLO: somebody else drives the bus.
+    /// ARLO: another device drives the bus.
     pub arbitration_lost: bool,
-    /// BERR: a START or STOP in the middle of a byte.
+    /// BERR: a START or STOP came in the middle of a byte.
     pub bus_error: bool,
 }
 
-/// What the registers have to do next.
+/// What the code of the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Nothing.
+    /// Do nothing.
     Nothing,
     /// Request a START, with the interrupts of events and errors on.
     Start,
@@ -115,40 +115,40 @@ pub enum Order {
     Put(u8),
     /// Clear ADDR, then write the data register.
     PutAddressed(u8),
-    /// Give the DMA stream so many bytes to receive, at least 2, switch the event interrupts off, then clear ADDR.
+    /// Give the DMA stream this number of bytes to receive, at least 2, switch event interrupts off, then clear ADDR.
     Receive(usize),
     /// Switch the interrupts of events and errors off and request a STOP.
     Stop,
     /// Switch the interrupts of events and errors off.
     Mute,
-    /// Stop the stream, hold the peripheral in reset, take both pins from it and release them; [`Ddc::step`] in
+    /// Stop the stream, hold the peripheral in reset, take both pins from it and release them; call [`Ddc::step`] in
     /// [`STEP_US`].
     Release,
-    /// Drive the pins (false: low; true: released); [`Ddc::step`] in [`STEP_US`].
+    /// Drive the pins (false: low; true: released); call [`Ddc::step`] in [`STEP_US`].
     Drive {
-        /// SCL.
+        /// The level of SCL.
         scl: bool,
-        /// SDA.
+        /// The level of SDA.
         sda: bool,
     },
     /// Set the peripheral up anew and give the pins back to it.
     Rejoin,
 }
 
-/// What came in, and what to do next.
+/// The bytes that came in, and what to do next.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// Which of the bytes that were received belong to the receiver's stream.
     pub stream: Range<usize>,
-    /// What next.
+    /// What to do next.
     pub then: Order,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Write the register's address, then read so many bytes from there.
+    /// Write the register's address, then read this number of bytes from that address on.
     Select(usize),
-    /// Read the two registers, or these and one byte of the stream.
+    /// Read the two registers, or the two and one byte of the stream.
     Waiting(usize),
     /// Read the stream.
     Stream(usize),
@@ -163,22 +163,22 @@ enum State {
     Addressing(Phase),
     Writing(Phase, usize),
     Receiving(Phase),
-    /// So many levels have been driven.
+    /// A recovery that has driven this number of levels.
     Recovering(u8),
 }
 
-/// What has gone wrong so far. All counts wrap.
+/// The counts of what has gone wrong so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Transactions that had not ended by the next tick.
     pub timed_out: u32,
     /// Recoveries of the bus.
     pub recoveries: u32,
-    /// Transactions that ended early: no acknowledge, or arbitration lost.
+    /// Transactions that ended early: there was no acknowledge, or arbitration was lost.
     pub refused: u32,
 }
 
-/// One receiver's port.
+/// The state of one receiver's port.
 #[derive(Clone, Debug)]
 pub struct Ddc {
     state: State,
@@ -186,10 +186,10 @@ pub struct Ddc {
     spurious: u8,
     bus_errors: u8,
     hold: u8,
-    /// What the bus looked like when it was last found not to be free.
+    /// The state of the bus when it was last found not to be free.
     stuck: Option<Bus>,
     backlog: Backlog,
-    /// More waits than is being read.
+    /// Whether more bytes wait than are being read.
     leaves: bool,
     counts: Counts,
 }
@@ -201,7 +201,7 @@ impl Default for Ddc {
 }
 
 impl Ddc {
-    /// A port whose bus nobody has looked at yet.
+    /// A port whose bus has not been examined yet.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -217,7 +217,7 @@ impl Ddc {
         }
     }
 
-    /// What has gone wrong so far.
+    /// Returns the counts of what has gone wrong so far.
     #[must_use]
     pub const fn counts(&self) -> &Counts {
         &self.counts
@@ -227,7 +227,7 @@ impl Ddc {
     ///
     /// # Errors
     ///
-    /// [`Busy`] while another one waits.
+    /// [`Busy`] while another message waits.
     pub fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
         if self.message.is_some() {
             return Err(Busy);
@@ -236,9 +236,9 @@ impl Ddc {
         Ok(())
     }
 
-    /// How many bytes of the receiver's stream are being read, unless they are to be dropped ([`Backlog`]). If
-    /// [`Ddc::poll`] then gives the transaction up, those that have come belong to the stream nevertheless: the
-    /// receiver does not send them again.
+    /// Returns how many bytes of the receiver's stream are being read, unless they are to be dropped ([`Backlog`]). If
+    /// [`Ddc::poll`] then gives the transaction up, the bytes that have come belong to the stream nevertheless, since
+    /// the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {
@@ -247,7 +247,7 @@ impl Ddc {
         }
     }
 
-    /// Serves the tick.
+    /// Serves the tick, at which the bus is in the state `bus`.
     pub fn poll(&mut self, bus: Bus) -> Order {
         self.backlog.tick();
         self.bus_errors = 0;
@@ -273,14 +273,14 @@ impl Ddc {
     /// Serves the peripheral's interrupt.
     pub fn event(&mut self, events: Events) -> Order {
         if events.arbitration_lost {
-            // The peripheral is no controller any more, so there is nothing to stop.
+            // The peripheral is not the controller any more, so there is nothing to stop.
             return self.give_up(Order::Mute);
         }
         if events.refused {
             return self.give_up(Order::Stop);
         }
-        // A bus error needs no answer: erratum "spurious bus error detection in controller mode"; a true one ends at
-        // the tick.
+        // A bus error is ignored because of the erratum "spurious bus error detection in controller mode"; a true one
+        // ends at the tick.
         self.bus_errors = self.bus_errors.saturating_add(u8::from(events.bus_error));
         if self.bus_errors >= MOST_BUS_ERRORS {
             return Order::Mute;
@@ -323,7 +323,7 @@ impl Ddc {
         order
     }
 
-    /// The stream has ended: all bytes are there, `first` are the first three of them.
+    /// Takes note that the stream has ended: all bytes are there, and `first` holds the first three of them.
     pub fn received(&mut self, first: [u8; 3]) -> Received {
         let waiting = match u16::from_be_bytes([first[0], first[1]]) {
             u16::MAX => 0,
@@ -354,7 +354,7 @@ impl Ddc {
         Received { stream, then }
     }
 
-    /// The stream has failed.
+    /// Takes note that the stream has failed.
     pub fn stream_failed(&mut self) -> Order {
         match self.state {
             State::Receiving(_) => self.recover(),
@@ -362,11 +362,11 @@ impl Ddc {
         }
     }
 
-    /// The time of a level is over.
+    /// Takes note that the time of a level is over.
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // The STOP: SDA rises while SCL is high.
+        // The STOP is a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },
@@ -402,7 +402,7 @@ impl Ddc {
             return Order::Mute;
         }
         self.state = State::Idle;
-        // A message that is not taken is gone: whoever sent it notices that no answer comes.
+        // A message that the receiver does not take is dropped: its sender notices that no answer comes.
         self.message = None;
         self.counts.refused = self.counts.refused.wrapping_add(1);
         order

@@ -1,33 +1,33 @@
-//! Who is excluded, kept over a reset
+//! The record of excluded receivers, which is kept over a reset
 //!
 //! # Design
 //!
-//! Without this, a receiver that is wrong would have a vote again after every bite of the watchdog, until it is
-//! outvoted anew; and if another one is missing in the first cycles, it is not. So the mask of the receivers that the
-//! voter has excluded is written after each vote into memory that the start-up code leaves as it is (section
+//! Without this record, a receiver that is wrong would have a vote again after every reset by the watchdog, until it is
+//! outvoted anew; if another receiver is missing in the first cycles, it is not outvoted. So after each vote the mask
+//! of the receivers that the voter has excluded is written into memory that the start-up code leaves as it is (section
 //! `.uninit`), with the number of receivers and the frame CRC behind it.
 //!
-//! A start that follows power-on destroys it with its first instructions (`hw::start_up`), so that no later start finds
-//! it. One that follows anything else takes it up again; the receivers of the mask then have to agree for a
-//! second from the start on before they return (decision 15). What is not intact, is of an image with another number of
-//! receivers, or is no mask that the voter comes to ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as
-//! nobody: the voter then begins as after power-on.
+//! The first instructions of a start that follows power-on destroy the record (`hw::start_up`), so that no later start
+//! finds it. A start that follows anything else takes the record up again; the receivers of the mask then have to agree
+//! for a second from the start on before they return (decision 15). A record that is not intact, that a program with
+//! another number of receivers wrote, or whose mask the voter never arrives at
+//! ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as empty: the voter then begins as after power-on.
 
 use profile::{crc, ResetReason};
 
 use crate::RECEIVERS;
 
-/// Words of a record.
+/// The number of words in a record.
 pub const WORDS: usize = 2;
 
-/// The record of the receivers that `excluded` has a bit for, bit 0 GPS1.
+/// Returns the record of the receivers whose bits in `excluded` are set; bit 0 is GPS1.
 #[must_use]
 pub fn to_words(excluded: u8) -> [u32; WORDS] {
     let record = u32::from(excluded) | (RECEIVERS as u32) << 8;
     [record, crc::frame_of_words([record].into_iter())]
 }
 
-/// The receivers that `words` record as excluded, at a start for this reason; none if the words are no such record.
+/// Returns the receivers that `words` record as excluded; none after power-on, or if the words are no such record.
 #[must_use]
 pub fn from_words(words: [u32; WORDS], reason: ResetReason) -> u8 {
     let [excluded, ..] = words[0].to_le_bytes();

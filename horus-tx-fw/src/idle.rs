@@ -1,10 +1,10 @@
-//! What the idle loop does when nothing else wants to run: which slices of the patrol are due, and what is logged.
+//! What the idle loop does while no task runs: which slices of the patrol are due, and what is logged.
 //!
 //! # Design
 //!
-//! A slice and a log message each take long enough to delay a slot or a tick, so each begins in the quiet part of a
-//! cycle alone ([`timing::quiet`](crate::timing::quiet)). What finds no quiet is not given up: slices are made up for,
-//! and a message is tried again by the next call.
+//! A slice and a log message each take long enough to delay a slot or a tick, so each begins only in the quiet part of
+//! a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part is not dropped: the idle loop
+//! catches up on slices, and the next call tries a message again.
 
 use firmware_common::patrol::{Pace, MOST_SLICES};
 use st25r3916::Fault;
@@ -19,19 +19,19 @@ pub struct Slices {
 }
 
 impl Slices {
-    /// From `now_us` on: a µs counter that may wrap, here and below.
+    /// Begins at `now_us`, which is a µs counter that may wrap, as in the other methods.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { pace: Pace::new(now_us), due: 0 }
     }
 
-    /// Whether there are any at `now_us`: at most [`MOST_SLICES`], of which those count that found no quiet before.
+    /// Whether slices are due at `now_us`: at most [`MOST_SLICES`], including those that found no quiet part before.
     pub fn are_due(&mut self, now_us: u32) -> bool {
         self.due = (self.due + self.pace.due(now_us)).min(MOST_SLICES);
         self.due > 0
     }
 
-    /// Whether to do another one now; it counts as done.
+    /// Whether to do another slice now; if so, the slice counts as done.
     pub fn take(&mut self, is_quiet: impl FnOnce() -> bool) -> bool {
         let takes = self.due > 0 && is_quiet();
         self.due -= u32::from(takes);
@@ -39,32 +39,32 @@ impl Slices {
     }
 }
 
-/// What is logged. Receivers are numbered from 0.
+/// A message of the log. Receivers are numbered from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message {
     /// A fault of the front end.
     Radio(Fault),
-    /// What a receiver has made of its configuration: a [`Standing`](crate::configuration::Standing) as a number.
+    /// A receiver's response to its configuration: a [`Standing`](crate::configuration::Standing) as a number.
     Configuration {
-        /// The receiver.
+        /// The number of the receiver.
         receiver: usize,
-        /// The standing.
+        /// The standing as a number.
         standing: u32,
     },
-    /// The counts of each second.
+    /// The counts that are logged once a second.
     Second,
-    /// The counts of a receiver's bus, if they have changed within a second.
+    /// The counts of a receiver's bus, once a second at most, and only if they have changed.
     Bus {
-        /// The receiver.
+        /// The number of the receiver.
         receiver: usize,
-        /// Recoveries so far.
+        /// The recoveries of the bus so far.
         recoveries: u32,
-        /// Transactions so far that had not ended by the next tick.
+        /// The transactions so far that had not ended by the next tick.
         timed_out: u32,
     },
 }
 
-/// What was logged last, so that each change is logged once.
+/// The messages that were logged last, so that each change is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Journal {
     fault: Option<Fault>,
@@ -74,14 +74,14 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Nothing was logged.
+    /// A journal that has logged nothing yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { fault: None, standings: [0; RECEIVERS], second: 0, buses: [(0, 0); RECEIVERS] }
     }
 
-    /// Logs what is new in `telemetry` at `second`, and the fault that `take_fault` gives. `log` tells whether it has
-    /// written the message; one that it has not is tried again by the next call, that of a bus once in a second.
+    /// Logs what is new in `telemetry` at `second`, and the fault that `take_fault` returns. `log` returns whether it
+    /// wrote the message. The next call tries an unwritten message again; that of a bus is tried once a second.
     pub fn write(
         &mut self,
         take_fault: impl FnOnce() -> Option<Fault>,
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!((0..40).filter(|_| slices.take(|| true)).count(), MOST_SLICES as usize);
     }
 
-    /// What a journal logs in each of some calls, of which those of `busy` find no quiet.
+    /// Returns what a journal logs in each of `calls`; those whose index is in `busy` find no quiet part.
     fn logged(calls: &[(Option<Fault>, u32)], busy: &[usize], telemetry: &Telemetry) -> Vec<Vec<Message>> {
         let mut journal = Journal::new();
         let call = |(number, (fault, second)): (usize, &(Option<Fault>, u32))| {

@@ -1,24 +1,24 @@
-//! Integrity of what HORUS stores
+//! How HORUS verifies the integrity of its flash and its RAM
 //!
 //! # Design
 //!
-//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, in that part of the cycle alone in which
-//! it can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
+//! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, and only in that part of the cycle in
+//! which the slice can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
 //!
 //! | finding | what follows |
 //! |---|---|
-//! | flash is not the one that was built | safe state: the field is off, [`Cause::Flash`] |
+//! | flash differs from the program that was built | safe state: the field is off, [`Cause::Flash`] |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
-//! | RAM in use does not hold what is written | safe state, [`Cause::Ram`]; at the start too |
+//! | RAM in use does not hold what is written to it | safe state, [`Cause::Ram`]; also at the start |
 //!
-//! HORUS has no code in RAM. A profile is sealed from scratch in every cycle and lives for less than one, so there is
-//! nothing of it to re-verify; its objects' CRCs and the listener's own check cover the way from the sealing on. What
-//! is computed before the sealing has no CRC, so HORUS sends nothing with RAM that is faulty.
+//! HORUS has no code in RAM. It seals a profile from scratch in every cycle, and the profile lives for less than a
+//! cycle, so no part of it is verified again; its objects' CRCs and the listener's own check cover the way from the
+//! sealing on. Values that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`], [`RAM_DETECT_US`]. They hold as long as the idle loop gets its slices; if
-//! it does not for 100 ms, the watchdog resets the part.
+//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold as long as the idle loop
+//! gets its slices; if it gets none for 100 ms, the watchdog resets the part.
 
 use firmware_common::{
     last_stop::Cause,
@@ -28,28 +28,28 @@ use profile::CYCLE_MS;
 
 use crate::telemetry::Telemetry;
 
-/// Words that a slice verifies: about 1 % of the processor on the pessimistic clock.
+/// The words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// Bytes of flash and of RAM in use, at most: those of `memory.x`.
+/// The most bytes of flash that the program may take: those of `memory.x`. The next constant is that of RAM.
 const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// A slice may have to wait for the quiet part of the next cycle.
+/// The longest that a slice may have to wait for the quiet part of the next cycle, µs.
 const WAIT_US: u32 = 1_000 * CYCLE_MS;
 
-/// From a flip in flash to the field being off, µs, at most: two passes over the program's whole budget.
+/// The time from a flip in flash until the field is off, µs, at most: two passes over the program's whole budget.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + WAIT_US;
 
-/// From the change of a guard word to the field being off, µs.
+/// The time from the change of a guard word until the field is off, µs, at most.
 pub const GUARD_DETECT_US: u32 = SLICE_US + WAIT_US;
 
-/// From a bit of RAM in use that sticks to the field being off, µs, at most: one pass over it.
+/// The time from when a bit of RAM in use sticks until the field is off, µs, at most: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
-/// Counts what a slice found, and gives the cause and the detail if it is one to stop for.
+/// Counts what a slice found, and returns the cause and the detail of a finding for which HORUS has to stop.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
     telemetry.ram_errors.add(u32::from(slice.ram.is_some()));
     telemetry.ram_passes.add(u32::from(slice.ram_pass.is_some()));

@@ -1,13 +1,13 @@
-//! The HORUS side of the link: what its firmware does, apart from the registers it does it with
+//! The HORUS side of the link: all that its firmware does, except for access to registers
 //!
 //! # Design
 //!
-//! Every 10 ms a hardware timer ticks. The tick is the *sample*: what the receivers have said by then
-//! is copied into the objects of a [`profile::Profile`], stamped with the tick's time, sealed with both
-//! CRCs, loaded into an ST25R3916 poller's FIFO by DMA, and sent at a fixed instant after the tick
-//! (paper, section 2.3). HORUS writes and never listens; nothing on the air is answered, so nothing is
-//! retried: a frame that is not ready in its slot is skipped and counted, and its successor comes 10 ms
-//! later (paper, section 2: operations that take constant time and either succeed or do not).
+//! Every 10 ms a hardware timer ticks. The tick is the instant of the *sample*: what the receivers have said by then is
+//! copied into the objects of a [`profile::Profile`], stamped with the tick's time, sealed with both CRCs, loaded into
+//! an ST25R3916 poller's FIFO by DMA, and sent at a fixed instant after the tick (paper, section 2.3). HORUS writes and
+//! never listens. Nothing on the air is answered, so nothing is retried: a frame that is not ready in its slot is
+//! skipped and counted, and its successor comes 10 ms later (paper, section 2: operations that take constant time and
+//! either succeed or do not).
 //!
 //! This library holds every decision of that path as plain Rust that the host tests:
 //!
@@ -15,25 +15,25 @@
 //! |---|---|
 //! | [`receiver`] | bytes of one GNSS receiver → its latest solution, and how old each part of it may get |
 //! | [`cycle`] | solutions → the objects of one tick, their timestamps and their status bits |
-//! | [`transmitter`] | when the poller machine is given what, which slot a loaded frame belongs to |
-//! | [`source`] | what UART, I2C and SPI have alike: rings, messages to a receiver, the trait |
+//! | [`transmitter`] | what the poller machine has to do and when, and to which slot a loaded frame belongs |
+//! | [`source`] | what UART, I2C and SPI have in common: rings, messages to a receiver, the trait |
 //! | [`ddc`], [`spi`] | the order of events of a receiver on I2C and of one on SPI, their bounds and recoveries |
-//! | [`configuration`] | what is sent to a receiver, when, and what its answers amount to |
+//! | [`configuration`] | what is sent to a receiver and when, and what follows from its answers |
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
 //! | [`exclusions`] | which receivers stay excluded over a reset |
 //! | [`integrity`] | what a change of memory leads to, and when it is found |
-//! | [`idle`] | when memory is looked at, and what is logged when |
-//! | [`protection`] | what the memory protection unit opens |
+//! | [`idle`] | when memory is verified, and what is logged when |
+//! | [`protection`] | the regions that the memory protection unit opens |
 //! | [`reset`] | why the processor started |
 //! | [`task`] | which tasks have to check in before the watchdog is fed |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
 //!
-//! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks over it (`main.rs`), a table of
-//! pins, DMA streams, vectors and clocks (`board.rs`: add a receiver interface there), and the registers behind those
-//! (`hw/`). `unsafe` code is in `hw/` alone, file by file where its heading says so; `main.rs` denies it everywhere
-//! else. What RTIC's macro expands to is its own.
+//! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks that use the library
+//! (`main.rs`), a table of pins, DMA streams, vectors and clocks (`board.rs`: add a receiver's interface there), and
+//! the registers behind them (`hw/`). Only files of `hw/` have `unsafe` code, and their headings say what for;
+//! `main.rs` denies it everywhere else, except in the code to which RTIC's macro expands.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -57,8 +57,8 @@ pub mod telemetry;
 pub mod timing;
 pub mod transmitter;
 
-/// GNSS receivers fitted: 1 (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5), by the cargo feature
-/// `gps-1`, `gps-2`, `gps-3` or `gps-5`.
+/// The number of GNSS receivers that are fitted: 1 (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5), chosen by the cargo
+/// feature `gps-1`, `gps-2`, `gps-3` or `gps-5`.
 pub const RECEIVERS: usize = {
     let chosen = cfg!(feature = "gps-1") as usize
         + cfg!(feature = "gps-2") as usize
@@ -76,5 +76,5 @@ pub const RECEIVERS: usize = {
     }
 };
 
-/// Air frames per cycle: 1, or 2 with five receivers.
+/// The number of air frames per cycle: 1, or 2 with five receivers.
 pub const FRAMES: usize = profile::air::frames(RECEIVERS);

@@ -1,9 +1,9 @@
-//! HORUS side firmware: STM32F429ZI (NUCLEO-F429ZI), cortex-m-rtic 1
+//! The firmware of the HORUS side: STM32F429ZI (NUCLEO-F429ZI), cortex-m-rtic 1
 //!
 //! # Tasks
 //!
-//! The most urgent come first. A task's priority and vector stand in its attribute alone, of which `build.rs` makes the
-//! table in [`horus_tx_fw::task`].
+//! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
+//! in [`horus_tx_fw::task`] of these attributes.
 //!
 //! | task | what arrives |
 //! |---|---|
@@ -23,33 +23,33 @@
 //!
 //! # Deadlines
 //!
-//! - `slot` fires the loaded frame: the command's byte is at the SPI within 1 µs peak to peak of the same instant after
-//!   every tick. It shares nothing, so no lock ever masks it.
+//! - `slot` fires the loaded frame: the command's byte is at the SPI at the same instant after every tick, within 1 µs
+//!   peak to peak. The task shares nothing, so no lock ever masks it.
 //! - `rf_spi` starts the next transfer; the whole load ends before the slot.
 //! - `rf_irq` notes the end of a frame before the next tick.
-//! - `rf_timer` has none: late is harmless.
+//! - `rf_timer` has no deadline: it does no harm if it is late.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
-//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`).
+//! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
 //! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, so that the slot's interrupt
-//!   never waits for a division of it.
-//! - `gnss*` notes the position of a UART's ring within half a ring, 5.5 ms. I2C and SPI have none: the one stretches
-//!   its clock, the other has its bytes in memory; what has not ended by the next tick is given up.
-//! - `parse` parses what there is within one cycle.
-//! - `idle` feeds the watchdog when all have checked in, and logs when that delays nothing.
+//!   never waits for a division of the vote.
+//! - `gnss*` notes the position of a UART's ring within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C
+//!   stretches its clock, SPI has its bytes in memory, and what has not ended by the next tick is given up.
+//! - `parse` parses within one cycle what has come.
+//! - `idle` feeds the watchdog when all tasks have checked in, and logs when that delays nothing.
 //!
-//! The vectors of CAN1 and CAN2 belong to peripherals that stay off; they are how a task of higher priority
-//! calls one of lower priority without a queue, and so without a lock.
+//! The vectors of CAN1 and CAN2 belong to peripherals that stay off. A task of higher priority uses these vectors to
+//! call one of lower priority without a queue, and so without a lock.
 //!
-//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and a
-//! program that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
-//! watchdog resets the part.
+//! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
+//! and a program that differs from the one that was built end in the safe state: the RF field is off, the reason is
+//! logged, and the watchdog resets the part.
 //!
 //! # Start
 //!
-//! Reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level, oscillator,
-//! voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The comparison comes
-//! after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16 MHz before, of the
-//! watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
+//! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
+//! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The
+//! comparison comes after the clock tree: it takes 4 to 6 ms at 144 MHz, and at the first 16 MHz it would take 40 ms of
+//! the watchdog's 68 ms at worst. Before the comparison the start touches nothing of the board but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -110,7 +110,7 @@ mod app {
 
     defmt::timestamp!("{=u32:ms}", cycle_timer::now_ms());
 
-    /// Which tasks have checked in since the watchdog was last fed.
+    /// The tasks that have checked in since the watchdog was last fed.
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
     #[shared]
@@ -138,10 +138,10 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // It runs since the first instructions (`hw::start_up`). DBGMCU keeps its bits over every reset but power-on.
+        // The watchdog has run since the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
-        // Fed after its reload value has arrived, it counts with that.
+        // The watchdog is fed after its reload value has arrived, so that it counts from that value.
         asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
         watchdog.feed();
         let reason = hw::reset::note_reason();
@@ -149,12 +149,12 @@ mod app {
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // Log messages carry its time, those of a start that fails too.
+        // Log messages carry the timer's time, also those of a start that fails.
         cycle_timer::enable_clock(&mut device.RCC);
-        // What the last stop was, before the clocks' own record can replace it.
+        // The record of the last stop is taken before the clocks' own record can replace it.
         let stopped = last_stop::take();
         HORUS_TELEMETRY.last_stop.set(last_stop::code());
-        // At 144 MHz nothing but this reset keeps a supply that falls from having instructions read wrongly.
+        // At 144 MHz only the brown-out reset prevents that instructions are read wrongly while the supply falls.
         let level = hw::supply::brown_out_level();
         if level != supply::BROWN_OUT_LEVEL {
             let stop = Stop::new(Cause::BrownOutLevel, 0, level);
@@ -193,7 +193,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // All of its time for the rest of the start and the first cycles, after which the tasks decide.
+        // The rest of the start and the first cycles get all of the watchdog's time, after which the tasks decide.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -221,7 +221,7 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // The whole program can be read: flash does not begin at the null address on this part.
+        // The patrol may read the whole program: flash does not begin at the null address on this part.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
@@ -249,7 +249,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most interrupts have nothing else for this loop: they cost it this question.
+            // Most interrupts leave this loop nothing else to do, and cost it only this question.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
@@ -337,7 +337,7 @@ mod app {
     fn rf_slot(mut cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
-                // Not at the tick: a division, or an access to a slow bus, would hold the slot's interrupt up.
+                // At the tick itself a division, or an access to a slow bus, would delay the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }
@@ -391,7 +391,7 @@ mod app {
         settle();
     }
 
-    // A task for each vector of each row of `board::RECEIVER_PORTS`; a vector that is in no row does not compile.
+    // There is a task for each vector of each row of `board::RECEIVER_PORTS`; a vector in no row does not compile.
 
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
@@ -473,7 +473,7 @@ mod app {
 
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
-                // One that finds no room goes unanswered, and is sent again.
+                // A message that finds no room gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);

@@ -1,4 +1,4 @@
-//! What HORUS's memory protection unit opens ([`firmware_common::mpu`])
+//! The regions that HORUS's memory protection unit opens ([`firmware_common::mpu`])
 //!
 //! | addresses | what | start | tasks |
 //! |---|---|---|---|
@@ -8,54 +8,54 @@
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000, below which nothing is open: an overflow is a
-//! violation.
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. Nothing below that address is open, so an
+//! overflow of the stack violates the memory protection.
 //!
-//! *Peripherals*: what is shut to the tasks is what only the start needs: reset and clock control, the flash interface
-//! (so that nothing can erase or write flash), power control, and everything that the board does not use. A region's
-//! eighth is 2 KiB, two peripherals; so these are open beside those of the board: I2S2 and I2S3's extensions, I2C1,
-//! I2C3, UART8, SPI4, SPI6, all without a clock.
+//! *Peripherals*: the tasks have no access to what only the start needs: reset and clock control, the flash interface
+//! (so that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
+//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: I2S2's and I2S3's
+//! extensions, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// 112 KiB of 128, as `memory.x` has it.
+/// The flash. Of the region's 128 KiB 112 are open, as in `memory.x`.
 const FLASH: Region = Region::new("flash", 0x0800_0000, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
     .only([true, true, true, true, true, true, true, false]);
 
-/// SRAM1 to SRAM3 (RM0090, "Memory organization"): 192 KiB of 256.
+/// The RAM. Of the region's 256 KiB 192 are open: SRAM1 to SRAM3 (RM0090, "Memory organization").
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
     .only([true, true, true, true, true, true, false, false]);
 
-/// While the firmware starts.
+/// The regions that are open while the firmware starts.
 pub const START: Table<3> = Table::new([
     FLASH,
     RAM,
     Region::new("peripherals", 0x4000_0000, 0x2000_0000, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 
-/// While tasks run.
+/// The regions that are open while tasks run.
 pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // TIM2 and TIM3; TIM4 and TIM5; IWDG.
+    // Three eighths are open, with TIM2 and TIM3, TIM4 and TIM5, and the IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // USART2; UART5; I2C2; UART7.
+    // Four eighths are open, with USART2, UART5, I2C2 and UART7.
     Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, true, true, false, false, false, true]),
-    // SPI1; SYSCFG and EXTI.
+    // Two eighths are open, with SPI1, and with SYSCFG and EXTI.
     Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, false, false, false, true, true]),
     Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
-    // Ports A to F.
+    // Three eighths are open, with the ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 
-/// What is at `address`, in words.
+/// Names in words the area in which `address` lies.
 #[must_use]
 pub fn area(address: u32) -> &'static str {
     match address {
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn tasks_reach_the_peripherals_of_the_board_and_those_beside_them_in_an_eighth() {
-        // RM0090, table 1.
+        // The addresses are those of RM0090, table 1.
         let used = [
             0x4000_0000,
             0x4000_0400,

@@ -1,38 +1,38 @@
-//! One GNSS receiver: its bytes, and what they amount to
+//! One GNSS receiver: how its bytes become its latest solution
 //!
 //! # Design
 //!
-//! A receiver sends three UBX messages that matter here: NAV-PVT (position and fix), NAV-ATT (attitude)
-//! and ESF-INS (accelerations). The [`ublox`] crate finds and checks them in the byte stream; NMEA
-//! sentences, damaged messages and messages of other kinds on the same line are passed over and counted.
-//! Answers to configuration messages are kept for [`crate::configuration`].
-//! What is kept is the latest of each, converted once, on arrival, so that the 10 ms cycle only copies.
+//! A receiver sends three UBX messages that HORUS uses: NAV-PVT (position and fix), NAV-ATT (attitude) and ESF-INS
+//! (accelerations). The [`ublox`] crate finds and checks them in the byte stream. NMEA sentences, damaged messages and
+//! messages of other kinds on the same line are skipped and counted. Answers to configuration messages are kept for
+//! [`crate::configuration`]. HORUS keeps the latest message of each kind, converted once, on arrival, so that the 10 ms
+//! cycle only copies.
 //!
-//! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
-//! it is the float64 nearest to what the receiver said. Multiplying by `1e-7`, itself rounded, is not.
+//! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so it is the
+//! float64 nearest to what the receiver said. A product with `1e-7`, which is itself rounded, would not be.
 //!
-//! **Plausible.** A position is only valid with a stated accuracy that is good enough, and with values in range: what
-//! the voter asks of a candidate ([`horus_voter::Stated::is_plausible`]).
+//! **Plausible.** A position is valid only if its stated accuracy is good enough and its values are in range, which the
+//! voter also asks of a candidate ([`horus_voter::Stated::is_plausible`]).
 //!
-//! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
-//! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age
-//! counts from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for
-//! which it holds is some tens of milliseconds older, by what the receiver takes to compute and to send. A message that
-//! repeats the time of week of the one before renews nothing: a receiver that has frozen ages like a silent one.
+//! **Age.** A value can be used only for a while. It is *valid* until it is older than one period of its message and
+//! [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age counts
+//! from the arrival of the message, which is the moment at which its last byte was parsed. The epoch of the value is
+//! some tens of milliseconds earlier: the receiver takes this time to compute and to send. A message that repeats the
+//! time of week of the previous one renews nothing: a receiver that has frozen ages like a silent one.
 //!
-//! **Period.** Each kind of message has its own period. It is learned from the steps of the receiver's time of week and
-//! believed to be 20 ms to 1 s; a slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
-//! position valid for more than 1.15 s after its last message. A shorter step is believed at once, a longer one only
-//! when [`LONGER_STEPS`] in a row were longer, and then the shortest of those: so messages that are lost now and then
-//! do not lengthen the period, and one step that is too short by chance (as at a receiver's first fix) is forgotten.
+//! **Period.** Each kind of message has its own period, learned from the steps of the receiver's time of week and
+//! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
+//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once, a longer one only
+//! when [`LONGER_STEPS`] in a row were longer, and then the shortest of these: messages that are lost now and then do
+//! not lengthen the period, and a step that is too short by chance (as at a first fix) is forgotten.
 //!
 //! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser looks at no more than
 //! [`BUFFER`] bytes of an unfinished message beyond them.
 //!
-//! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never
-//! come, with good messages among those it already has. After [`GAP_MS`] of silence it is given 0xFF until it
-//! gives them up, so that they are found now and not with the next epoch. (Zeros would not do: after the two bytes of
-//! sync, six of them are a whole message, with the right checksum. A length of 0xFF is longer than any message.)
+//! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never come,
+//! and it may already hold good messages. After [`GAP_MS`] of silence it is given 0xFF until it gives these bytes up,
+//! so that the messages are found now and not with the next epoch. (Zeros would not do: six of them after the two sync
+//! bytes are a whole message, with the right checksum. A length of 0xFF bytes is longer than any message.)
 
 use core::f64::consts::PI;
 
@@ -43,37 +43,37 @@ use profile::{FixType, ABSENT_F32, ABSENT_F64};
 
 use crate::configuration::{Answer, VALSET};
 
-/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100; satellite lists are longer
-/// and not needed.
+/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100 bytes; satellite lists are longer and not
+/// needed.
 pub const BUFFER: usize = 256;
-/// The most bytes one call of [`Receiver::receive`] takes.
+/// The most bytes that one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
-/// A receiver counts as heard this long after an intact message, ms (docs/design.md#status-words, bit 7).
+/// A receiver counts as heard for this long after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The longest period that is believed, ms (docs/design.md#validity), and the one a message kind has before its second
-/// message: u-blox' default rate.
+/// The longest period that is accepted, ms (docs/design.md#validity), and the period of a message kind before its
+/// second message: u-blox's default rate.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
-/// The shortest period that is believed, ms: 50 Hz, twice what the fastest receivers do.
+/// The shortest period that is accepted, ms: 50 Hz, twice the rate of the fastest receivers.
 const SHORTEST_PERIOD_MS: u32 = 20;
-/// So many steps of the time of week in a row have to be longer than the period before it becomes longer.
+/// The number of steps of the time of week in a row that must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// A solution is valid until it is older than its period and this, ms (docs/design.md#validity).
+/// A solution is valid until it is older than its period plus this time, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// A solution is stale as soon as it is as old as its period and this, ms (docs/design.md#validity).
+/// A solution is stale as soon as it is as old as its period plus this time, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
-/// Older than this, ms, a stamp is forgotten, long before the clock's wrap could make it look young.
+/// A stamp that is older than this, ms, is forgotten, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
 
-/// A line silent for this long, ms, has ended whatever message it had begun: a receiver sends a message in
-/// one go, and a byte takes 22 µs.
+/// A line that was silent for this long, ms, has ended any message that it had begun: a receiver sends a message in one
+/// go, and a byte takes 22 µs.
 pub const GAP_MS: u32 = 50;
 
-/// Bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
+/// The bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
 const UBX_OVERHEAD: usize = 8;
 
-/// When something last happened, on a millisecond clock that wraps. A tick asks this of every receiver and has to take
-/// as long whether it ever happened or not, so there is an instant in any case, and nothing branches.
+/// The time of an event, on a millisecond clock that wraps. A tick asks for it at every receiver, which has to take
+/// equally long whether the event ever happened or not, so there is a time in any case, and nothing branches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamp {
     at: u32,
@@ -81,8 +81,8 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Whether it happened at most `limit` ms (below 2^31) before `now`, or after it: a message may
-    /// arrive between a tick and the moment its cycle looks.
+    /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`: a message may arrive
+    /// between a tick and the moment at which the tick's cycle looks.
     #[must_use]
     pub const fn within(self, now: u32, limit: u32) -> bool {
         self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
@@ -104,10 +104,10 @@ impl Stamp {
 pub struct Pace {
     arrived: Stamp,
     time_of_week_ms: Option<u32>,
-    /// From the last message's time of week to its arrival, ms, modulo a week.
+    /// The time from the last message's time of week to its arrival, ms, modulo a week.
     lag_ms: u32,
     period_ms: u32,
-    /// How many steps in a row were longer than the period, and the shortest of them.
+    /// The number of steps in a row that were longer than the period. The next field is the shortest of them, ms.
     longer_steps: u32,
     shortest_longer_ms: u32,
 }
@@ -126,13 +126,13 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// The message's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
+    /// Returns the message's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
     #[must_use]
     pub const fn period_ms(&self) -> u32 {
         self.period_ms
     }
 
-    /// Whether the last message is as young as its period allows: not yet stale at `now`, ms.
+    /// Whether the last message is as young as its period allows, and so not yet stale at `now`, ms.
     #[must_use]
     pub fn is_fresh(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
@@ -144,8 +144,8 @@ impl Pace {
         self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
     }
 
-    /// From the arrival of the last message to `now`, ms: below 0 for one that came since, and the longest there is
-    /// without any.
+    /// Returns the time from the arrival of the last message to `now`, ms: below 0 for a message that arrived after
+    /// `now`, and the greatest value if there was no message.
     #[must_use]
     pub fn since_arrival_ms(&self, now: u32) -> i32 {
         if self.arrived.happened {
@@ -155,35 +155,35 @@ impl Pace {
         }
     }
 
-    /// Whether this kind of message has ever said anything.
+    /// Whether any message of this kind has ever arrived.
     #[must_use]
     pub const fn has_arrived(&self) -> bool {
         self.time_of_week_ms.is_some()
     }
 
-    /// The age at `now` (ms) of what this kind of message has said last, ms, as
-    /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms) tells it: 0 if it came since, and the
-    /// longest there is after more than `FORGOTTEN_MS`, or if it has never said anything.
+    /// Returns the age at `now` (ms) of the last message of this kind, ms, for
+    /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms): 0 if the message arrived after `now`, and
+    /// the greatest value after more than `FORGOTTEN_MS`, or if there was no message.
     #[must_use]
     pub fn age_ms(&self, now: u32) -> u32 {
         self.since_arrival_ms(now).max(0) as u32
     }
 
-    /// From the last message's time of week to its arrival, by the clock that began with HORUS, ms, modulo a week.
-    /// Where that clock wraps, after 49 days, this steps once.
+    /// Returns the time from the last message's time of week to its arrival, by the clock that began with HORUS, ms,
+    /// modulo a week. Where that clock wraps, after 49 days, this time steps once.
     #[must_use]
     pub const fn lag_ms(&self) -> u32 {
         self.lag_ms
     }
 
-    /// Notes a message of `time_of_week_ms` that arrived at `now`, ms.
+    /// Records a message of `time_of_week_ms` that arrived at `now`, ms.
     fn arrive(&mut self, time_of_week_ms: u32, now: u32) {
         if self.time_of_week_ms == Some(time_of_week_ms) {
             return;
         }
         if let Some(previous) = self.time_of_week_ms {
             let step_ms = (time_of_week_ms % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
-            // A step back, after the receiver was restarted, tells nothing of its period.
+            // A step back, after the receiver was restarted, says nothing about its period.
             if (SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step_ms) {
                 self.learn(step_ms.min(LONGEST_PERIOD_MS));
             }
@@ -209,89 +209,89 @@ impl Pace {
     }
 }
 
-/// Position, from NAV-PVT.
+/// The position, from NAV-PVT.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Position {
-    /// When it arrived, and how often it does.
+    /// When the message arrived, and how often it does.
     pub pace: Pace,
-    /// What kind of fix; `None` for a code that UBX reserves, or before the first message.
+    /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
     pub fix: Option<FixType>,
-    /// Whether the receiver vouches for latitude and longitude: `gnssFixOK`, not `invalidLlh`, and a 2D, 3D or combined
-    /// fix. Dead reckoning without satellites is none: its error grows without a bound that the receiver would state.
-    /// And whether what it states is plausible.
+    /// Whether the receiver vouches for latitude and longitude (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D or combined
+    /// fix), and states plausible values. Dead reckoning without satellites does not count as a fix: its error grows
+    /// without a bound that the receiver would state.
     pub valid: bool,
-    /// Degrees, WGS-84.
+    /// The latitude, degrees, WGS-84.
     pub latitude: f64,
-    /// Degrees, WGS-84.
+    /// The longitude, degrees, WGS-84.
     pub longitude: f64,
-    /// m above the WGS-84 ellipsoid; NaN for a 2D fix, which rests on an assumed altitude.
+    /// The altitude, m above the WGS-84 ellipsoid; NaN for a 2D fix, which rests on an assumed altitude.
     pub altitude: f64,
-    /// m/s north, east, down.
+    /// The velocity, m/s north, east, down.
     pub velocity: [f64; 3],
-    /// Standard deviation of the horizontal position, m.
+    /// The standard deviation of the horizontal position, m.
     pub horizontal_accuracy: f64,
-    /// Standard deviation of the altitude, m.
+    /// The standard deviation of the altitude, m.
     pub vertical_accuracy: f64,
-    /// What the voter makes of all that.
+    /// The position in the form that the voter takes.
     pub voted: Fix,
 }
 
-/// Attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
+/// The attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attitude {
-    /// When it arrived, and how often it does.
+    /// When the message arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three angles are given.
     pub valid: bool,
-    /// rad, nose up positive.
+    /// The pitch, rad, nose up positive.
     pub pitch: f32,
-    /// rad from true north, clockwise.
+    /// The yaw, rad from true north, clockwise.
     pub yaw: f32,
-    /// rad, right side down positive.
+    /// The roll, rad, right side down positive.
     pub roll: f32,
 }
 
-/// Accelerations, from ESF-INS. One that the receiver does not give is NaN.
+/// The accelerations, from ESF-INS. One that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acceleration {
-    /// When it arrived, and how often it does.
+    /// When the message arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three axes are given.
     pub valid: bool,
-    /// m/s², vehicle frame front-right-down, gravity removed ("compensated").
+    /// The accelerations, m/s², in the vehicle frame front-right-down, with gravity removed ("compensated").
     pub axes: [f32; 3],
 }
 
-/// The latest that one receiver has said.
+/// The latest values that one receiver has sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Solution {
-    /// When it last said anything intact.
+    /// When the receiver last sent an intact message.
     pub last_heard: Stamp,
-    /// From NAV-PVT.
+    /// The latest position, from NAV-PVT.
     pub position: Position,
-    /// From NAV-ATT.
+    /// The latest attitude, from NAV-ATT.
     pub attitude: Attitude,
-    /// From ESF-INS.
+    /// The latest accelerations, from ESF-INS.
     pub acceleration: Acceleration,
 }
 
-/// What a line has carried so far. All counts wrap.
+/// The counts of what a line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Bytes taken in.
+    /// The number of bytes taken in.
     pub bytes: u32,
     /// Intact UBX messages of any kind.
     pub messages: u32,
     /// UBX messages with a wrong checksum.
     pub damaged: u32,
-    /// UBX messages too long for the buffer, or with a field that their kind does not have.
+    /// UBX messages that are too long for the buffer, or have a field that their kind does not have.
     pub unusable: u32,
     useful: u32,
 }
 
 impl Counts {
-    /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage. An unfinished
-    /// message counts here until it is complete.
+    /// Returns the number of bytes that belonged to no useful message: NMEA, UBX of other kinds, noise, damage. The
+    /// bytes of an unfinished message count here until it is complete.
     #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.bytes.wrapping_sub(self.useful)
@@ -303,7 +303,7 @@ pub struct Receiver {
     parser: Parser<FixedBuffer<BUFFER>, Proto27>,
     solution: Solution,
     counts: Counts,
-    /// When the last bytes came.
+    /// When the last bytes arrived.
     spoke: Stamp,
     answer: Option<Answer>,
 }
@@ -315,7 +315,7 @@ impl Default for Receiver {
 }
 
 impl Receiver {
-    /// A receiver that has not been heard.
+    /// A receiver from which nothing has arrived.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -327,9 +327,9 @@ impl Receiver {
         }
     }
 
-    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and gives how many.
-    /// To be called every few milliseconds, with or without bytes: that is also when a silent line is
-    /// noticed and old stamps are forgotten.
+    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
+    /// be called every few milliseconds, with or without bytes: only a call notices a silent line and forgets old
+    /// stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);
@@ -348,8 +348,8 @@ impl Receiver {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
-                // Zeros behind a sync are a message of class 0 without a payload, whose checksum is zero: a line that
-                // falls low there, or carries another rate, brings one. UBX has no class 0.
+                // Zeros behind a sync are a message of class 0 without a payload, whose checksum is zero. A line that
+                // falls low there, or has another rate, brings one. UBX has no class 0.
                 Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
                 }
@@ -369,18 +369,18 @@ impl Receiver {
         }
     }
 
-    /// The latest that it has said.
+    /// Returns the latest values that the receiver has sent.
     #[must_use]
     pub const fn solution(&self) -> &Solution {
         &self.solution
     }
 
-    /// Its answer to a configuration message, if one has come since the last call.
+    /// Returns the receiver's answer to a configuration message, if one has come since the last call.
     pub fn take_answer(&mut self) -> Option<Answer> {
         self.answer.take()
     }
 
-    /// What its line has carried.
+    /// Returns the counts of what the receiver's line has carried.
     #[must_use]
     pub const fn counts(&self) -> &Counts {
         &self.counts
@@ -395,10 +395,10 @@ impl Solution {
         self.acceleration.pace.arrived.expire(now);
     }
 
-    /// Takes what is of use in a message, and gives the message's length if anything was, else 0.
+    /// Takes the useful values of a message, and returns the message's length if there were any, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // More protocol versions exist when another crate of the build asks the parser for them; this
-        // one parses version 27 alone.
+        // The parser has more protocol versions when another crate of the build asks for them; this one parses only
+        // version 27.
         #[allow(unreachable_patterns)]
         match message {
             UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {
@@ -455,10 +455,10 @@ impl Solution {
     }
 }
 
-/// UBX-ACK-ACK and -NAK: class and identifier of what is answered.
+/// The length of UBX-ACK-ACK and -NAK, bytes. The payload is class and identifier of the message that is answered.
 const ANSWER_LEN: usize = 2 + UBX_OVERHEAD;
 
-/// The answer to a configuration message, if this is one.
+/// Returns the answer to a configuration message, if `message` is one.
 fn answer_of(message: &UbxPacket<'_>) -> Option<Answer> {
     #[allow(unreachable_patterns)]
     match message {
@@ -468,16 +468,16 @@ fn answer_of(message: &UbxPacket<'_>) -> Option<Answer> {
     }
 }
 
-/// NAV-PVT `flags` bit 0: within the receiver's accuracy masks.
+/// NAV-PVT `flags` bit 0: the fix is within the receiver's accuracy masks.
 const GNSS_FIX_OK: u8 = 0x01;
 /// NAV-PVT `flags3` bit 0: longitude, latitude and height are invalid.
 const INVALID_LLH: u8 = 0x01;
-/// ESF-INS `bitfield0` bits 11 to 13.
+/// ESF-INS `bitfield0` bits 11 to 13: the acceleration along an axis is valid.
 const X_ACCEL_VALID: u32 = 1 << 11;
 const Y_ACCEL_VALID: u32 = 1 << 12;
 const Z_ACCEL_VALID: u32 = 1 << 13;
 
-/// An angle of NAV-ATT in rad; NaN if its accuracy is null, which says that it is not available.
+/// Returns an angle of NAV-ATT in rad; NaN if its accuracy is null, which says that the angle is not available.
 fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
     if accuracy == 0 {
         ABSENT_F32
@@ -486,7 +486,7 @@ fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
     }
 }
 
-/// An acceleration of ESF-INS (1e-2 m/s²) in m/s²; NaN if it is not flagged valid.
+/// Returns an acceleration of ESF-INS (1e-2 m/s²) in m/s²; NaN if it is not flagged valid.
 fn axis(centimetres: i32, valid: u32) -> f32 {
     if valid == 0 {
         ABSENT_F32

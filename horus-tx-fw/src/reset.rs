@@ -1,4 +1,4 @@
-//! Why the processor started: its reset flags told apart.
+//! Why the processor started, which its reset flags tell.
 
 use profile::ResetReason;
 
@@ -13,12 +13,12 @@ mod flag {
     pub(super) const LOW_POWER: u32 = 1 << 31;
 }
 
-/// The reason that `csr`, the value of RCC_CSR at the start, tells.
+/// Returns the reason that `csr`, the value of RCC_CSR at the start, tells.
 ///
 /// Several flags are set at once: every reset from inside pulls the reset pin low and so sets the pin's flag too, and
-/// the supply's coming on sets the brown-out's as well. So the first of these that is set is the reason: power-on,
-/// brown-out, watchdog, software, low-power management (which is not used here), pin. The STM32F429 has no reset by
-/// lockup: a processor that locks up is reset by the watchdog.
+/// power-on also sets the flag of the brown-out. So the first flag of this order that is set tells the reason:
+/// power-on, brown-out, watchdog, software, low-power management (which is not used here), pin. The STM32F429 has no
+/// reset by lockup: the watchdog resets a processor that locks up.
 #[must_use]
 pub const fn reason(csr: u32) -> ResetReason {
     if csr & flag::POWER_ON != 0 {
@@ -38,7 +38,7 @@ pub const fn reason(csr: u32) -> ResetReason {
     }
 }
 
-/// `reason` in words, for the log.
+/// Returns `reason` in words, for the log.
 #[must_use]
 pub const fn name(reason: ResetReason) -> &'static str {
     match reason {
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn each_reset_is_told_from_the_flags_that_it_sets_together_with_others() {
-        // As the manual says they come: the pin's with every reset from inside.
+        // The manual says that the flags come in this way: every reset from inside also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

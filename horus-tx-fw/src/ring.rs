@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! A DMA stream in circular mode writes a ring for ever and says only where it is (NDTR counts down
-//! from the ring's size, RM0090 "DMA controller", circular mode). A [`Writer`] turns that position into
-//! a count of all bytes ever written; it is told at every half and whole lap and at every idle line, so
-//! between two calls the stream advances by less than a lap. A [`Reader`] holds the count of all bytes
-//! ever read; the difference of the two is what waits, and when it exceeds the ring the writer has
-//! lapped the reader: the bytes are gone, and that is counted instead of being read as new.
+//! A DMA stream in circular mode writes a ring without end and shows only its position (NDTR counts down from the
+//! ring's size, RM0090 "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes
+//! ever written; it is called at every half and whole lap and at every idle line, so the stream advances by less than a
+//! lap between two calls. A [`Reader`] holds the count of all bytes ever read. The difference of both counts is what
+//! waits. When the difference exceeds the ring, the writer has lapped the reader: the bytes are gone, and they are
+//! counted instead of being read as new.
 
 /// The producer's side of one ring.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,14 +23,14 @@ impl Writer {
         Self { position: 0, total: 0 }
     }
 
-    /// Takes the DMA stream's NDTR (bytes left in this lap, 1..=`size`) of a ring of `size` bytes, and
-    /// gives how many bytes were ever written (wraps).
+    /// Takes the DMA stream's NDTR (the bytes left in this lap, 1..=`size`) of a ring of `size` bytes, and returns how
+    /// many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
         // NDTR reads 0 only between the last byte of a lap and its reload.
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;
-        // A step is smaller than a ring, a ring smaller than 64 KiB (NDTR has 16 bits).
+        // A step is smaller than a ring, and a ring is smaller than 64 KiB (NDTR has 16 bits).
         self.total = self.total.wrapping_add(step as u32);
         self.total
     }
@@ -39,9 +39,9 @@ impl Writer {
 /// A contiguous piece of a ring that may be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// First byte.
+    /// The index of the first byte in the ring.
     pub start: usize,
-    /// Number of bytes.
+    /// The number of bytes in the piece.
     pub len: usize,
 }
 
@@ -59,11 +59,11 @@ impl Reader {
         Self { total: 0, lost: 0 }
     }
 
-    /// The next piece to read when `written` bytes were ever written into a ring of `size` bytes, at
-    /// most `limit` bytes and never across the ring's end. It counts as read.
+    /// Returns the next piece to read when `written` bytes were ever written into a ring of `size` bytes. The piece has
+    /// at most `limit` bytes and never crosses the ring's end. It counts as read.
     ///
-    /// If the writer has lapped the reader, what is in the ring is a mixture: all of it is skipped and
-    /// counted in [`Reader::lost`].
+    /// If the writer has lapped the reader, the ring holds a mixture of bytes: all of them are skipped and counted in
+    /// [`Reader::lost`].
     pub fn take(&mut self, written: u32, size: usize, limit: usize) -> Span {
         let waiting = written.wrapping_sub(self.total) as usize;
         if waiting > size {
@@ -76,13 +76,13 @@ impl Reader {
         Span { start, len }
     }
 
-    /// Bytes that wait to be read.
+    /// Returns the number of bytes that wait to be read.
     #[must_use]
     pub const fn waiting(&self, written: u32) -> u32 {
         written.wrapping_sub(self.total)
     }
 
-    /// Bytes lost to the writer lapping this reader, since the start (wraps).
+    /// Returns the number of bytes lost since the start because the writer lapped this reader (wraps).
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost

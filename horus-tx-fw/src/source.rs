@@ -1,56 +1,56 @@
-//! What all sources of a receiver's bytes have alike: the ring, what is to be sent, and the trait
+//! What all sources of a receiver's bytes have in common: the ring, the message to be sent, and the trait
 //!
 //! # Design
 //!
-//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. What differs is how its bytes come in and
-//! go out; that is behind [`Source`]. All of them end in a [`Ring`] of one size, which the parser reads at its own
-//! pace, and all take what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the
+//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. The ways in which its bytes come in and
+//! go out differ, and are behind [`Source`]. Every source fills a [`Ring`] of one size, which the parser reads at its
+//! own pace, and takes what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the
 //! parser (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
 
 use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
 use crate::ring::Span;
 
-/// Bytes of each receiver's ring: 11 ms of a UART at 460 800 baud, so half of it lasts for more than the 5 ms that the
-/// slowest of the tasks in between takes; and twice what I2C and SPI bring in a cycle ([`crate::ddc::MOST`],
-/// [`crate::spi::TRANSFER`]).
+/// The size of each receiver's ring, bytes. It holds 11 ms of a UART at 460 800 baud, so half of it lasts for more than
+/// the 5 ms that the slowest task between the source and the parser takes; and it is twice what I2C and SPI bring in a
+/// cycle ([`crate::ddc::MOST`], [`crate::spi::TRANSFER`]).
 pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
 
-/// Whether what a polled receiver gives is as new as its arrival says.
+/// Decides whether the bytes of a polled receiver are as new as their time of arrival says.
 ///
-/// A receiver on I2C or SPI keeps what it has to say until it is read. A solution that has waited there (while its bus
-/// was stuck, or HORUS started) would count as new when it arrives, since its age counts from then. So what comes after
-/// such a pause is dropped until the receiver has been read empty; what comes after that is younger than two
-/// ticks and a transfer. On SPI, where an idle receiver and a line that is stuck high read alike, it has been read
-/// empty when something came and nothing more: that costs the first message after the pause. On I2C the receiver says
-/// how much waits, and a pulse on the line makes that too little: two reads in a row have to leave nothing behind.
+/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so one that
+/// waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So what comes after such a
+/// pause is dropped until the receiver has been read empty; what comes after that is younger than two ticks and a
+/// transfer. On SPI an idle receiver and a line that is stuck high read alike, so the receiver counts as empty when
+/// something came and nothing after it: that costs the first message after the pause. On I2C the receiver says how much
+/// waits, and a pulse on the line can make that number too small: two reads in a row must leave nothing behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
-    /// Reads in a row that have to leave nothing behind after a pause.
+    /// The number of reads in a row that have to leave nothing behind after a pause.
     proofs: u8,
-    /// How many of these reads are still to come. With none, what comes is new.
+    /// The number of such reads that are still to come. If it is 0, what comes is new.
     missing: u8,
-    /// Ticks since a read ended.
+    /// The ticks since the last read ended.
     ticks: u8,
-    /// Reads in a row that left something behind.
+    /// The number of reads in a row that left something behind.
     behind: u8,
 }
 
 impl Backlog {
-    /// So many ticks may lie between two reads: one read may fail, or give way to a message.
+    /// The most ticks that may lie between two reads: one read may fail, or give way to a message.
     pub const TICKS: u8 = 2;
-    /// So many reads in a row may leave something behind, less one.
+    /// After this number of reads in a row that leave something behind, what comes counts as old.
     pub const BEHIND: u8 = 2;
 
-    /// The receiver has never been read. After a pause, `proofs` reads in a row have to leave nothing behind.
+    /// The state before the first read. After a pause, `proofs` reads in a row have to leave nothing behind.
     #[must_use]
     pub const fn new(proofs: u8) -> Self {
         Self { proofs, missing: proofs, ticks: 0, behind: 0 }
     }
 
-    /// A tick, before the read that it begins.
+    /// Counts a tick, before the read that begins at it.
     pub fn tick(&mut self) {
         self.ticks = self.ticks.saturating_add(1);
         if self.ticks > Self::TICKS {
@@ -64,8 +64,8 @@ impl Backlog {
         self.missing > 0
     }
 
-    /// A read has ended. `is_empty`: the receiver has nothing more that had waited when the read began. Tells whether
-    /// what was read is to be kept.
+    /// Takes the end of a read, and returns whether to keep what was read. `is_empty` says that the receiver has
+    /// nothing left of what waited when the read began.
     pub fn read(&mut self, is_empty: bool) -> bool {
         self.ticks = 0;
         self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
@@ -80,10 +80,10 @@ impl Backlog {
     }
 }
 
-/// The longest message that is sent to a receiver, bytes. The longest of [`crate::configuration`] has 41.
+/// The longest message that is sent to a receiver, bytes. The longest one of [`crate::configuration`] has 41 bytes.
 pub const MESSAGE: usize = 48;
 
-/// A receiver's bytes. One writer: a circular DMA stream and [`Ring::set_written`], or [`Ring::push`].
+/// A receiver's bytes. They have one writer: a circular DMA stream and [`Ring::set_written`], or [`Ring::push`].
 #[derive(Debug)]
 pub struct Ring {
     bytes: [AtomicU8; RING],
@@ -103,18 +103,18 @@ impl Ring {
         Self { bytes: [const { AtomicU8::new(0) }; RING], written: AtomicU32::new(0) }
     }
 
-    /// Where a DMA stream is to write its [`RING`] bytes.
+    /// Returns the memory to which a DMA stream is to write its [`RING`] bytes.
     #[must_use]
     pub fn memory(&self) -> &[AtomicU8; RING] {
         &self.bytes
     }
 
-    /// Publishes how many bytes a DMA stream has ever written (wraps).
+    /// Publishes how many bytes a DMA stream has written since the start (wraps).
     pub fn set_written(&self, written: u32) {
         self.written.store(written, Ordering::Release);
     }
 
-    /// Appends bytes and publishes them.
+    /// Appends bytes to the ring and publishes them.
     pub fn push(&self, bytes: impl IntoIterator<Item = u8>) {
         let mut written = self.written.load(Ordering::Relaxed);
         for byte in bytes {
@@ -124,13 +124,13 @@ impl Ring {
         self.written.store(written, Ordering::Release);
     }
 
-    /// Bytes ever written, wraps.
+    /// Returns how many bytes were written since the start (wraps).
     #[must_use]
     pub fn written(&self) -> u32 {
         self.written.load(Ordering::Acquire)
     }
 
-    /// Copies `span` out, as far as `into` has room.
+    /// Copies the bytes of `span` into `into`, as far as it has room, and returns them.
     pub fn copy_out<'a>(&self, span: Span, into: &'a mut [u8]) -> &'a [u8] {
         let len = span.len.min(into.len());
         let (into, _) = into.split_at_mut(len);
@@ -141,16 +141,16 @@ impl Ring {
     }
 }
 
-/// At which rate a UART sends a message. I2C and SPI do not care.
+/// The rate at which a UART sends a message. I2C and SPI ignore it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
-    /// The one at which HORUS listens, [`crate::timing::GNSS_BAUD`].
+    /// The rate at which HORUS also receives, [`crate::timing::GNSS_BAUD`].
     Usual,
-    /// That of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. Nothing is heard meanwhile.
+    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. HORUS receives nothing meanwhile.
     Factory,
 }
 
-/// What is to be sent to a receiver.
+/// A message to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message {
     bytes: [u8; MESSAGE],
@@ -159,7 +159,7 @@ pub struct Message {
 }
 
 impl Message {
-    /// A message of `bytes`, cut after [`MESSAGE`].
+    /// Makes a message of `bytes`, which is cut after [`MESSAGE`] bytes.
     #[must_use]
     pub fn new(bytes: &[u8], rate: Rate) -> Self {
         let len = bytes.len().min(MESSAGE);
@@ -168,24 +168,24 @@ impl Message {
         message
     }
 
-    /// Its bytes.
+    /// Returns the bytes of the message.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.len]
     }
 
-    /// At which rate.
+    /// Returns the rate at which a UART sends the message.
     #[must_use]
     pub const fn rate(&self) -> Rate {
         self.rate
     }
 }
 
-/// One message on its way from the parser's task to that of the sources.
+/// The place of one message on its way from the parser's task to that of the sources.
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],
-    /// 0: none waits. Else the length, and [`FACTORY`].
+    /// 0 if no message waits. Otherwise the message's length, with [`FACTORY`] if that is its rate.
     state: AtomicU32,
 }
 
@@ -198,13 +198,13 @@ impl Default for Outbox {
 }
 
 impl Outbox {
-    /// No message waits.
+    /// An outbox in which no message waits.
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
     }
 
-    /// Puts a message in, and tells whether there was room. One task alone may put.
+    /// Puts a message in, and returns whether there was room. Only one task may put messages in.
     pub fn put(&self, message: &Message) -> bool {
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
@@ -217,7 +217,7 @@ impl Outbox {
         true
     }
 
-    /// The message that waits; it goes on waiting until [`Outbox::clear`].
+    /// Returns the message that waits; the message goes on waiting until [`Outbox::clear`].
     #[must_use]
     pub fn peek(&self) -> Option<Message> {
         let state = self.state.load(Ordering::Acquire);
@@ -232,40 +232,40 @@ impl Outbox {
         Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
     }
 
-    /// The message has been taken. One task alone may peek and clear.
+    /// Removes the message that has been taken. Only one task may peek and clear.
     pub fn clear(&self) {
         self.state.store(0, Ordering::Release);
     }
 }
 
-/// Which of a source's interrupts has come.
+/// The kind of a source's interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vector {
-    /// The peripheral itself: an event, a byte, an idle line, an error.
+    /// The interrupt of the peripheral itself: an event, a byte, an idle line or an error.
     Peripheral,
-    /// One of its DMA streams.
+    /// The interrupt of one of the source's DMA streams.
     Stream,
-    /// Its timer.
+    /// The interrupt of the source's timer.
     Timer,
 }
 
-/// The source is still sending the message before.
+/// The error of a source that is still sending the previous message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy;
 
-/// A source of a receiver's bytes. All calls come from tasks of one priority; none waits.
+/// A source of a receiver's bytes. All calls come from tasks of one priority, and none of them waits.
 pub trait Source {
     /// Serves the tick: starts what is due, and ends what should have ended by now.
     fn poll(&mut self);
 
-    /// Serves one of its interrupts.
+    /// Serves one of the source's interrupts.
     fn interrupt(&mut self, vector: Vector);
 
     /// Sends a message, now or in the next cycle.
     ///
     /// # Errors
     ///
-    /// [`Busy`] while the one before it is under way: to be tried again at the next tick.
+    /// [`Busy`] while the previous message is under way: the caller is to try again at the next tick.
     fn transmit(&mut self, message: &Message) -> Result<(), Busy>;
 }
 

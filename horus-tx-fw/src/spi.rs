@@ -1,26 +1,26 @@
-//! A receiver on SPI: one transfer of constant length a cycle, and what of it is filler
+//! A receiver on SPI: one transfer of constant length in each cycle, and how filler bytes are told from data
 //!
 //! # Design
 //!
-//! u-blox' SPI has no registers and no count: whatever is clocked out is the receiver's stream, and 0xFF when it has
-//! nothing; whatever is clocked in is data for it, and 0xFF is filler. So each cycle clocks [`TRANSFER`] bytes,
-//! whatever they are, which takes the same time always: chip select, [`SETUP_US`], the transfer by DMA, [`HOLD_US`],
-//! chip select.
+//! u-blox's SPI has no registers and no count. What HORUS clocks in is the receiver's stream, or 0xFF when the receiver
+//! has nothing; what HORUS clocks out is data for the receiver, and 0xFF is filler. So each cycle clocks [`TRANSFER`]
+//! bytes, whatever they are, which always takes the same time: chip select falls, [`SETUP_US`] pass, DMA transfers the
+//! bytes, [`HOLD_US`] pass, and chip select rises.
 //!
-//! *Filler* is taken out before the ring by [`Filter`], which follows the messages, since 0xFF is legal inside one. A
-//! message that is longer than what the parser takes is not followed, so that one damaged length does not let 64 KiB of
-//! filler pass.
+//! *Filler* is taken out before the ring by [`Filter`], which follows the messages, since 0xFF is legal inside a
+//! message. It does not follow a message that is longer than the parser takes, so that one damaged length does not let
+//! 64 KiB of filler pass.
 //!
-//! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory: 50) filler bytes
-//! in a row the receiver stops to look at its input, until chip select rises or a byte is no filler (the documents
+//! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
+//! filler bytes in a row the receiver ignores its input, until chip select rises or a byte is not filler (the documents
 //! differ; both hold here).
 //!
 //! # Sources
 //!
-//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommendations: > 10 µs from chip
-//!   select to the first clock, 1 ms between two selections, at most 5.5 MHz, **at least 8 µs from byte to byte** (125
-//!   kB/s, which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes,
-//!   so it is the bit rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
+//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommends > 10 µs from chip select to
+//!   the first clock, 1 ms between two selections, at most 5.5 MHz, and **at least 8 µs from byte to byte** (125 kB/s,
+//!   which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes, so the
+//!   bit rate has to keep the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
 use crate::{
@@ -28,42 +28,42 @@ use crate::{
     source::{Backlog, RING},
 };
 
-/// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all
-/// three messages at 25 Hz sends 4.6 kB/s.
+/// The bytes of a transfer, at most 2^16 - 1 and a multiple of 4. 256 bytes take 3.6 ms of a cycle, and make 25.6 kB/s;
+/// a receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const TRANSFER: usize = 256;
 
-/// From chip select to the first clock, µs, at least 10.
+/// The time from chip select's fall to the first clock, µs, at least 10.
 pub const SETUP_US: u16 = 20;
 
-/// From the last byte's arrival to chip select's rise, µs: longer than the half bit that is left of it.
+/// The time from the last byte's arrival to chip select's rise, µs: longer than the rest of that byte, half a bit.
 pub const HOLD_US: u16 = 20;
 
-/// What is clocked when there is nothing to say.
+/// The byte that either side clocks out when it has nothing to say.
 pub const FILLER: u8 = 0xFF;
 
 const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
-// At least 1 ms between two selections.
+// At least 1 ms lies between two selections.
 const _: () = assert!(
     SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64
         <= 1_000 * profile::CYCLE_MS as u64 - 1_000 - 1_000
 );
-// At least 8 µs a byte, at most 5.5 MHz.
+// A byte takes at least 8 µs, and the clock has at most 5.5 MHz.
 const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
 
-/// What the registers have to do next.
+/// What the code of the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Nothing.
+    /// Do nothing.
     Nothing,
-    /// Lower chip select; [`Polling::elapsed`] in [`SETUP_US`].
+    /// Lower chip select, and call [`Polling::elapsed`] in [`SETUP_US`].
     Select,
-    /// Start both streams.
+    /// Start both DMA streams.
     Transfer,
-    /// [`Polling::elapsed`] in [`HOLD_US`].
+    /// Call [`Polling::elapsed`] in [`HOLD_US`].
     Hold,
     /// Raise chip select, and take the bytes.
     Finish,
-    /// Stop both streams, raise chip select, and set the peripheral up anew. There are no bytes.
+    /// Stop both DMA streams, raise chip select, and set the peripheral up anew. The transfer brought no bytes.
     Abort,
 }
 
@@ -75,12 +75,12 @@ enum State {
     Holding,
 }
 
-/// One receiver's transfers.
+/// The state of one receiver's transfers.
 #[derive(Clone, Debug)]
 pub struct Polling {
     state: State,
     backlog: Backlog,
-    /// The transfer before brought something.
+    /// Whether the previous transfer brought bytes of the receiver.
     brought: bool,
     timed_out: u32,
     recoveries: u32,
@@ -93,31 +93,31 @@ impl Default for Polling {
 }
 
 impl Polling {
-    /// Nothing has been transferred.
+    /// The state before the first transfer.
     #[must_use]
     pub const fn new() -> Self {
         Self { state: State::Idle, backlog: Backlog::new(1), brought: false, timed_out: 0, recoveries: 0 }
     }
 
-    /// Transfers that had not ended by the next tick, wraps.
+    /// Returns the number of transfers that had not ended by the next tick (wraps).
     #[must_use]
     pub const fn timed_out(&self) -> u32 {
         self.timed_out
     }
 
-    /// How often the peripheral was set up anew, wraps.
+    /// Returns how often the peripheral was set up anew (wraps).
     #[must_use]
     pub const fn recoveries(&self) -> u32 {
         self.recoveries
     }
 
-    /// Whether no transfer is under way: what is to be sent may change.
+    /// Whether no transfer is under way, so that what is to be sent may change.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.state == State::Idle
     }
 
-    /// Serves the tick.
+    /// Serves the tick: starts a transfer, or aborts one that has not ended by now.
     pub fn poll(&mut self) -> Order {
         self.backlog.tick();
         if self.state == State::Idle {
@@ -129,7 +129,7 @@ impl Polling {
         }
     }
 
-    /// The time that was asked for is over.
+    /// Takes note that the time of the last order is over.
     pub fn elapsed(&mut self) -> Order {
         match self.state {
             State::Selected => {
@@ -144,7 +144,7 @@ impl Polling {
         }
     }
 
-    /// All bytes have come in.
+    /// Takes note that all bytes have come in.
     pub fn transferred(&mut self) -> Order {
         if self.state != State::Transferring {
             return Order::Nothing;
@@ -159,16 +159,16 @@ impl Polling {
         self.backlog.is_old()
     }
 
-    /// The bytes of a transfer have been looked at. `brought`: some were the receiver's. `is_empty`: it ended with
-    /// filler outside of a message, so the receiver has no more ([`Filter::has_nothing_more`]). While something may
-    /// have waited, a transfer of nothing but filler proves nothing, since a line that is stuck high reads the same,
-    /// unless the one before brought something: a message may end with its transfer.
+    /// Takes note that a transfer's bytes have been examined. `brought` says that some were the receiver's. `is_empty`
+    /// says that the transfer ended with filler outside of a message, so the receiver has no more
+    /// ([`Filter::has_nothing_more`]). After a pause a transfer of filler alone proves nothing, since a line that is
+    /// stuck high reads the same, unless the previous transfer brought something: a message may end with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
     }
 
-    /// A stream has failed.
+    /// Takes note that a DMA stream has failed.
     pub fn failed(&mut self) -> Order {
         if self.state != State::Transferring {
             return Order::Nothing;
@@ -184,7 +184,7 @@ impl Polling {
     }
 }
 
-/// Tells a receiver's bytes from its filler.
+/// Separates a receiver's bytes from its filler.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Filter(Place);
 
@@ -192,40 +192,40 @@ pub struct Filter(Place);
 enum Place {
     #[default]
     Outside,
-    /// Outside, after so many bytes of filler, counted up to [`Filter::NOTHING_MORE`].
+    /// Outside of a message, after this number of filler bytes, counted up to [`Filter::NOTHING_MORE`].
     Filler(u8),
-    /// After the first byte of sync.
+    /// After the first sync byte.
     Sync,
-    /// So many bytes of class, identifier and length have come; the length so far.
+    /// After this number of bytes of class, identifier and length; the second value is the length so far.
     Header(u8, u16),
-    /// So many bytes of payload and checksum are left.
+    /// Inside a message, of which this number of bytes of payload and checksum are left.
     Body(u16),
 }
 
 impl Filter {
-    /// Outside of any message.
+    /// A filter that is outside of any message.
     #[must_use]
     pub const fn new() -> Self {
         Self(Place::Outside)
     }
 
-    /// Whether the next bytes are filler if they are [`FILLER`].
+    /// Whether a [`FILLER`] byte that comes next is filler, since it is outside of a message.
     #[must_use]
     pub fn is_outside(self) -> bool {
         matches!(self.0, Place::Outside | Place::Filler(_))
     }
 
-    /// So many bytes of filler in a row say that the receiver has nothing more: one 0xFF may be noise, too.
+    /// The number of filler bytes in a row that say that the receiver has nothing more: one 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
-    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. 0xFF inside a message is not filler, nor is the last
-    /// byte of a length that is too great to be followed.
+    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is
+    /// the last byte of a length that is too great to be followed.
     #[must_use]
     pub fn has_nothing_more(self) -> bool {
         self.0 == Place::Filler(Self::NOTHING_MORE)
     }
 
-    /// Takes [`Self::NOTHING_MORE`] bytes of [`FILLER`] at once if they are filler, and tells whether they are.
+    /// Takes [`Self::NOTHING_MORE`] bytes of [`FILLER`] at once if they are filler, and returns whether they are.
     pub fn skips(&mut self) -> bool {
         let skips = self.is_outside();
         if skips {
@@ -234,9 +234,9 @@ impl Filter {
         skips
     }
 
-    /// Whether `byte` is the receiver's.
+    /// Whether `byte` is one of the receiver's, and not filler.
     pub fn keeps(&mut self, byte: u8) -> bool {
-        /// The longest payload that the parser takes, and the checksum behind it.
+        /// The longest payload whose message fits into the parser's buffer, header and checksum included.
         const LONGEST: u16 = BUFFER as u16 - 8;
         match self.0 {
             Place::Outside | Place::Filler(_) | Place::Sync if byte == FILLER => {
@@ -344,13 +344,13 @@ mod tests {
             (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
         };
         let [more, no_more] = [(false, false), (false, true)];
-        // What is left of a message whose length is not followed ends with 0xFF and is no filler.
+        // The length bytes of a message whose length is too great to be followed are 0xFF and no filler.
         let mut filter = Filter::new();
         for byte in [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(50) {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
         }
         assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
-        // Nor do the last bytes of a message.
+        // The last bytes of a message are no filler either, even if they are 0xFF.
         for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
             assert!(filter.keeps(byte) && !filter.has_nothing_more());
         }
@@ -369,7 +369,7 @@ mod tests {
             assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
             filter.keeps(FILLER)
         };
-        // Sync, class, identifier and length are six bytes, the checksum is two.
+        // Sync, class, identifier and length are six bytes, and the checksum is two.
         assert!(is_followed(0) && is_followed(248));
         assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
     }
@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn what_had_waited_stays_old_while_nothing_but_filler_comes_as_from_a_line_that_is_stuck_high() {
         let mut polling = Polling::new();
-        // A stuck line, which is mended; the backlog in two transfers; silence, a message, silence.
+        // The line is stuck and then mended; the backlog comes in two transfers; silence, a message and silence follow.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

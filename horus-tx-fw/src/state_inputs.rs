@@ -1,4 +1,4 @@
-//! HORUS's state, as the inputs of its safety function tell it
+//! The state of HORUS, as the inputs of its safety function tell it
 //!
 //! # Design
 //!
@@ -7,18 +7,18 @@
 //! input is active, the other way round while it is not, and equal levels are a contradiction (a broken wire, a short).
 //! Decision 18 has the rules and their reasons.
 //!
-//! [`StateInputs::sample`] is called once per cycle. What a pair says is taken when [`SAMPLES_TO_TAKE`] samples in a
-//! row say the same; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
+//! [`StateInputs::sample`] is called once per cycle. A pair's value is taken when [`SAMPLES_TO_TAKE`] samples in a row
+//! agree; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
 
 use profile::HorusState;
 
-/// How many inputs there are.
+/// The number of inputs.
 pub const INPUTS: usize = 3;
 
-/// So many samples in a row that say the same are taken: 20 ms from the first to the last.
+/// The number of samples in a row that have to agree before they are taken: 20 ms from the first to the last.
 pub const SAMPLES_TO_TAKE: u8 = 3;
 
-/// After so many samples without [`SAMPLES_TO_TAKE`] in a row that say the same, a pair is a contradiction: 100 ms.
+/// The number of samples without [`SAMPLES_TO_TAKE`] equal ones in a row that make a contradiction: 100 ms.
 pub const SAMPLES_UNSETTLED: u8 = 10;
 
 /// The levels of a pair's two pins.
@@ -26,16 +26,16 @@ pub const SAMPLES_UNSETTLED: u8 = 10;
 pub struct Levels {
     /// The pin that is high while the input is active.
     pub active: bool,
-    /// The pin that is high while it is not.
+    /// The pin that is high while the input is not active.
     pub inactive: bool,
 }
 
-/// What a pair says.
+/// The value of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Says {
     /// The input is not active.
     Inactive,
-    /// It is.
+    /// The input is active.
     Active,
     /// The pair contradicts itself.
     Contradiction,
@@ -54,13 +54,13 @@ impl From<Levels> for Says {
 /// One input, debounced.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Pair {
-    /// What is taken as true; nothing until the pair has settled for the first time.
+    /// The value that is taken as true; none until the pair has settled for the first time.
     taken: Option<Says>,
-    /// What the last sample said.
+    /// The value of the last sample.
     last: Option<Says>,
-    /// How many samples in a row have said that, at most [`SAMPLES_TO_TAKE`].
+    /// The number of samples in a row that have had the last one's value, at most [`SAMPLES_TO_TAKE`].
     same: u8,
-    /// How many samples there were since the last that could be taken, at most [`SAMPLES_UNSETTLED`].
+    /// The number of samples since the last one that could be taken, at most [`SAMPLES_UNSETTLED`].
     unsettled: u8,
 }
 
@@ -91,23 +91,23 @@ const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 
 impl StateInputs {
-    /// Nothing is known yet.
+    /// Inputs of which nothing is known yet.
     #[must_use]
     pub const fn new() -> Self {
         const UNKNOWN: Pair = Pair { taken: None, last: None, same: 0, unsettled: 0 };
         Self { pairs: [UNKNOWN; INPUTS] }
     }
 
-    /// Takes the levels of a cycle.
+    /// Takes the levels of all inputs in one cycle.
     pub fn sample(&mut self, levels: [Levels; INPUTS]) {
         for (pair, levels) in self.pairs.iter_mut().zip(levels) {
             pair.sample(levels.into());
         }
     }
 
-    /// What HORUS does: what the most severe input says that is not inactive. If all are, it is what the voted position
-    /// says: monitoring if there is one (`is_located`), position lost if there only was one (`was_located`), else
-    /// starting; and starting until each input has said something.
+    /// Returns HORUS's state: that of the most severe input that is not inactive, and a contradiction is one. If there
+    /// is none, the voted position decides: monitoring if there is one (`is_located`), position lost if there only was
+    /// one (`was_located`), otherwise starting; and starting also until each input has settled for the first time.
     #[must_use]
     pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
         let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
@@ -149,7 +149,7 @@ mod tests {
         Levels { active, inactive }
     }
 
-    /// The state after each of these samples of the motor cut, with the others inactive.
+    /// Returns the state after each of these samples of the motor cut, while the other inputs are inactive.
     fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {
@@ -190,10 +190,10 @@ mod tests {
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
         let [i, a] = [Inactive, Active];
-        // From the start: nine samples, then the tenth.
+        // The pair chatters from the start on: nine samples do not decide, and the tenth makes a contradiction.
         let chatter = [i, a, i, a, i, a, i, a, i, a];
         assert_eq!(of_motor_cut(&chatter)[8..], [Starting, InputsContradict]);
-        // After it had settled, with two of a kind at most; it stays so until it settles again.
+        // The pair had settled; then at most two samples in a row agree. A contradiction stays until the pair settles.
         let samples: Vec<Says> = [i, i, i].into_iter().chain([a, a, i, i, a, a, i, i, a, a, i, i, i]).collect();
         let states = of_motor_cut(&samples);
         assert_eq!(states[11], Monitoring, "the ninth");
@@ -247,8 +247,8 @@ mod tests {
     }
 
     proptest! {
-        /// The rule in other words, over all samples so far: three in a row decide; without them for ten it is a
-        /// contradiction.
+        /// The rule in other words, over all samples so far: three equal ones in a row decide, and ten samples without
+        /// three such are a contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

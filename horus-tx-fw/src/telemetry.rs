@@ -1,37 +1,37 @@
 //! Counters in RAM that a debugger or the bench reads
 //!
 //! The firmware exports one [`Telemetry`] under the symbol `HORUS_TELEMETRY`. A debugger, or the bench, reads it from
-//! RAM by that symbol; nothing in the firmware depends on it. All counters wrap. New ones are added at the end.
+//! RAM by that symbol; nothing in the firmware depends on it. All counters wrap. New counters are added at the end.
 
 use firmware_common::counter::Counter;
 use profile::MAX_RECEIVERS;
 
 firmware_common::counters! {
-    /// What one receiver's line has carried.
+    /// The counts of one receiver's line.
     pub struct Line {
-        /// Bytes the DMA has delivered.
+        /// Bytes that DMA has delivered.
         bytes,
         /// Bytes lost because the ring lapped its reader.
         overruns,
-        /// Framing, noise and overrun errors the UART has reported.
+        /// Framing, noise and overrun errors that the UART has reported.
         uart_errors,
         /// UBX messages with a valid checksum.
         messages,
         /// UBX messages with a wrong checksum.
         damaged,
-        /// UBX messages longer than the parser's buffer, or with a field that their kind does not have.
+        /// UBX messages that are longer than the parser's buffer, or have a field that their kind does not have.
         unusable,
-        /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage.
+        /// Bytes that belonged to no useful message: NMEA, UBX of other kinds, noise, damage.
         skipped,
     }
 }
 
 firmware_common::counters! {
-    /// How one receiver's source does, and what the receiver has made of its configuration.
+    /// The counts of one receiver's source, and the receiver's response to its configuration.
     pub struct Source {
-        /// A [`Standing`](crate::configuration::Standing) as a number: not yet, taken, refused, unanswered. No count.
+        /// A [`Standing`](crate::configuration::Standing) as a number. It is not a count.
         configuration,
-        /// Recoveries of an I2C bus, and times an SPI was set up anew.
+        /// Recoveries of an I2C bus, and the times that an SPI was set up anew.
         recoveries,
         /// Transactions that had not ended by the next tick.
         timed_out,
@@ -40,58 +40,58 @@ firmware_common::counters! {
     }
 }
 
-/// Everything that is counted. Plain 32-bit words in this order, whatever the number of receivers.
+/// All counters of the firmware: plain 32-bit words in this order, whatever the number of receivers.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct Telemetry {
     /// Ticks since the start.
     pub cycles: Counter,
-    /// Ticks at which the cycle before had not ended.
+    /// Ticks at which the previous cycle had not ended.
     pub cycle_overruns: Counter,
-    /// Frames fired and sent by the chip.
+    /// Frames that were fired and that the chip sent.
     pub frames_sent: Counter,
     /// Slots that passed without a frame to fire.
     pub frames_skipped: Counter,
     /// Faults of the front end.
     pub rf_faults: Counter,
-    /// Times the front end has come back from a fault.
+    /// How often the front end has recovered from a fault.
     pub rf_recoveries: Counter,
     /// Resets by the watchdog since power-up.
     pub watchdog_resets: Counter,
-    /// Worst time to fill and seal a profile, core cycles (144 MHz).
+    /// The longest time to fill and seal a profile, core cycles (144 MHz).
     pub worst_fill_cycles: Counter,
-    /// Best and worst time from a slot's compare match to its command's byte in the SPI's transmit
-    /// register, timer ticks (72 MHz): their difference is the jitter.
+    /// The shortest time from a slot's compare match to its command's byte in the SPI's transmit register, timer ticks
+    /// (72 MHz). The longest time less this one is the jitter.
     pub best_fire_ticks: Counter,
-    /// See [`Telemetry::best_fire_ticks`].
+    /// The longest of the times that [`Telemetry::best_fire_ticks`] describes, timer ticks.
     pub worst_fire_ticks: Counter,
-    /// GPS1 to GPS5; lines that are not fitted stay zero.
+    /// The lines of GPS1 to GPS5; those that are not fitted stay zero.
     pub lines: [Line; MAX_RECEIVERS],
     /// Why the processor last started: a [`profile::ResetReason`] as a number.
     pub reset_reason: Counter,
-    /// 1 if HORUS runs on its internal oscillator since the external clock is missing, else 0.
+    /// 1 if HORUS runs on its internal oscillator because the external clock is missing, otherwise 0.
     pub without_crystal: Counter,
-    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
+    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, or 0 if it did not.
     pub last_stop: Counter,
-    /// Passes over flash.
+    /// Passes of the patrol over flash.
     pub flash_passes: Counter,
-    /// Passes over RAM in use.
+    /// Passes of the patrol over the RAM in use.
     pub ram_passes: Counter,
-    /// Times at which RAM in use did not hold what was written.
+    /// How often the RAM in use did not hold what was written to it.
     pub ram_errors: Counter,
     /// Frames during which the front end's FIFO ran dry or over.
     pub fifo_errors: Counter,
-    /// GPS1 to GPS5; those that are not fitted stay zero.
+    /// The sources of GPS1 to GPS5; those that are not fitted stay zero.
     pub sources: [Source; MAX_RECEIVERS],
-    /// Frames sent whose end the chip did not tell (I_txe): their time was over and the FIFO empty.
+    /// Frames sent whose end the chip did not tell (I_txe): their time was over, and the FIFO was empty.
     pub frames_unconfirmed: Counter,
-    /// The last register of the front end that did not read as it was set: its address (with 0x40 in space B) in bits
-    /// 23 to 16, then what it was set to, then what it read as; 0 if there was none. No count.
+    /// The last register of the front end that did not read as it was set, or 0: its address (with 0x40 in space B) in
+    /// bits 23 to 16, then the value that was set, then the value that was read. It is not a count.
     pub rf_register: Counter,
 }
 
 impl Telemetry {
-    /// All zero.
+    /// The counters of a start, which are all zero.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -127,5 +127,5 @@ impl Telemetry {
 }
 
 const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS + 2));
-// The bench and debuggers know the counters by these places.
+// The bench and debuggers find the counters at these offsets.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

@@ -1,23 +1,23 @@
-//! The front end's side of a cycle: what the poller machine is told, and when
+//! The front end's side of a cycle: what the poller machine has to do, and when
 //!
 //! # Design
 //!
-//! The [`Poller`] machine knows the chip and nothing of time slots; the SPI, the IRQ pin and a one-shot timer know
-//! nothing of the chip. The driver's [`Executor`] stands between them; [`Transmitter::poll`] is called by each of their
-//! interrupts. The transmitter is the executor's owner: it says which frame the machine prepares and loads, and when.
-//! No task ever waits for the SPI.
+//! The [`Poller`] machine handles the chip and no time slots; the SPI, the IRQ pin and a one-shot timer handle nothing
+//! that is specific to the chip. The driver's [`Executor`] stands between them, and each of their interrupts calls
+//! [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame the machine prepares and loads, and
+//! when. No task ever waits for the SPI.
 //!
-//! As soon as a frame was sent the chip is prepared for the next one, long before there is anything to send. So what is
-//! left between the tick and the slot is to load the frame's head.
+//! As soon as a frame was sent, the chip is prepared for the next one, long before there is anything to send. So only
+//! the load of the frame's head is left between the tick and the slot.
 //!
-//! The one transfer that must happen at its exact instant is the command that starts a frame. When the head is loaded
-//! the transmitter *arms* a [`Ticket`], which says for which cycle and frame it was loaded, and starts no other
-//! transfer. The slot's interrupt, above everything else, asks [`Ticket::due`], writes the command's byte, and reports
-//! back through [`Transmitter::slot`], which starts the load of the rest. A slot that finds no ticket, or that of
-//! another cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
+//! The command that starts a frame is the one transfer that must happen at an exact instant. When the head is loaded,
+//! the transmitter *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other
+//! transfer. The slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's byte, and
+//! reports to [`Transmitter::slot`], which starts the load of the rest. A slot that finds no ticket, or that of another
+//! cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
 //!
-//! A fault of the chip is the machine's business to recover from; here it costs the frames of the
-//! meantime, each counted, and nothing else. The cycle goes on.
+//! The machine recovers from a fault of the chip by itself. The fault costs only the frames of that time, and each of
+//! them is counted. The cycle goes on.
 
 use core::ops::Range;
 
@@ -37,25 +37,25 @@ impl Ticket {
     /// The ticket of no frame.
     pub const NONE: Self = Self(0);
 
-    /// For frame `frame` of tick `tick`, fired by sending `command`.
+    /// The ticket for frame `frame` of tick `tick`, which is fired by sending `command`.
     #[must_use]
     pub const fn new(tick: u32, frame: usize, command: u8) -> Self {
         Self((tick & 0xFFFF) << 16 | ((frame as u32 & 0xFF) << 8) | command as u32)
     }
 
-    /// As one word; 0 is [`Ticket::NONE`].
+    /// Returns the ticket as one word; 0 is [`Ticket::NONE`].
     #[must_use]
     pub const fn word(self) -> u32 {
         self.0
     }
 
-    /// From one word.
+    /// Makes a ticket from one word.
     #[must_use]
     pub const fn from_word(word: u32) -> Self {
         Self(word)
     }
 
-    /// The command to send in slot `frame` of tick `tick`, if this ticket is for that slot.
+    /// Returns the command to send in slot `frame` of tick `tick`, if this ticket is for that slot.
     #[must_use]
     pub const fn due(self, tick: u32, frame: usize) -> Option<u8> {
         let command = (self.0 & 0xFF) as u8;
@@ -67,31 +67,31 @@ impl Ticket {
     }
 }
 
-/// What a slot came to.
+/// The result of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// Which frame of the cycle it was for.
+    /// The frame of the cycle that the slot was for.
     pub frame: usize,
     /// The byte clocked in while the command went out, or `None` if nothing was fired.
     pub fired: Option<u8>,
 }
 
-/// The hardware a transmitter works with: the executor's, which loads from a profile, and the slot's ticket.
+/// The hardware that a transmitter works with: the executor's port, which loads from a profile, and the slot's ticket.
 pub trait FrontEndPort: executor::Port {
-    /// Makes `profile` the one that is loaded from. Never called while a load is under way.
+    /// Makes `profile` the one from which frames are loaded. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
     /// Makes these bytes of the profile the frame that is loaded.
     fn point_at(&mut self, frame: Range<usize>);
     /// Hands a ticket to the slots.
     fn arm(&mut self, ticket: Ticket);
-    /// Takes an unused ticket back; false if a slot has taken it already.
+    /// Takes an unused ticket back; returns false if a slot has taken the ticket already.
     fn disarm(&mut self) -> bool;
 }
 
 /// Who has to act before the machine goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The executor: something is under way.
+    /// The executor: a transfer or a wait is under way.
     Executor,
     /// The cycle: the chip is prepared for a frame, and there is nothing to send.
     Cycle,
@@ -99,16 +99,16 @@ enum Turn {
     Slot,
 }
 
-/// Has the poller machine send one cycle after the other.
+/// Makes the poller machine send the frames of one cycle after the other.
 pub struct Transmitter<'a, P> {
     executor: Executor<Poller, P>,
     telemetry: &'a Telemetry,
     turn: Turn,
-    /// The cycle whose profile is deposited.
+    /// The tick of the profile that is deposited.
     tick: u32,
-    /// The frame to load next; [`FRAMES`] if there is none.
+    /// The index of the frame to load next; [`FRAMES`] if there is none.
     next: usize,
-    /// The frame that the chip is prepared for.
+    /// The index of the frame that the chip is prepared for.
     prepared: usize,
     /// The tick and frame whose head was loaded last.
     sending: (u32, usize),
@@ -117,7 +117,7 @@ pub struct Transmitter<'a, P> {
 }
 
 impl<'a, P: FrontEndPort> Transmitter<'a, P> {
-    /// Begins the chip's bring-up.
+    /// Begins to bring up the chip.
     pub fn start(config: PollerConfig, telemetry: &'a Telemetry, port: P) -> Self {
         let mut transmitter = Self {
             executor: Executor::new(Poller::new(config), port),
@@ -135,15 +135,15 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         transmitter
     }
 
-    /// Offers the profile of tick `tick`. It replaces what was not sent of the one before; if the chip is
-    /// not prepared, its frames are loaded as soon as it is, if that is in time for their slots.
+    /// Offers the profile of tick `tick`. It replaces what was not sent of the previous profile. If the chip is not
+    /// prepared, the profile's frames are loaded as soon as it is, if that is in time for their slots.
     ///
-    /// Gives false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
-    /// that this cycle's slot is lost anyway): the bytes under it must not change.
+    /// Returns false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
+    /// that this cycle's slot is lost anyway), because that frame's bytes must not change.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
         let kept = match self.turn {
             Turn::Executor => self.executor.is_loading(),
-            // Without its ticket it was fired.
+            // A frame whose ticket is gone was fired.
             Turn::Slot => !self.executor.port().disarm(),
             Turn::Cycle => false,
         };
@@ -157,20 +157,20 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let event = match self.turn {
             Turn::Executor => None,
             Turn::Cycle => self.prepared(),
-            // A frame of an earlier cycle that missed its slot: give it up.
+            // A frame of an earlier cycle that missed its slot is given up.
             Turn::Slot => self.executor.resume(),
         };
         self.serve(event);
         true
     }
 
-    /// Something may have happened: a transfer has ended, the IRQ pin has risen, the timer has run out.
+    /// Serves what may have happened: a transfer has ended, the IRQ pin has risen, or the timer has run out.
     pub fn poll(&mut self) {
         let event = self.executor.poll();
         self.serve(event);
     }
 
-    /// A slot has passed.
+    /// Takes the result of a slot that has passed.
     pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
         match (slot.fired, self.turn) {
@@ -178,36 +178,36 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                 let event = self.executor.go_on(|poller| poller.step(Input::Done(&[response])));
                 self.serve(event);
             }
-            // Its ticket was for another slot: give the frame up and go on with the next.
+            // The ticket was for another slot: the frame is given up, and the next one follows.
             (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
                 self.executor.port().disarm();
                 let event = self.executor.resume();
                 self.serve(event);
             }
-            // Once a cycle without a reason: an edge that was lost is noticed.
+            // This poll comes once a cycle without a cause, so that an interrupt edge that was lost is noticed.
             _ => self.poll(),
         }
     }
 
-    /// The last fault since this was last asked, for the log.
+    /// Returns the last fault since the last call, for the log.
     pub fn take_fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }
 
-    /// The port, for its interrupts' flags, and for a test to look at.
+    /// Returns the port, for the flags of its interrupts, and for tests.
     pub fn port(&mut self) -> &mut P {
         self.executor.port()
     }
 
-    /// Has the chip prepared for the frame that is due next: of this cycle, or the first of the next one.
+    /// Prepares the chip for the frame that is due next: one of this cycle, or the first one of the next cycle.
     fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
         let length = payload(self.prepared);
-        // A machine that refuses is told of a failure, which it reports and recovers from.
+        // A machine that refuses is given a failure, which it reports and recovers from.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
-    /// What comes next when the chip is prepared for a frame and there is one to send.
+    /// Starts what comes next when the chip is prepared for a frame and there is one to send.
     fn prepared(&mut self) -> Option<PollerEvent> {
         if self.prepared != self.next {
             return self.prepare();
@@ -219,8 +219,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.resume()
     }
 
-    /// Serves an event and those that follow at once: no more than three, since the machine asks for a transfer or a
-    /// wait after each but a fault.
+    /// Serves an event and those that follow at once: at most three, since the machine asks for a transfer or a wait
+    /// after every event but a fault.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
         while let Some(happened) = event {
             event = match happened {
@@ -243,7 +243,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.executor.port().arm(Ticket::new(tick, frame, command));
                     return;
                 }
-                // Loaded too late for its slot: give it up.
+                // The frame was loaded too late for its slot, and is given up.
                 PollerEvent::Loaded => self.executor.resume(),
                 PollerEvent::Sent { confirmed } => {
                     self.telemetry.frames_sent.add(1);

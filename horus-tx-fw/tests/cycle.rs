@@ -1,4 +1,4 @@
-//! What a tick makes of what the receivers said.
+//! How a tick turns what the receivers said into objects.
 
 mod ubx;
 
@@ -20,8 +20,8 @@ use ubx::{esf_ins, nav_att, NavPvt};
 const INACTIVE: Levels = Levels { active: false, inactive: true };
 
 trait Tick<const N: usize> {
-    /// A tick at whose vote the receivers had said all that they have at the tick, and the inputs of the state had
-    /// settled as inactive.
+    /// Votes and fills a tick at whose vote the receivers had said all that they have said at the tick, and the inputs
+    /// of the state had settled as inactive.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 
@@ -50,7 +50,7 @@ fn read<const N: usize>(profile: &Profile<N>) -> (ReportedValues, [GpsValues; N]
     )
 }
 
-/// Every value is the design's NaN, bit for bit.
+/// Asserts that every value is the design's NaN, bit for bit.
 fn assert_absent(values: &GpsValues, timestamp: u32) {
     let absent = GpsValues { status: values.status, ..GpsValues::absent(timestamp) };
     let sealed = |values| *GpsObject::seal(Identifier::gps(1), values).as_bytes();
@@ -101,12 +101,12 @@ fn reported_position_is_what_the_majority_says_and_who_is_outvoted_says_so() {
     assert_eq!(reported.altitude, 512.345);
     assert_eq!(reported.acceleration, [0.01, 0.02, 0.03]);
     assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
-    // Two agree, position, attitude and acceleration valid, degraded, monitoring.
+    // The bits say that two agree, that position, attitude and acceleration are valid, degraded, and monitoring.
     assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
-    // 3D fix, position, heard, excluded; its own object still shows what it says.
+    // The bits are 3D fix, position, heard and excluded; the receiver's own object still shows what it says.
     assert_eq!(gps[0].status.bits(), 0x0293);
     assert_eq!(gps[0].latitude, 1e-7);
-    // 3D fix, position, attitude, acceleration, heard.
+    // The bits are 3D fix, position, attitude, acceleration and heard.
     assert_eq!(gps[1].status.bits(), 0xF3);
 }
 
@@ -129,7 +129,7 @@ fn three_that_agree_are_not_degraded_and_one_of_three_is_no_result() {
 #[test]
 fn a_position_is_brought_to_the_tick_by_its_velocity() {
     let moving = NavPvt { velocity: [10_000, 0, -2_000], ..NavPvt::GOOD };
-    // 60 ms and the latency of 50 ms before the tick: 1.1 m north, 0.22 m up.
+    // The position is 60 ms and the latency of 50 ms older than the tick: 1.1 m north, 0.22 m up.
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[moving.bytes()], 10)]));
     assert_eq!(gps.latitude, 47.498_765_4);
     assert!(((reported.latitude - gps.latitude) * 111_180.0 - 1.1).abs() < 1e-3);
@@ -243,10 +243,10 @@ fn an_active_input_is_the_state_with_a_position_and_without() {
     }
 }
 
-/// What is said of `solution` at `age` ms, an age that is between two ticks too: Reported-Position's status, and
-/// GPS1's.
+/// Returns the status of Reported-Position and that of GPS1 when the solution of `arrived` is `age` ms old, an age that
+/// may also lie between two ticks.
 fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
-    // The tick is fixed, so that every age in ms can be had.
+    // The tick is fixed, so that every age in ms is possible.
     let tick = 1_000;
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(tick, &[arrived(timestamp(tick) - age)]));
     (reported.status, gps.status)
@@ -254,7 +254,7 @@ fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, Gp
 
 #[test]
 fn a_position_is_valid_for_one_period_and_150_ms_to_the_millisecond_and_reported_position_with_it() {
-    // Of one message the period is not known yet: one second is assumed, as at 1 Hz.
+    // After one message the period is not known yet: one second is assumed, as at 1 Hz.
     for (age, valid) in
         [(0, true), (1_050, true), (1_149, true), (1_150, true), (1_151, false), (1_152, false), (9_000, false)]
     {
@@ -281,7 +281,7 @@ fn a_receiver_is_heard_for_250_ms() {
 
 #[test]
 fn each_kind_of_message_ages_by_its_own_period() {
-    // Position at 10 Hz, attitude at 2 Hz, acceleration at 5 Hz; the last of each arrives together.
+    // The position comes at 10 Hz, attitude at 2 Hz, acceleration at 5 Hz; the last of each arrives together.
     let arrived = |last: u32| {
         let mut receiver = Receiver::new();
         for (period, kind) in [(100, 0), (500, 1), (200, 2)] {
@@ -309,7 +309,7 @@ fn each_kind_of_message_ages_by_its_own_period() {
     assert_eq!(valid_until(|gps, reported| gps.position_valid() && reported.position_valid()), Some(250));
     assert_eq!(valid_until(|gps, _| gps.attitude_valid()), Some(650));
     assert_eq!(valid_until(|gps, _| gps.acceleration_valid()), Some(350));
-    // Only who agrees on the position is asked for attitude and acceleration.
+    // Only receivers that agree on the position are asked for attitude and acceleration.
     assert_eq!(valid_until(|_, reported| reported.attitude_valid() && reported.acceleration_valid()), Some(250));
     assert_eq!(valid_until(|gps, _| !gps.stale()), Some(149));
 }
@@ -324,7 +324,7 @@ fn what_is_not_valid_any_more_is_absent_from_both_objects() {
     assert_eq!(ReportedPosition::seal(&reported).as_bytes(), ReportedPosition::seal(&absent).as_bytes());
 }
 
-/// A log of GPS1 that ends, played byte by byte through parser and cycle as the firmware runs them: when
+/// Plays a log of GPS1 that ends, byte by byte, through parser and cycle as the firmware runs them, and returns when
 /// Reported-Position was last valid, ms after the last solution arrived.
 fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u32 {
     let mut receiver = Receiver::new();
@@ -431,7 +431,7 @@ fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
     let start = Start { excluded: before.excluded(), ..Start::default() };
     let mut after = Cycle::<3>::after(start);
     assert_eq!(excluded(&after.fill(0, &[Solution::default(); 3])), [false, false, true]);
-    // It agrees now, and has to do so for a second; in the last tick of that it is still excluded.
+    // The receiver agrees now, and has to do so for a second; in the last tick of that second it is still excluded.
     for tick in 1..=101 {
         let profile = after.voted_and_filled(tick, &[all(10 * tick), all(10 * tick), all(10 * tick)]);
         assert_eq!(excluded(&profile), [false, false, true], "tick {tick}");
@@ -450,7 +450,7 @@ fn a_solution_tells_its_age_in_steps_of_25_ms() {
     assert_eq!(came_since.status.solution_age_ms(), Some(0));
     let (_, [never]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_eq!(never.status.solution_age_ms(), None);
-    // Attitude and acceleration are no solution.
+    // Attitude and acceleration do not count as a solution.
     let (_, [no_position]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[nav_att(1, [1; 3], [1; 3])], 70)]));
     assert_eq!(no_position.status.solution_age_ms(), None);
 }
@@ -461,7 +461,7 @@ fn a_very_old_solution_is_told_apart_from_none() {
     for bytes in NavPvt::GOOD.bytes().chunks(60) {
         receiver.receive(bytes, 0);
     }
-    // Its stamp is forgotten after a minute.
+    // The receiver's stamp is forgotten after a minute.
     for minute in 1..5 {
         receiver.receive(&[], 60_010 * minute);
         let (_, [gps]) = read(&Cycle::new().voted_and_filled(6_001 * minute, &[*receiver.solution()]));
@@ -512,7 +512,7 @@ proptest! {
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
         }
-        // Five that say the same agree.
+        // Five receivers that say the same agree.
         prop_assert_eq!(reported.status.position_valid(), gps[0].status.position_valid());
         prop_assert_eq!(reported.status.receivers_agreeing(), 5 * u8::from(gps[0].status.position_valid()));
         prop_assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());

@@ -1,4 +1,4 @@
-//! What a receiver's bytes amount to.
+//! How a receiver's bytes become its solution.
 
 mod ubx;
 
@@ -24,8 +24,8 @@ fn fed(bytes: &[u8]) -> Receiver {
     receiver
 }
 
-/// The float64 nearest to `raw` / 10^`decimals`, by way of its decimal digits: the standard library's
-/// parser rounds correctly, and shares nothing with a division.
+/// Returns the float64 nearest to `raw` / 10^`decimals`, by way of its decimal digits: the standard library's parser
+/// rounds correctly, and shares nothing with a division.
 fn decimal(raw: i32, decimals: usize) -> f64 {
     let digits = format!("{:0width$}", raw.unsigned_abs(), width = decimals + 1);
     let (whole, part) = digits.split_at(digits.len() - decimals);
@@ -62,7 +62,7 @@ proptest! {
         prop_assert_eq!(given, accuracies.map(|said| decimal(said as i32, 3)));
     }
 
-    /// Of every four messages in a row at least one follows the one before it without a loss.
+    /// In every four messages in a row at least one follows the previous one without a loss.
     #[test]
     fn messages_that_are_lost_now_and_then_do_not_lengthen_the_period(
         period in prop::sample::select(vec![25u32, 40, 100, 200, 250, 500, 1_000]),
@@ -126,7 +126,7 @@ proptest! {
 
     #[test]
     fn a_message_is_found_after_any_noise(noise in proptest::collection::vec(any::<u8>(), 0..600)) {
-        // Noise may begin a message that seems to go on; a buffer's worth of silence ends that.
+        // Noise may begin a message that seems to go on; as many zeros as the buffer can hold end it.
         let mut receiver = Receiver::new();
         feed(&mut receiver, &noise, 0);
         feed(&mut receiver, &[0; BUFFER + BYTES_PER_CALL], 0);
@@ -166,7 +166,7 @@ fn zeros_behind_a_sync_do_not_tell_that_a_receiver_is_heard() {
     let receiver = fed(&[0xB5, 0x62, 0, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!((receiver.counts().messages, receiver.counts().damaged), (0, 1));
     assert!(!receiver.solution().last_heard.within(0, HEARD_MS));
-    // A message of a kind that is not used tells it.
+    // A message of a kind that is not used counts as heard.
     assert!(fed(&message(1, 0x35, &[0; 8])).solution().last_heard.within(0, HEARD_MS));
 }
 
@@ -206,7 +206,7 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // A header that promises 200 bytes, and then a whole message.
+    // These bytes are a header that promises 200 bytes, and then a whole message.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -271,7 +271,7 @@ fn attitude_is_in_radians_and_an_angle_without_accuracy_is_not_given() {
     assert!(!attitude.roll.is_nan() && !attitude.pitch.is_nan());
 }
 
-/// Which of three there are, in every combination.
+/// Returns every combination of three things that are there or not.
 fn combinations() -> impl Iterator<Item = [bool; 3]> {
     (0..8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1))
 }
@@ -376,7 +376,7 @@ fn a_receiver_that_starts_again_with_an_earlier_time_is_believed_at_once() {
     let pace = receiver.solution().position.pace;
     assert_eq!(pace.period_ms(), 100);
     assert!(pace.is_current(110_000));
-    // The step back is none of the four that make the period longer.
+    // The step back is not one of the four that make the period longer.
     let periods = [6_000, 7_000, 8_000, 9_000].map(|itow| {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), 105_000 + itow);
         receiver.solution().position.pace.period_ms()
@@ -407,7 +407,7 @@ fn the_lag_is_from_the_time_of_week_to_the_arrival_over_the_ends_of_weeks_and_st
         // A repeated time of week brings nothing new.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
-        // A time of week that no receiver has.
+        // This is a time of week that no receiver has.
         (week + 2_000, 2 * week + 300, 1_700),
         (u32::MAX, 0, u32::MAX % week),
     ] {
@@ -449,8 +449,8 @@ fn a_receiver_silent_for_as_long_as_the_clock_takes_to_wrap_is_still_silent() {
     }
 }
 
-/// What real receivers sent, where it is at hand: every NAV-PVT that a plain search for sync bytes and a
-/// checksum of its own finds is found, and nothing else.
+/// Reads what real receivers sent, where recordings are at hand: every NAV-PVT is found that a plain search for sync
+/// bytes with its own checksum finds, and nothing else.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");

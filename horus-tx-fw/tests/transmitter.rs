@@ -1,4 +1,4 @@
-//! The transmitter against the model of the chip it drives: every slot of a cycle in virtual time, byte by
+//! The transmitter runs against the model of the chip that it drives: every slot of a cycle in virtual time, byte by
 //! byte on the SPI.
 
 use horus_tx_fw::{
@@ -19,9 +19,9 @@ use st25r3916::{
 };
 use st25r3916_model::{AirEvent, Chip, Config, Space};
 
-/// One byte at 9 MHz, ns, rounded up.
+/// The time of one byte at 9 MHz, ns, rounded up.
 const BYTE_NS: u64 = 889;
-/// Start-up and end of a transfer, ns: an interrupt and its handler.
+/// The time of a transfer's start and end, ns: an interrupt and its handler.
 const OVERHEAD_NS: u64 = 2_000;
 const CYCLE_NS: u64 = 10_000_000;
 
@@ -43,10 +43,10 @@ struct Bench {
     ticket: Ticket,
     profile: Vec<u8>,
     frame: Range<usize>,
-    /// Swallows the end of the transfer under way.
+    /// Whether the end of the transfer under way is swallowed.
     hang: bool,
     aborted: u32,
-    /// How much later than asked for the rest of a frame begins to be loaded, ns.
+    /// How much later than asked for the load of a frame's rest begins, ns.
     rest_late_ns: u64,
 }
 
@@ -133,19 +133,19 @@ impl transmitter::FrontEndPort for Bench {
     }
 }
 
-/// A frame that was on the air: when it began, its payload.
+/// A frame that was on the air: when it began, and its payload.
 struct Sent {
     at: u64,
     payload: Vec<u8>,
 }
 
-/// Runs `cycles` ticks and gives what was on the air. `before` is called before each tick's profile is
-/// offered, and says how late that is, ns after the tick.
+/// Runs `cycles` ticks and returns what was on the air. `before` is called before each tick's profile is offered, and
+/// returns how late the offer is, ns after the tick.
 fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
     run_on(Config::default(), cycles, telemetry, before)
 }
 
-/// The same with another chip.
+/// Does the same as [`run`] with another chip.
 fn run_on(
     config: Config,
     cycles: u32,
@@ -155,7 +155,7 @@ fn run_on(
     let mut transmitter = Transmitter::start(PollerConfig::new(), telemetry, Bench::new(config));
     let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
-    // What is due at an instant of its own: slots and offers of the tick under way.
+    // This holds what is due at an instant of its own: slots and offers of the tick under way.
     let mut due: Vec<(u64, Option<usize>)> = Vec::new();
     let mut tick = 0;
     let mut next_tick = CYCLE_NS;
@@ -227,7 +227,7 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // LEN, payload, CRC-16.
+                    // The bits are those of LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);
@@ -242,13 +242,14 @@ fn run_on(
     (sent, bench)
 }
 
-/// Whether `frame` has the length of one and every object of it is intact.
+/// Whether `frame` has the length of a frame and every object in it is intact.
 fn is_whole(frame: &Sent) -> bool {
     let objects = air::objects::<RECEIVERS>(&frame.payload);
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Every object of `frame` is intact and of the cycle that it was sent in; gives the cycle and the frame's place.
+/// Asserts that every object of `frame` is intact and of the cycle in which it was sent, and returns the cycle and the
+/// frame's place.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");
@@ -294,7 +295,7 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
 #[test]
 fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
     let telemetry = Telemetry::new();
-    // Late by half the time that loading the head takes: under way when its slot passes.
+    // The offer is late by half the time that the head's load takes: the load is under way when its slot passes.
     let late = u64::from(SLOT_US[0]) * 1_000 - HEAD as u64 * BYTE_NS / 2;
     let (sent, _) = run(40, &telemetry, |tick, _| if tick == 20 || tick == 30 { late } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
@@ -311,7 +312,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 #[test]
 fn the_rest_of_a_frame_may_be_as_late_as_the_driver_says_and_later_the_fifo_runs_dry_which_is_counted() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
-    // The model's air begins a few µs after the command; the driver counts on none of them.
+    // The model's air begins a few µs after the command; the driver does not rely on that time.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
         let telemetry = Telemetry::new();
         let (sent, bench) = run(40, &telemetry, |tick, bench| {
@@ -339,7 +340,7 @@ fn a_chip_that_loses_its_supply_costs_the_frames_of_the_meantime_and_comes_back(
     });
     let places: Vec<_> = sent.iter().filter(|frame| !frame.payload.is_empty()).map(check).collect();
     assert!((20..25).all(|tick| !places.iter().any(|place| place.0 == tick)));
-    // The back-off is at most 64 ms, bring-up 6 ms.
+    // The back-off takes at most 64 ms, and bring-up 6 ms.
     for tick in 34..=80 {
         assert!(places.contains(&(tick, 0)), "cycle {tick}");
     }
@@ -367,7 +368,7 @@ fn a_transfer_that_never_ends_is_given_up_after_a_millisecond() {
 #[test]
 fn a_cycle_that_offers_nothing_sends_nothing() {
     let telemetry = Telemetry::new();
-    // Later than every slot: as if the cycle had hung.
+    // The offer is later than every slot, as if the cycle had hung.
     let (sent, _) = run(30, &telemetry, |tick, _| if tick == 20 { 9_999_000 } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
     assert!(!places.iter().any(|place| place.0 == 20));

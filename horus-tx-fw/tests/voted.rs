@@ -1,18 +1,19 @@
-//! The whole chain without boards: simulated receivers that watch one flight, one or two of them failing, their bytes
-//! through parser and voter at every tick, and Reported-Position against where the aircraft is.
+//! The whole chain without boards: simulated receivers watch one flight while one or two of them fail, their bytes go
+//! through parser and voter at every tick, and Reported-Position is compared with where the aircraft is.
 //!
 //! # Bounds
 //!
 //! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
 //! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
 //! m/s). A result of three with one wrong one has a right one among its members, with which each member agrees. The
-//! result is at most as far from it as two may be that agree: [`AGREE_M`]. So no result is farther from the truth than
-//! the sum, whatever the one wrong receiver does, whose stated accuracy could take the agreement to its ceiling. Three
-//! members have two right ones on either side of the median: the result is then off by no more than they are.
+//! result is at most as far from that one as two that agree may be apart: [`AGREE_M`]. So no result is farther from the
+//! truth than the sum of both, whatever the wrong receiver does, whose stated accuracy could raise the agreement to its
+//! ceiling. If all three are members, the median lies between two right ones or on one, and is off by no more than they
+//! are.
 //!
-//! There is a result at every tick as long as the two right receivers agree with each other, which they are asked apart
-//! from the failed one. Two right ones do disagree, rarely; then nobody can tell who is right, and a run in which that
-//! happens is only held against the bound.
+//! There is a result at every tick as long as the two right receivers agree with each other, which is checked without
+//! the failed one. Two right ones do disagree, rarely; then nobody can tell who is right, and a run in which that
+//! happens is only compared with the bound.
 
 use std::sync::Arc;
 
@@ -20,47 +21,47 @@ use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
 use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
-/// How far off a right receiver is at most over ground, m; see above.
+/// The most that a right receiver is off over ground, m; the module's page derives it.
 const RIGHT_M: f64 = 9.0;
-/// How far apart two may be that agree, m: the ceiling of decision 15.
+/// The most that two receivers that agree are apart, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
-/// The same in height: of 1.4 to 1.9 m in one axis five deviations.
+/// The most that a right receiver is off in height, m: five deviations of 1.4 to 1.9 m in one axis.
 const RIGHT_HEIGHT_M: f64 = 10.0;
-/// See [`AGREE_M`].
+/// The most that two receivers that agree are apart in height, m: the ceiling of decision 15.
 const AGREE_HEIGHT_M: f64 = 50.0;
 
 /// What goes wrong with a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// It says nothing more.
+    /// The receiver says nothing more.
     Silence,
-    /// It repeats its last solution, time of week included.
+    /// The receiver repeats its last solution, time of week included.
     Frozen,
-    /// It repeats its last solution at new times of week.
+    /// The receiver repeats its last solution at new times of week.
     Stuck,
-    /// It is suddenly 20 m to 5 km off.
+    /// The receiver is suddenly 20 m to 5 km off.
     Jump,
-    /// It moves away with 0.2 to 2 m/s.
+    /// The receiver moves away with 0.2 to 2 m/s.
     Drift,
-    /// It is 1 to 30 m off.
+    /// The receiver is 1 to 30 m off.
     Offset,
-    /// Fields in which nothing is in range, or anything.
+    /// The receiver sends fields in which nothing is in range, or anything.
     Garbage,
-    /// It states a hundredth of its accuracy, and drifts.
+    /// The receiver states a hundredth of its accuracy, and drifts.
     Understated,
-    /// It states a hundred times its accuracy, and drifts.
+    /// The receiver states a hundred times its accuracy, and drifts.
     Overstated,
-    /// Every checksum is wrong.
+    /// Every checksum of the receiver is wrong.
     Checksum,
-    /// Its time of week jumps.
+    /// The receiver's time of week jumps.
     Time,
-    /// Its velocity is wrong by up to 50 m/s.
+    /// The receiver's velocity is wrong by up to 50 m/s.
     Velocity,
-    /// It has a 2D fix.
+    /// The receiver has a 2D fix.
     Flat,
-    /// It is 60 m to 5 km too high.
+    /// The receiver is 60 m to 5 km too high.
     Height,
-    /// Its heading is 15 degrees off or more.
+    /// The receiver's heading is 15 degrees off or more.
     Heading,
 }
 
@@ -103,7 +104,7 @@ impl Draw {
 struct Failure {
     kind: Kind,
     from_ns: u64,
-    /// m north and east, up to 1.
+    /// The direction of the error, north and east, up to 1.
     direction: [f64; 2],
     metres: f64,
     metres_per_s: f64,
@@ -126,7 +127,7 @@ impl Failure {
         Self { kind, from_ns, direction, metres, metres_per_s, velocity_mm_s, draw, last: None }
     }
 
-    /// What the receiver sends at `at_ns` in place of `bytes`.
+    /// Returns what the receiver sends at `at_ns` in place of `bytes`.
     fn spoil(&mut self, bytes: Vec<u8>, at_ns: u64, plane: &TangentPlane) -> Vec<u8> {
         if at_ns < self.from_ns {
             self.last = Some(bytes.clone());
@@ -173,7 +174,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // In each message's payload, so that no message of the burst is intact.
+                // The change is in each message's payload, so that no message of the burst is intact.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -201,7 +202,7 @@ impl Failure {
             Kind::Heading => {
                 let off = (15e5 + self.metres * 10e5) as i32;
                 let turn = |payload: &mut [u8], itow: usize| {
-                    // NAV-ATT alone has 32 bytes.
+                    // Only NAV-ATT has 32 bytes.
                     if itow == 0 && payload.len() == ubx::NavAtt::PAYLOAD {
                         let heading = i32::from_le_bytes(payload[16..20].try_into().expect("four bytes"));
                         payload[16..20].copy_from_slice(&((heading + off) % 36_000_000).to_le_bytes());
@@ -241,8 +242,8 @@ impl Failure {
     }
 }
 
-/// A burst with each message's payload changed, `all` of them where their time of week is, NAV-PVT's by `pvt`, and
-/// right checksums.
+/// Returns a burst with each message's payload changed and right checksums: `all` changes every payload, whose time of
+/// week is at the given offset, and `pvt` changes that of NAV-PVT.
 fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut [u8])) -> Vec<u8> {
     let mut changed = Vec::new();
     let mut rest = bytes.as_slice();
@@ -258,43 +259,43 @@ fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut
     changed
 }
 
-/// The time of week of a burst, which begins with NAV-PVT.
+/// Returns the time of week of a burst, which begins with NAV-PVT.
 fn itow(burst: &[u8]) -> [u8; 4] {
     burst[6..10].try_into().expect("four bytes")
 }
 
-/// What a run came to.
+/// The result of a run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Outcome {
-    /// Of ticks with a result, over ground, m.
+    /// The worst error over ground of all ticks with a result, m.
     worst_m: f64,
-    /// From the failure to the first tick at which the failed receiver is excluded, ms.
+    /// The time from the failure to the first tick at which the failed receiver is excluded, ms.
     excluded_after_ms: Option<u32>,
-    /// From the failure to the first tick from which it was no member any more to the end, ms.
+    /// The time from the failure to the first tick from which on the failed receiver was no member any more, ms.
     left_after_ms: Option<u32>,
-    /// Ticks without a result after [`SETTLED_MS`].
+    /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
-    /// Ticks after that at which two right receivers, asked alone, did not agree.
+    /// The number of ticks after [`SETTLED_MS`] at which two right receivers, asked alone, did not agree.
     apart: u32,
-    /// Ticks that showed a right receiver as excluded.
+    /// The number of ticks that showed a right receiver as excluded.
     wronged: u32,
-    /// Ticks at which fewer receivers agreed than are fitted but no degraded was shown.
+    /// The number of ticks at which fewer receivers agreed than are fitted but *degraded* was not shown.
     undegraded: u32,
-    /// Ticks with a result farther off than the bound that is not of two failed receivers that agree.
+    /// The number of ticks with a result beyond the bound that is not of two failed receivers that agree.
     unexplained: u32,
-    /// Of ticks with an altitude, m.
+    /// The worst error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// Ticks after [`SETTLED_MS`] with an attitude, and of those the greatest error of a heading, degrees.
+    /// The number of ticks after [`SETTLED_MS`] with an attitude, and the greatest error of their headings, degrees.
     oriented: u32,
     worst_heading: f64,
-    /// From the failure to the first tick with a result farther off than the bound, ms.
+    /// The time from the failure to the first tick with a result farther off than the bound, ms.
     far_after_ms: Option<u32>,
 }
 
 const SECONDS: f64 = 20.0;
 const RECEIVERS: usize = 3;
 
-/// The first result must be there by then, ms: every receiver has sent its first solution after 300 ms.
+/// The time by which there must be a result, ms: every receiver has sent its first solution after 300 ms.
 const SETTLED_MS: u32 = 500;
 
 fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
@@ -311,7 +312,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
     for tick in 0..(SECONDS * 100.0) as u32 {
         let now = timestamp(tick);
         for (index, (source, receiver)) in sources.iter_mut().zip(&mut receivers).enumerate() {
-            // A burst takes at most 4 ms on the line; it is here when its last byte is.
+            // A burst takes at most 4 ms on the line, and has arrived when its last byte has.
             while let Some(burst) = source.next_if(|burst| burst.at_ns + 4_000_000 <= u64::from(now) * 1_000_000) {
                 let arrived = ((burst.at_ns + 4_000_000) / 1_000_000) as u32;
                 let mut bytes = burst.bytes;
@@ -361,7 +362,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // Which can only be of two wrong ones that agree with each other and not with the right one.
+            // Such a result can only be of two wrong receivers that agree with each other and not with the right one.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
@@ -395,7 +396,7 @@ fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
     Failure::new(kind, from_ns, draw)
 }
 
-/// One of three fails, in every way in turn.
+/// Lets one of three receivers fail, in every way in turn.
 fn one_of_three(runs: u64) {
     println!("kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart");
     let (mut worst_height, mut worst_heading) = (0.0_f64, 0.0_f64);
@@ -411,14 +412,14 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // Where the right ones disagree nobody can tell who is right.
+            // Where the right receivers disagree, nobody can tell who is right.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }
             apart += u32::from(outcome.apart > 0);
             match kind {
                 Kind::Silence | Kind::Frozen | Kind::Checksum => {
-                    // One period and 150 ms after its last message, which may be a period old.
+                    // A receiver leaves one period and 150 ms after its last message, which may be a period old.
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
@@ -446,7 +447,7 @@ fn one_of_three(runs: u64) {
     println!("altitude off by {worst_height:.2} m, heading by {worst_heading:.1} degrees at worst");
 }
 
-/// Two of three fail, each in a way and at a time of its own.
+/// Lets two of three receivers fail, each in a way and at a time of its own.
 fn two_of_three(runs: u64) {
     let (mut valid_far, mut worst, mut without) = (0, 0.0_f64, 0_u64);
     for seed in 0..runs {
@@ -503,12 +504,13 @@ fn a_jump_of_all_receivers_is_held_back_for_a_second() {
         let mut failures: Vec<_> = (0..RECEIVERS).map(|who| (who, jump(who))).collect();
         let outcome = run(seed, &mut failures);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
-        // The second of them has jumped within 125 ms, or 200 ms, and its latency.
+        // The second receiver has jumped within 125 ms, or 200 ms, and its latency.
         assert!(outcome.far_after_ms.is_some_and(|ms| (1_000..1_400).contains(&ms)), "seed {seed}: {outcome:?}");
     }
 }
 
-/// The same ten thousand times, with the table: `cargo test -p horus-tx-fw --test voted -- --ignored --nocapture`.
+/// Runs the same failures ten thousand times and prints the table: `cargo test -p horus-tx-fw --test voted -- --ignored
+/// --nocapture`.
 #[test]
 #[ignore = "takes four minutes: cargo test -p horus-tx-fw --test voted -- --ignored --nocapture"]
 fn ten_thousand_failures() {

@@ -1,21 +1,21 @@
-//! The image that the SSI streams, as the idle loop looks at it.
+//! The image that the SSI streams, as the idle loop accesses it.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use dpr_fw::{integrity::Shown, ImageMemory, IMAGE_WORDS};
 use firmware_common::memory;
 
-/// Address of the image's buffer; 0 before the first image.
+/// The address of the image's buffer; 0 before the first image.
 static ADDRESS: AtomicU32 = AtomicU32::new(0);
-/// Counts the images.
+/// The number of images so far.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
-/// The SSI task has taken another image. It is told before the buffer of the one before can be scrubbed, so a reader
-/// that finds the same generation before and after has read that generation alone.
+/// Records that the SSI task has taken another image. This is called before the buffer of the previous image can be
+/// scrubbed, so a reader that finds the same generation before and after has read only that generation.
 #[inline]
 pub(super) fn shown(image: &ImageMemory) {
     ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);
-    // Never 0 again.
+    // After the first image the count is never 0 again.
     let next = GENERATION.load(Ordering::Relaxed).wrapping_add(1).max(1);
     GENERATION.store(next, Ordering::Release);
 }
@@ -29,7 +29,7 @@ impl Shown for ShownImage {
         GENERATION.load(Ordering::SeqCst)
     }
 
-    /// Loads in assembly, not through a reference: other tasks may scrub or fill the buffer at any time.
+    /// Loads in assembly and not through a reference, since other tasks may scrub or fill the buffer at any time.
     fn copy(&self, first: usize, words: &mut [u32]) {
         let image = ADDRESS.load(Ordering::Relaxed);
         for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {

@@ -1,47 +1,47 @@
-//! The registers. `unsafe` code is in the files of this module and nowhere else in this firmware.
+//! The registers. Only the files of this module have `unsafe` code in this firmware.
 //!
 //! | file | what |
 //! |---|---|
-//! | `mod.rs` | start-up: debug port, program check, supply, clocks, everything below; the safe state |
+//! | `mod.rs` | start-up: debug port, program check, supply, clocks, all the files below; the safe state |
 //! | `start_up.rs` | the first instructions: reset reasons and watchdog |
 //! | `time.rs` | the µs counter, the deadline of the next frame |
-//! | `integrity.rs` | the image that the SSI streams, as the idle loop looks at it |
+//! | `integrity.rs` | the image that the SSI streams, as the idle loop accesses it |
 //! | `rf.rs` | the front end's SPI, interrupt pin and timer |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
 //! # Design
 //!
-//! Each peripheral is a type that owns what its DMA may touch. A receive buffer is inside [`RfPort`] for as long as
-//! SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as SPIS1 may read and
-//! write them; both are `&'static mut`, so nothing else can look at them meanwhile, and they come out only when the
-//! peripheral has reported that it is done. All of it is in RAM, as EasyDMA requires (PS v1.7, 6.3). Compiler fences
-//! stand before each start and after each end, so that no access to a buffer moves across; the Cortex-M4 has no data
-//! cache and completes its stores in order, so there is nothing but the compiler to hold back.
-//!
+//! Each peripheral is a type that owns the memory that its DMA may access. A receive buffer is inside [`RfPort`]
+//! for as long as SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as
+//! SPIS1 may read and write them. All are `&'static mut`, so nothing else can access them meanwhile, and they come
+//! out only when the peripheral has reported that it is done. All of this memory is in RAM, as EasyDMA requires (PS
+//! v1.7, 6.3). Compiler fences stand before each start and after each end, so that no access to a buffer moves
+//! across; the Cortex-M4 has no data cache and completes its stores in order, so only the compiler could reorder
+//! them.
 //! # Anomalies
 //!
-//! nRF52840 revisions 1 to 3, of the peripherals used here:
+//! These are anomalies of nRF52840 revisions 1 to 3 that concern the peripherals used here:
 //!
-//! | no. | what | what we do |
+//! | no. | what | measure |
 //! |---|---|---|
 //! | 36 | CLOCK: some registers survive a reset | the event of the HFXO is cleared before it is awaited |
-//! | 78 | TIMER: high current after STOP | TIMER3 alone stops, after each pause of the SSI; current only |
-//! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; a wake-up too many does no harm |
-//! | 136 | RESETREAS: bits set that should not be | with the pin's bit set, the others are not believed |
-//! | 155 | GPIOTE: an edge may be reported twice | the interrupt asks the pin for its level ([`dpr_fw::rf`]) |
+//! | 78 | TIMER: high current after STOP | only TIMER3 stops, after each pause of the SSI; only current is lost |
+//! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; an extra wake-up does no harm |
+//! | 136 | RESETREAS: bits set that should not be | if the pin's bit is set, the others are ignored |
+//! | 155 | GPIOTE: an edge may be reported twice | the interrupt reads the pin's level ([`dpr_fw::rf`]) |
 //! | 173, 210 | GPIO: LATCH is slow, and wrong | LATCH is not used |
-//! | 176 | a flash erase through CTRL-AP fails with the watchdog running | a matter for the flashing tool: halt first |
+//! | 176 | a flash erase through CTRL-AP fails with the watchdog running | the flashing tool must halt the part |
 //! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 and SPIS1 are used |
 //! | 213 | WDT: configuration lost in System OFF | System OFF is not used |
 //! | 241 | SAADC: more current after it was used | the SAADC is not used |
 //! | 242 | NVMC: an erase or write hangs the processor if POFWARN comes in it | the firmware writes no flash |
-//! | 246 | extra current in idle after EasyDMA | current only |
+//! | 246 | extra current in idle after EasyDMA | only current is lost |
 //!
-//! 241 as embassy-rs/embassy has it (`embassy-nrf`, change log, SAADC), 242 as Zephyr does (`soc_flash_nrf.c`,
-//! `suspend_pofwarn`). Of 259, 266 and 270 no public source at hand has the words; they are to be read in Nordic's
-//! errata sheet of the revision that is fitted before a board flies.
+//! Anomaly 241 is described by embassy-rs/embassy (`embassy-nrf`, change log, SAADC), and 242 by Zephyr
+//! (`soc_flash_nrf.c`, `suspend_pofwarn`). No public source at hand describes 259, 266 and 270; Nordic's errata sheet
+//! of the revision that is fitted has to be read for them before a board flies.
 //!
-//! 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) are of Engineering A only.
+//! Anomalies 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) concern only Engineering A.
 #![allow(unsafe_code)]
 
 mod integrity;
@@ -85,7 +85,7 @@ use crate::board;
 
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
-/// The counters, for a debugger to find.
+/// The counters, which a debugger finds by this symbol.
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 
@@ -96,8 +96,8 @@ pub(crate) type ImageBuffer = &'static mut ImageMemory;
 /// A receive area of the SSI.
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// Reads and clears an event, and waits until the write is through the bus bridge, so that the interrupt does not come
-/// again for it (PS v1.7, 6.1.8).
+/// Reads and clears an event, and waits until the write is through the bus bridge, so that the event does not call its
+/// interrupt again (PS v1.7, 6.1.8).
 macro_rules! take_event {
     ($event:expr) => {{
         let event = &$event;
@@ -111,17 +111,17 @@ macro_rules! take_event {
 }
 pub(crate) use take_event;
 
-/// Everything the tasks own of the hardware.
+/// All hardware that the tasks own.
 pub(crate) struct Board {
-    /// RFID front end.
+    /// The RFID front end.
     pub(crate) rf: RfPort,
-    /// IRQ edge of the front end.
+    /// The IRQ edge of the front end.
     pub(crate) rf_edge: RfEdge,
-    /// SSI.
+    /// The SSI.
     pub(crate) ssi: SsiPort,
-    /// The missed-frame deadline.
+    /// The deadline that notices a missed frame.
     pub(crate) deadline: Deadline,
-    /// The watchdog; `None` if something else has configured it, then it is that one's.
+    /// The watchdog; `None` if something else has configured it, and then owns it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     /// Why the part last started.
     pub(crate) reset_reason: ResetReason,
@@ -129,23 +129,23 @@ pub(crate) struct Board {
     pub(crate) debug_port: DebugPort,
 }
 
-/// Static memory that DMA uses.
+/// The static memory that DMA uses.
 pub(crate) struct DmaMemory {
-    /// What is sent in a short transfer, or the command of a read.
+    /// The bytes that a short transfer sends, or the command of a read.
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
-    /// What is received in a short transfer.
+    /// The bytes that a short transfer receives.
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
-    /// What comes in over SSI, and where it goes from there.
+    /// The area into which the SSI receives, and the queues by which areas go on from there.
     pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
 }
 
-/// What decides about the debug port (PS v1.7, "Debug and trace").
+/// The registers that decide about the debug port (PS v1.7, "Debug and trace").
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
 }
 
-/// APPROTECT.DISABLE, which the register description of this PAC does not have.
+/// The address of APPROTECT.DISABLE, which this PAC does not have.
 const APPROTECT_DISABLE: u32 = 0x4000_0558;
 
 impl debug_port::Registers for Protection<'_> {
@@ -164,24 +164,24 @@ impl debug_port::Registers for Protection<'_> {
     }
 }
 
-/// Survives every reset that leaves the RAM powered.
+/// A word that survives every reset that leaves the RAM powered.
 #[link_section = ".uninit.RAM_KEPT"]
 static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
-/// What it holds once the firmware has run.
+/// The value of [`RAM_KEPT`] once the firmware has run.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures everything. A program that is not the one that was built ends in the safe state, before any pin is an
-/// output.
+/// Configures everything. A program that differs from the one that was built ends in the safe state, before any pin is
+/// an output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
     p: pac::Peripherals,
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // So that a debugger reaches a board whose firmware does not come far.
+    // The port is opened first, so that a debugger reaches a board whose firmware does not get far.
     let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
 
-    // It runs since the first instructions (`start_up`), or from before a soft reset or a lockup, which it outlives.
+    // The watchdog runs since the first instructions (`start_up`), or since before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
@@ -219,13 +219,13 @@ pub(crate) fn init(
     Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
 }
 
-/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). One
-/// that does not start ends in the safe state: without it the DPR has no time to judge HORUS's by
+/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). A
+/// crystal that does not start ends in the safe state: without it the DPR has no time with which to judge HORUS's
 /// (docs/decisions/0023-start-and-clocks.md).
 fn start_crystal(clock: &pac::CLOCK) {
-    // Anomaly 36: the event may be set from before.
+    // The event may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();
-    // SAFETY: task registers take 1.
+    // SAFETY: a task register takes a 1.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
     let is_started = || clock.events_hfclkstarted.read().bits() != 0;
     if !crystal::starts(is_started, || asm::delay(crystal::PAUSE_CYCLES)) {
@@ -237,18 +237,18 @@ fn start_crystal(clock: &pac::CLOCK) {
     }
 }
 
-/// The supply at which the board stops, mV. The part itself needs 1.7 V, but its front end 2.4 V (DS13541, operating
-/// conditions), and this threshold is the lowest that is above that in every part: 5 % off at most (PS v1.7, 5.3.8), so
-/// 2.57 to 2.84 V, below the kit's 3.0 V.
+/// The supply at which the board stops, mV. The part itself needs 1.7 V, but its front end needs 2.4 V (DS13541,
+/// operating conditions). This threshold is the lowest that is above that in every part: it is off by 5 % at most (PS
+/// v1.7, 5.3.8), so it is 2.57 to 2.84 V, below the kit's 3.0 V.
 const POWER_FAIL_MV: u32 = 2_700;
 
-/// Switches the power-fail comparator and its interrupt on. A supply that is below the threshold already raises the
+/// Switches the power-fail comparator and its interrupt on. A supply that is already below the threshold raises the
 /// event as well (PS v1.7, 5.3.3) and ends the start. The part's own brown-out reset, at 1.6 V, is always on.
 fn watch_supply(power: &pac::POWER) {
     power.events_pofwarn.reset();
     power.intenset.write(|w| w.pofwarn().set());
     power.pofcon.write(|w| w.pof().enabled().threshold().v27());
-    // SAFETY: its handler shares nothing, does not return, and has the highest priority, which no lock masks.
+    // SAFETY: the handler shares nothing, does not return, and has the highest priority, which no lock masks.
     unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::POWER_CLOCK) };
     if power.events_pofwarn.read().bits() != 0 {
         stop_for_supply();
@@ -260,14 +260,14 @@ fn stop_for_supply() -> ! {
     safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
-/// The supply falls. Nothing else of CLOCK and POWER raises this interrupt.
+/// Stops the DPR because the supply falls. Nothing else of CLOCK and POWER raises this interrupt.
 #[interrupt]
 fn POWER_CLOCK() -> ! {
     stop_for_supply()
 }
 
-/// The safe state: the SSI's buffers are taken back, so that the flight controller reads 0xFF. A transaction that is
-/// under way ends with the image with which it began. Before the SSI is set up, every transaction reads 0xFF anyway.
+/// Enters the safe state: takes the SSI's buffers back, so that the flight controller reads 0xFF. A transaction under
+/// way ends with the image with which it began. Before the SSI is set up, every transaction reads 0xFF anyway.
 pub(crate) fn safe_state() {
     if SsiDoorbell::is_enabled() {
         let _ = SsiDoorbell.request();

@@ -1,4 +1,4 @@
-//! The front end's side: SPIM0, chip select, the IRQ pin, and the driver's timer.
+//! The front end's registers: SPIM0, chip select, the IRQ pin, and the driver's timer.
 
 use core::sync::atomic::{compiler_fence, Ordering};
 
@@ -18,10 +18,10 @@ use st25r3916::{
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
-/// Polls for SPIM0 to stop: it does within the byte it is at, 1 µs.
+/// The number of polls for SPIM0 to stop, which it does within the byte that it transfers, 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
-/// The IRQ edge's interrupt.
+/// The interrupt of the IRQ's edge.
 pub(crate) struct RfEdge(Gpiote);
 
 impl RfEdge {
@@ -29,21 +29,21 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt. What counts is the pin's level.
+    /// Clears the interrupt. The machine looks at the pin's level, not at the edge.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
     }
 }
 
-/// The transfer that runs or has ended.
+/// The transfer that runs or has ended last.
 #[derive(Clone, Copy)]
 enum Transfer {
     None,
     Short {
         len: usize,
     },
-    /// `kept` is the byte that the byte under the command overwrites.
+    /// A read of the FIFO; `kept` is the byte that the byte under the command overwrites.
     Read {
         offset: usize,
         len: usize,
@@ -74,15 +74,15 @@ impl RfPort {
         rx: &'static mut [u8; Short::MAX],
         receive: Filling<ReceiveBuffer>,
     ) -> Self {
-        // SAFETY: (all four) the pins' own selectors; the pins are owned by `pins` and configured as PS v1.7, 6.25.2
-        // wants them.
+        // SAFETY: (all four) these are the pins' own selectors; `pins` owns the pins, which are configured as PS v1.7,
+        // 6.25.2 wants them.
         spim.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spim.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
-        // Mode 1: clock low when idle, data taken at the trailing edge.
+        // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
         spim.config.write(|w| w.order().msb_first().cpha().trailing().cpol().active_high());
         // SAFETY: any byte may be sent beyond the end of the transmit buffer.
         spim.orc.write(|w| unsafe { w.orc().bits(0) });
@@ -103,32 +103,32 @@ impl RfPort {
         }
     }
 
-    /// Starts SPIM0 on `tx[..send]` and `receive` bytes at `into`.
+    /// Starts SPIM0, which sends `tx[..send]` and receives `receive` bytes at `into`.
     ///
     /// # Safety
     ///
     /// `into` must be valid for `receive` bytes of RAM that are owned by `self` until the transfer has ended or was
     /// stopped.
     unsafe fn start(&mut self, send: usize, into: *mut u8, receive: usize) {
-        // SAFETY: (pointers and counts) `tx` is ours and at least `send` long, which the callers see to; `into` is the
-        // caller's promise. Counts fit 16 bits.
+        // SAFETY: (pointers and counts) `self` owns `tx`, which is at least `send` long, as the callers see to; the
+        // caller vouches for `into`. Counts fit 16 bits.
         self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(self.tx.as_ptr() as u32) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         self.spim.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(send as u16) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(into as u32) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive as u16) });
         self.spim.events_end.reset();
         self.running = true;
-        // What was written to the buffers is in memory before the DMA reads or overwrites it.
+        // All writes to the buffers must be in memory before the DMA reads or overwrites it.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// The transfer is over or stopped: the buffers are ours again.
+    /// Ends a transfer that is over or was stopped: the buffers belong to the processor again.
     fn finish(&mut self) {
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
@@ -146,7 +146,7 @@ impl Port for RfPort {
         *self.tx = *short.padded();
         self.transfer = Transfer::Short { len };
         let into = self.rx.as_mut_ptr();
-        // SAFETY: `rx` is ours for ever and at least `len` bytes long; nobody reads it before `ended`.
+        // SAFETY: `self` owns `rx` for ever, which is at least `len` bytes long; nobody reads it before `ended`.
         unsafe { self.start(len, into, len) };
     }
 
@@ -154,7 +154,7 @@ impl Port for RfPort {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // One byte more: the one under the command.
+        // The slice has one byte more than the data, for the byte under the command.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
@@ -187,11 +187,11 @@ impl Port for RfPort {
 
     fn abort(&mut self) {
         self.spim.events_stopped.reset();
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
-        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it). One
-        // that never stops would write over a frame: then the safe state is all there is left.
+        // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it). A
+        // peripheral that never stops would write over a frame, so only the safe state is left.
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();
@@ -207,11 +207,11 @@ impl Port for RfPort {
         let us = us.max(SHORTEST_US);
         self.timer_from = now_us();
         self.timer_us = us;
-        // SAFETY: any value may be compared with.
+        // SAFETY: any value may be compared with the counter.
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // Preempted for so long that the compare was missed: come back at once.
+            // The task was preempted for so long that the compare was missed, so the timer's task is called at once.
             call(Task::rf_timer);
         }
     }

@@ -1,8 +1,8 @@
 //! The SSI: SPIS1 with the image that it streams, the FRESH pin, the expiry of the image in hardware, and the pause
 //! between two transactions that are served.
 //!
-//! `tests/interleavings/board/port.rs` does the same accesses in the same order, on a model, and is explored in every
-//! order. A change here has to be made there.
+//! `tests/interleavings/board/port.rs` does the same accesses in the same order on a model, and is explored in every
+//! order. Whoever changes this file has to change that one, too.
 
 use core::{
     ops::Range,
@@ -21,27 +21,27 @@ use nrf52840_hal::pac;
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
 use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
 
-/// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
+/// The length of the FRESH pulse, one to two µs: long enough for a pin interrupt of the flight controller and for an
 /// optocoupler of 1 Mbit/s.
 const FRESH_US: u32 = 2;
 
-/// What the commit task, too, does to the SSI. All of it is single writes to task registers and reads, so both tasks
-/// may.
+/// What the commit task does to the SSI as well. All of it is single writes to task registers and reads, so both tasks
+/// may do it.
 #[derive(Clone, Copy)]
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
     /// Whether the SSI is set up. Before that it offers nothing, and its tasks must not be triggered.
     pub(crate) fn is_enabled() -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; a register is read, which races with nothing.
+        // SAFETY: the pointer is the peripheral's, valid for ever; reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
 
     /// Whether the SPIS has the buffers: a transaction is under way, if the semaphore was asked for before.
     fn is_under_way() -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; a read-only register is read, which races with
-        // nothing.
+        // SAFETY: the pointer is the peripheral's, valid for ever; this only reads a read-only register, which races
+        // with nothing.
         let holder = unsafe { &*pac::SPIS1::ptr() }.semstat.read().semstat();
         holder.is_spis() || holder.is_cpupending()
     }
@@ -50,21 +50,21 @@ impl SsiDoorbell {
         call(Task::ssi_end);
     }
 
-    /// The pause is over: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Called by the
-    /// task of TIMER3 alone, which has the SSI task's priority. A compare that the SSI task has seen to by beginning
-    /// the pause anew is none.
+    /// Ends the pause: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Only the task of
+    /// TIMER3 calls this, which has the SSI task's priority. A compare does not count if the SSI task has cleared it,
+    /// by beginning the pause anew.
     pub(crate) fn end_pause() {
-        // SAFETY: the pointers are the peripherals', valid for ever. The event is this task's and the SSI task's, which
-        // do not interrupt each other; INTENSET changes the bits that are written alone.
+        // SAFETY: the pointers are the peripherals', valid for ever. Only this task and the SSI task use the event, and
+        // they do not interrupt each other; INTENSET changes only the bits that are written.
         let (spis, pause) = unsafe { (&*pac::SPIS1::ptr(), &*pac::TIMER3::ptr()) };
         if take_event!(pause.events_compare[PAUSE_COMPARE]) {
             spis.intenset.write(|w| w.end().set().acquired().set());
         }
     }
 
-    /// Calls the SSI's two tasks so that they check in, if no transaction does: each has both called.
+    /// Calls both tasks of the SSI so that they check in, unless the end of a transaction has called them.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
-        // SAFETY: the pointer is the port's, valid for ever; its input register is read, which races with nothing.
+        // SAFETY: the pointer is the port's, valid for ever; reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
         let is_selected = levels & 1 << SSI_SELECT_PIN == 0;
         if sign.is_due(DPR_TELEMETRY.ssi_transactions.get(), is_selected) {
@@ -76,14 +76,14 @@ impl SsiDoorbell {
 
 impl Doorbell for SsiDoorbell {
     fn request(&mut self) -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; a task register and a read-only one are accessed,
+        // SAFETY: the pointer is the peripheral's, valid for ever; this accesses a task register and a read-only one,
         // which races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
         let is_under_way = Self::is_under_way();
-        // The end of a transaction calls the task by its event; a call before that would only stand in the way of it.
-        // With the semaphore in the processor's hands already no event comes.
+        // The end of a transaction calls the task by its event; an earlier call would only delay it. If the processor
+        // has the semaphore already, no event comes.
         if !is_under_way {
             Self::call();
         }
@@ -91,37 +91,37 @@ impl Doorbell for SsiDoorbell {
     }
 
     fn announce(&mut self) {
-        // SAFETY: the pointer is the peripheral's, valid for ever; the task acts on FRESH's channel alone.
+        // SAFETY: the pointer is the peripheral's, valid for ever; the task acts only on FRESH's channel.
         let gpiote = unsafe { &*pac::GPIOTE::ptr() };
-        // SAFETY: as above; TIMER2 is used in this file only.
+        // SAFETY: the pointer is the peripheral's, valid for ever, and only this file uses TIMER2.
         let timer = unsafe { &*pac::TIMER2::ptr() };
-        // SAFETY: (both) task registers take 1.
+        // SAFETY: a task register takes a 1.
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // After the counter was cleared no compare can come for 25 ms: the event that is cleared here is an old one.
+        // After the counter was cleared no compare can come for 25 ms, so the event that is cleared here is an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }
 
-/// SPIS1, with the image that is streamed and the area that is written from outside.
+/// SPIS1, with the image that is streamed and the area that the flight controller writes.
 pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// Held so that nothing else configures them.
+    /// The pins are held here so that nothing else configures them.
     _pins: SsiPins,
-    /// `None` only within `hand_over`.
+    /// The receive area; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,
     areas: SsiEnd<'static, AreaBuffer>,
-    /// Bytes that the transaction that ended last brought.
+    /// The number of bytes that the last transaction brought.
     received: usize,
     image: Option<Received<ImageBuffer, ()>>,
     granted: bool,
 }
 
 impl SsiPort {
-    /// Enabled, but with the buffers in the processor's hands: every transaction reads 0xFF.
+    /// Enables the SPIS, but leaves the buffers with the processor, so that every transaction reads 0xFF.
     pub(super) fn new(
         spis: pac::SPIS1,
         (timer, pause): (pac::TIMER2, pac::TIMER3),
@@ -132,37 +132,37 @@ impl SsiPort {
         // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
         timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
         for (compare, us) in EXPIRY_COMPARES.into_iter().zip([EXPIRY_US, EXPIRY_US + EXPIRY_AGAIN_US]) {
-            // SAFETY: any value may be compared with.
+            // SAFETY: any value may be compared with the counter.
             timer.cc[compare].write(|w| unsafe { w.bits(us) });
         }
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // It runs from here on: what it does before the first image takes nothing away that was given.
-        // SAFETY: task registers take 1.
+        // The timer runs from here on: before the first image there is nothing that it could take away.
+        // SAFETY: a task register takes a 1.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         pause.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
-        // SAFETY: any value may be compared with.
+        // SAFETY: any value may be compared with the counter.
         pause.cc[PAUSE_COMPARE].write(|w| unsafe { w.bits(PAUSE_US) });
         pause.shorts.write(|w| w.compare0_stop().enabled());
         pause.intenset.write(|w| w.compare0().set());
-        // SAFETY: (all four) the pins' own selectors; the pins are owned by `pins` and configured as inputs (PS v1.7,
-        // 6.26.4), MISO by the peripheral.
+        // SAFETY: (all four) these are the pins' own selectors; `pins` owns the pins, which are configured as inputs
+        // (PS v1.7, 6.26.4), and the peripheral configures MISO.
         spis.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spis.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spis.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spis.psel.csn.write(|w| unsafe { w.bits(pins.select.psel_bits()) });
-        // Mode 0.
+        // The SPIS works in mode 0.
         spis.config.write(|w| w.order().msb_first().cpha().leading().cpol().active_high());
         // SAFETY: any byte may be the default and the over-read character; no CRC accepts 0xFF throughout.
         spis.def.write(|w| unsafe { w.def().bits(0xFF) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         spis.orc.write(|w| unsafe { w.orc().bits(0xFF) });
-        // SAFETY: the length of every area (`ReceiveArea`); it fits 16 bits.
+        // SAFETY: this is the length of every area (`ReceiveArea`), and it fits 16 bits.
         spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
@@ -174,16 +174,16 @@ impl SsiPort {
 impl Ssi for SsiPort {
     type Buffer = ImageBuffer;
 
-    /// The semaphore is asked for before the end of a transaction: if one ends in between, its end is told now and its
-    /// buffers next time, never the other way round. END and ACQUIRED come together by the shortcut, and a task that
-    /// handled ACQUIRED first would hand the buffers out again before it had seen the transaction (the fault of
+    /// The semaphore is read before the end of a transaction: if one ends in between, this call returns its end and the
+    /// next one its buffers, never the other way round. END and ACQUIRED come together by the shortcut, and a task that
+    /// handled ACQUIRED first would hand the buffers out again before it had noticed the transaction (the fault of
     /// openthread#5703).
     fn take_events(&mut self) -> Events<'_> {
         take_event!(self.spis.events_acquired);
         let ours = self.spis.semstat.read().semstat().is_cpu();
         let ended = take_event!(self.spis.events_end);
         if ours || ended {
-            // The peripheral is done with both buffers: after the end of a transaction it has none until the next
+            // The peripheral has no use for either buffer: after the end of a transaction it has none until the next
             // release.
             compiler_fence(Ordering::SeqCst);
         }
@@ -210,12 +210,12 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
-        // The counter is at zero before the event is cleared: what is cleared is the end of a pause that this one takes
-        // the place of.
-        // SAFETY: task registers take 1.
+        // The counter is at zero before the event is cleared, so the event that is cleared belongs to a pause that this
+        // one replaces.
+        // SAFETY: a task register takes a 1.
         self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
         self.pause.events_compare[PAUSE_COMPARE].reset();
-        // SAFETY: as above. It has stopped at the end of the pause before, or runs on.
+        // SAFETY: a task register takes a 1. The timer has stopped at the end of the previous pause, or runs on.
         self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
             call(Task::port);
@@ -244,14 +244,14 @@ impl Ssi for SsiPort {
         let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];
-        // SAFETY: (pointers and count) both buffers are in RAM for ever and in `self` until the semaphore is ours
-        // again, which `exchange` and `take_events` see to; both slices were checked for their length, which fits 16
-        // bits. The peripheral reads the one and writes the other, and only between a release and the end of a
+        // SAFETY: (pointers and count) both buffers are in RAM for ever and in `self` until the processor has the
+        // semaphore again, which `exchange` and `take_events` see to; both slices were checked for their length, which
+        // fits 16 bits. The peripheral reads the one and writes the other, and only between a release and the end of a
         // transaction.
         self.spis.txd.ptr.write(|w| unsafe { w.ptr().bits(window.as_ptr() as u32) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         self.spis.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(window.len() as u16) });
-        // SAFETY: as above.
+        // SAFETY: the proof above holds here, too.
         self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(area.memory().as_mut_ptr() as u32) });
         true
     }
@@ -262,9 +262,9 @@ impl Ssi for SsiPort {
 
     fn release(&mut self) {
         self.granted = true;
-        // What was written to the image is in memory before the peripheral may read it.
+        // All writes to the image must be in memory before the peripheral may read it.
         compiler_fence(Ordering::SeqCst);
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         self.spis.tasks_release.write(|w| unsafe { w.bits(1) });
     }
 }

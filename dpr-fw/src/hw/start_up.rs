@@ -1,29 +1,29 @@
 //! The first instructions after a reset ([`firmware_common::start`]): the reasons of the reset, then the watchdog.
 //!
-//! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). Cleared before the watchdog
-//! starts, it tells a restart by the watchdog from the start before it, also where that start never came as far as
-//! [`hw::init`](super::init): beside the bit of the reset pin no other would be believed (anomaly 136).
+//! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). They are cleared before the
+//! watchdog starts, so that a restart by the watchdog differs from the start before it, also where that start never
+//! reached [`hw::init`](super::init): if the bit of the reset pin were still set, no other would count (anomaly 136).
 //!
-//! The watchdog outlives a soft reset and a lockup. Then its registers are shut until another reset, and it bites
+//! The watchdog outlives a soft reset and a lockup. Its registers are then shut until another reset, and it bites
 //! whatever happens here, so it is left as it is. Otherwise it is set up in assembler and not by the HAL, whose code
 //! cannot run before statics are set up; the HAL's handle is recovered from the running peripheral.
 
 use firmware_common::start::RESET_FLAGS;
 
-/// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before.
+/// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before that.
 const WATCHDOG_TICKS: u32 = 32_768 / 10;
 
-/// CONFIG (PS v1.7, 6.36): the watchdog runs on while the processor sleeps, bit 0, and while a debugger halts it, bit
-/// 3, unless the build says that a debugger may.
+/// The value of CONFIG (PS v1.7, 6.36): the watchdog runs on while the processor sleeps, bit 0, and while a debugger
+/// halts it, bit 3, unless the build allows a debugger to stop it.
 const CONFIG: u32 = if cfg!(feature = "debugger-stops-watchdog") { 0b0001 } else { 0b1001 };
 
 firmware_common::install_start!(
     [
-        // POWER.RESETREAS.
+        // The reasons of the reset are in POWER.RESETREAS.
         "ldr r0, =0x40000400",
         "ldr r1, [r0]",
         "str r1, [r0]",
-        // WDT: RUNSTATUS; CRV, RREN, CONFIG; TASKS_START.
+        // The registers of the WDT are RUNSTATUS, then CRV, RREN and CONFIG, then TASKS_START.
         "ldr r0, =0x40010000",
         "ldr r2, [r0, #0x400]",
         "cbnz r2, 2f",

@@ -6,34 +6,34 @@ use nrf52840_hal::pac;
 use super::take_event;
 use crate::board::NOW_CAPTURE;
 
-/// Microsecond timers: 16 MHz / 2^4.
+/// The prescaler of timers that count microseconds: 16 MHz / 2^4.
 pub(super) const PRESCALER: u8 = 4;
-/// A compare value nearer than this could be passed before it is set, µs.
+/// The counter could pass a compare value nearer than this before it is set, µs.
 pub(super) const SHORTEST_US: u32 = 2;
 
-/// Starts TIMER0: 32 bits of µs, from zero, for ever.
+/// Starts TIMER0, which counts 32 bits of µs, from zero, for ever.
 pub(super) fn start(timer: &pac::TIMER0) {
     timer.bitmode.write(|w| w.bitmode()._32bit());
     // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
     timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
-    // SAFETY: task registers take 1; the reset of the counter comes before its start.
+    // SAFETY: a task register takes a 1; the counter is cleared before it is started.
     timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-    // SAFETY: as above.
+    // SAFETY: the proof above holds here, too.
     timer.tasks_start.write(|w| unsafe { w.bits(1) });
 }
 
-/// The µs counter now, from any task. Wraps after 71 minutes.
+/// Returns the µs counter's value; any task may call this. It wraps after 71 minutes.
 pub(crate) fn now_us() -> u32 {
-    // SAFETY: the pointer is the peripheral's, valid for ever. This capture register is used here only. If another task
-    // preempts between the two accesses and captures too, what is read is a later value than the own capture, but still
-    // one of the time of this call.
+    // SAFETY: the pointer is the peripheral's, valid for ever. Only this function uses this capture register. If
+    // another task preempts between the two accesses and captures too, the value that is read is later than this call's
+    // own capture, but still lies within the time of this call.
     let timer = unsafe { &*pac::TIMER0::ptr() };
-    // SAFETY: task registers take 1.
+    // SAFETY: a task register takes a 1.
     timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });
     timer.cc[NOW_CAPTURE].read().bits()
 }
 
-/// The deadline of the next frame: TIMER1, µs since it was set.
+/// The deadline of the next frame, in TIMER1, which counts the µs since it was set.
 pub(crate) struct Deadline(pac::TIMER1);
 
 impl Deadline {
@@ -42,7 +42,7 @@ impl Deadline {
         // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
         timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
         timer.intenset.write(|w| w.compare0().set());
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         Self(timer)
     }
@@ -60,11 +60,11 @@ impl Timer for Deadline {
 
     fn set(&mut self, at_us: u32) {
         let left_us = at_us.wrapping_sub(now_us()).cast_signed();
-        // The compare value first: were the task preempted after clearing the counter, a near value could be passed
-        // before it is set, and the next match would be 71 minutes later. An interrupt too early does no harm. SAFETY:
-        // any value may be compared with.
+        // The compare value is set first: if the task were preempted after clearing the counter, a near value could be
+        // passed before it is set, and the next match would be 71 minutes later. An early interrupt does no harm.
+        // SAFETY: any value may be compared with the counter.
         self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
-        // SAFETY: task registers take 1.
+        // SAFETY: a task register takes a 1.
         self.0.tasks_clear.write(|w| unsafe { w.bits(1) });
     }
 }

@@ -1,4 +1,4 @@
-//! What a call of `commit` or `deadline` does: what is published, what Link-Status says, when the next call is due.
+//! What a call of `commit` or `deadline` publishes, what Link-Status says then, and when the next call is due.
 
 use std::cell::Cell;
 
@@ -64,7 +64,7 @@ impl Timer for Time {
     }
 }
 
-/// Both tasks with what they share with others.
+/// The tasks `commit` and `deadline` with all that they share with other tasks.
 struct Dpr {
     intake: Intake<3>,
     rotation: Rotation<ReceiveMemory, FrameInfo>,
@@ -103,7 +103,7 @@ impl Dpr {
         }
     }
 
-    /// One that has published its first image.
+    /// Returns a DPR that has published its first image.
     fn started() -> Self {
         let mut dpr = Self::new();
         assert!(dpr.serve_at(1_000));
@@ -142,7 +142,7 @@ impl Dpr {
         self.receiving = Some(self.rotation.rotate(written, info).0);
     }
 
-    /// The idle loop has found the image of this generation damaged.
+    /// Lets the idle loop find the image of this generation damaged.
     fn damaged(&self, generation: u32) {
         let _ = Judge::new().judge(&Slice::default(), Some(generation), &self.integrity, &self.telemetry);
     }

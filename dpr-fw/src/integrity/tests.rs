@@ -10,12 +10,12 @@ use proptest::prelude::*;
 
 const N: usize = 3;
 
-/// An image that is exchanged after so many words were read.
+/// An image that is exchanged after a number of words were read.
 struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The first read of this word gives this bit wrong.
+    /// The word whose first read returns this bit wrong.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -65,7 +65,7 @@ impl Images for Album {
     }
 }
 
-/// What a commit publishes for cycle `cycles`, of which the link is found after three.
+/// Returns the image that a commit publishes for cycle `cycles`, where the link is found after three.
 fn image(cycles: u32) -> ImageMemory {
     let mut album = Album([0; IMAGE_WORDS], vec![]);
     let mut commit = Commit::<N>::new();
@@ -94,7 +94,7 @@ fn round(check: &mut ImageCheck<N>, board: &Board) -> Vec<usize> {
         .collect()
 }
 
-/// The object that has a byte of the image, from 0 for Link-Status.
+/// Returns the object that has a byte of the image, from 0 for Link-Status.
 fn object_of(byte: usize) -> usize {
     let at = |object: &usize| ImageCheck::<N>::place(*object).expect("an object").contains(&byte);
     (0..ImageCheck::<N>::OBJECTS).find(at).expect("every byte belongs to one")
@@ -151,7 +151,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The object is not forgotten over it.
+        // The object is verified again afterwards.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -242,7 +242,7 @@ fn a_self_test_ends_with_a_whole_pass_of_both_and_tells_its_result_once() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // The other pass takes longer; that of this one comes again and is not asked any more.
+            // The other pass takes longer; this one comes again meanwhile and does not count any more.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);

@@ -1,23 +1,23 @@
-//! What the flight controller writes: uplinks and commands, what is stored of them, and what Port-Status says.
+//! What the flight controller writes: uplinks and commands, how they are stored, and what Port-Status says.
 //!
 //! # Design
 //!
-//! The SSI task hands over what a transaction brought ([`areas`]); a task of the lowest priority but idle judges it
-//! here, [part](profile::port_status) by part. Nothing of the RFID side and nothing of the next transaction waits for
+//! The SSI task hands over what a transaction brought ([`areas`]); a task that has the lowest priority above idle
+//! judges it here, [part](profile::port_status) by part. Neither the RFID side nor the next transaction waits for
 //! that.
 //!
-//! | what came in | what becomes of it |
+//! | what came in | what follows |
 //! |---|---|
-//! | nothing (0x00 or 0xFF throughout) | nothing |
+//! | nothing (0x00 or 0xFF throughout) | nothing changes |
 //! | an intact uplink of a writer, [newer](Uplink) than its last | it is stored in the writer's place |
 //! | an intact [command](profile::Command), newer than the last | it is carried out |
 //! | anything else | it is counted by its [kind](profile::Violation), and changes nothing |
 //!
 //! Port-Status and both uplinks are one [`PortArea`] of 192 bytes, which is sealed here, before the commit task needs
-//! it ([`Prepared`]). That task only copies it into the image that it publishes.
+//! it ([`Prepared`]). The commit task only copies the area into the image that it publishes.
 //!
-//! A command acts on [`WritePort`] alone. Whatever is written, no object of HORUS changes, and Link-Status changes in
-//! its total of access violations and in its bit 7 (the last uplink was rejected) only.
+//! A command acts only on [`WritePort`]. Whatever is written, no object of HORUS changes, and Link-Status changes only
+//! in its total of access violations and in its bit 7 (the last uplink was rejected).
 
 pub mod areas;
 pub mod newer;
@@ -44,14 +44,14 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// What an idle line brings, word by word.
+/// The words that an idle line brings.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
-/// Whether all of `bytes` is what an idle line brings.
+/// Whether all of `bytes` are what an idle line brings.
 fn is_idle(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks();
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
-    // A byte four times says as much as once.
+    // The byte is repeated four times, so that it can be compared like a word.
     let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
     let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
     any == 0 || all == u32::MAX
@@ -60,15 +60,15 @@ fn is_idle(bytes: &[u8]) -> bool {
 /// What other tasks know and Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// Times the SSI task used its transactions up or dropped an object, since start, wrapping.
+    /// How often the SSI task used its transactions up or dropped an object, since start, wrapping.
     pub too_many: u32,
-    /// Faults that the round-the-clock check found in images.
+    /// The number of faults that the patrol found in images.
     pub integrity_faults: u32,
-    /// Its passes over the flash.
+    /// The number of the patrol's passes over flash.
     pub flash_passes: u32,
-    /// Stuck bits that scrubs found.
+    /// The number of stuck bits that scrubs found.
     pub stuck_bits: u32,
-    /// Receive buffers and images that were taken out of use.
+    /// The number of receive buffers and images that were taken out of use.
     pub buffers_out_of_use: u32,
     /// Why the DPR was last in its safe state; 0 if it was not.
     pub last_stop: u32,
@@ -79,7 +79,7 @@ pub struct Diagnostics {
 struct Slot<W> {
     timestamps: Timestamps,
     stored: Uplink,
-    /// When it was stored, µs since start; `None` before the first.
+    /// When the uplink was stored, µs since start; `None` before the first.
     stored_us: Option<u64>,
     writer: PhantomData<W>,
 }
@@ -99,12 +99,12 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Puts what may be shown at `now_us` into its place. Since the last one was stored, ms; saturates, as it does if
-    /// there was none. From [`Uplink::EXPIRY_MS`] on nothing is shown.
+    /// Puts the uplink into `area` if it may be shown at `now_us`. Returns the time since the last one was stored, ms;
+    /// saturates, as it does if there was none. From [`Uplink::EXPIRY_MS`] on nothing is shown.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // In 32 bits the processor divides in a dozen cycles, in 64 in some hundreds; they last for longer than 16 bits
-        // of milliseconds do.
+        // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds. 32 bits of µs last longer than
+        // 16 bits of ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
@@ -114,7 +114,7 @@ impl<W: WritesUplink> Slot<W> {
     }
 }
 
-/// The self-test, which is carried out elsewhere.
+/// The state of the self-test, which is carried out elsewhere.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     running: bool,
@@ -134,9 +134,9 @@ pub struct WritePort {
     last_command: Option<(u32, Command)>,
     last_refused: bool,
     violations: Violations,
-    /// Of all kinds, since start.
+    /// The number of access violations of all kinds since start.
     total: u32,
-    /// What of [`Diagnostics::too_many`] is counted.
+    /// The part of [`Diagnostics::too_many`] that is counted already.
     too_many: u32,
 }
 
@@ -147,7 +147,7 @@ impl Default for WritePort {
 }
 
 impl WritePort {
-    /// Nothing has come in.
+    /// The state before anything has come in.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -166,14 +166,14 @@ impl WritePort {
         }
     }
 
-    /// Judges what a transaction brought, of which the first bytes of `area` came in, at `now_us` on the DPR's µs
-    /// counter. That must not go back from one call to the next, here and in [`WritePort::prepare`], and one of the two
-    /// must be called every 71 minutes. Whether it changed what Port-Status says.
+    /// Judges at `now_us` on the DPR's µs counter what a transaction brought, which is in the first bytes of `area`.
+    /// The counter must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
+    /// must be called every 71 minutes. Returns whether this changed what Port-Status says.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // What did not come in is zero, since areas are scrubbed. So this is an idle line, and the usual transaction:
-        // one that only reads.
+        // Bytes that did not come in are zero, since areas are scrubbed. So this is an idle line, and the usual
+        // transaction: one that only reads.
         if area.iter().all(|word| *word == 0) {
             return false;
         }
@@ -201,7 +201,7 @@ impl WritePort {
         !is_idle(object) || self.total != total
     }
 
-    /// Stores or carries out what is intact and known.
+    /// Stores or carries out an object that is intact and known.
     fn written(&mut self, written: Written<'_>) -> Result<(), Violation> {
         match written {
             Written::BaseStation(uplink) => self.base_station.store(uplink, self.clock.us())?,
@@ -236,31 +236,31 @@ impl WritePort {
         self.violations.count(violation, saturated(times));
     }
 
-    /// Access violations of all kinds since start, for Link-Status; stays at `u32::MAX`.
+    /// Returns the access violations of all kinds since start, for Link-Status; stays at `u32::MAX`.
     #[must_use]
     pub const fn access_violations(&self) -> u32 {
         self.total
     }
 
-    /// Whether the last uplink or command that came in was refused, for Link-Status.
+    /// Whether the last uplink or command that came in was refused, which Link-Status shows.
     #[must_use]
     pub const fn last_refused(&self) -> bool {
         self.last_refused
     }
 
-    /// Uplinks stored since start or since they were cleared.
+    /// Returns the number of uplinks stored since start or since they were cleared.
     #[must_use]
     pub const fn uplinks_accepted(&self) -> u32 {
         self.uplinks_accepted
     }
 
-    /// A self-test was asked for, and is not done.
+    /// Whether a self-test was asked for and is not done.
     #[must_use]
     pub const fn self_test_requested(&self) -> bool {
         self.self_test.running
     }
 
-    /// The self-test that was asked for is done. Without one that was asked for this changes nothing.
+    /// Takes note that the self-test is done. Without a self-test that was asked for this changes nothing.
     pub fn self_test_done(&mut self, passed: bool) {
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);

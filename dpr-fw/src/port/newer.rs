@@ -1,25 +1,25 @@
-//! Which timestamps of a writer are newer than what is known of it ([`profile::Uplink`] has the rule).
+//! Decides which timestamps of a writer are newer than those known so far ([`profile::Uplink`] has the rule).
 
-/// After a restart the writer is believed with its third timestamp in a row of which each is newer than the one before.
+/// After a restart the writer's third timestamp in a row is accepted, if each is newer than the one before.
 pub const ROW: u8 = 3;
 
-/// What is known of the timestamps of one writer's objects of one kind.
+/// The known timestamps of one writer's objects of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
-    /// The last one that was accepted.
+    /// The last timestamp that was accepted.
     last: Option<u32>,
-    /// The last of those that were refused since, and how many of them are a row.
+    /// The last timestamp that was refused since then, and the length of the row that it ends.
     row: Option<(u32, u8)>,
 }
 
-/// Forward by less than half of what a timestamp can count; the rest is back.
+/// Whether the step is forward, by less than half of what a timestamp can count; every other step is back.
 const fn is_newer(timestamp: u32, than: u32) -> bool {
     let step = timestamp.wrapping_sub(than);
     step != 0 && step <= u32::MAX / 2
 }
 
 impl Timestamps {
-    /// Nothing is known.
+    /// The state in which nothing is known.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, row: None }
@@ -87,7 +87,7 @@ mod tests {
                     prop_assert!(!replay.accept(timestamp));
                 }
             }
-            // One that was seen is sent over and over.
+            // An object that was seen before is sent over and over.
             let mut known = Timestamps::new();
             let mut last = 0;
             for (number, _) in (0_u32..).zip(&timestamps) {

@@ -1,4 +1,4 @@
-//! What the port task hands to the commit task.
+//! What the port task hands over to the commit task.
 
 use core::borrow::Borrow;
 
@@ -7,23 +7,23 @@ use profile::map::PortArea;
 /// The newest Port-Status and uplinks that are ready.
 ///
 /// The port task fills an area of its own and [exchanges](Prepared::exchange) it for this one, which moves two
-/// references. The commit task, of higher priority, [looks at it](Prepared::newest). So it always finds a whole one,
-/// and never waits for longer than the exchange.
+/// references. The commit task, of higher priority, [reads](Prepared::newest) this one. So it always finds a whole
+/// area, and never waits for longer than the exchange.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 
 impl<A: Borrow<PortArea>> Prepared<A> {
-    /// With an area to begin with.
+    /// Begins with `area`.
     pub const fn new(area: A) -> Self {
         Self(area)
     }
 
-    /// What the next image shows.
+    /// Returns what the next image shows.
     pub fn newest(&self) -> &PortArea {
         self.0.borrow()
     }
 
-    /// `area` is the newest from now on; it becomes what was the newest before.
+    /// Makes `area` the newest one; `area` becomes what was the newest before.
     pub fn exchange(&mut self, area: &mut A) {
         core::mem::swap(&mut self.0, area);
     }

@@ -27,7 +27,7 @@ fn command(timestamp: u32, command: Command) -> CommandObject {
     CommandObject::seal(FC, timestamp, command)
 }
 
-/// `bytes`, sealed anew.
+/// Returns `bytes`, sealed anew.
 fn sealed(mut bytes: [u8; 64]) -> [u8; 64] {
     let crc = profile::crc::frame(&bytes[..60]);
     bytes[60..].copy_from_slice(&crc.to_be_bytes());
@@ -47,7 +47,7 @@ impl Bench {
         Self { port: WritePort::new(), windows: Windows::new(), now_us: 0, diagnostics: Diagnostics::default() }
     }
 
-    /// A transaction in which `mosi` is clocked in.
+    /// Makes a transaction in which `mosi` is clocked in.
     fn clock(&mut self, mosi: &[u8]) -> bool {
         let mut area = ReceiveArea::default();
         let bytes = mosi.len().min(RECEIVE_BYTES);
@@ -56,7 +56,7 @@ impl Bench {
         self.port.transaction(Transaction { asked, bytes }, &area, self.now_us)
     }
 
-    /// A transaction that asks for nothing and writes `object`.
+    /// Makes a transaction that asks for nothing and writes `object`.
     fn write(&mut self, object: &[u8]) {
         self.clock(&[&[0; 8], object].concat());
     }
@@ -75,7 +75,7 @@ impl Bench {
         self.area().verify().status.expect("Port-Status is intact").values()
     }
 
-    /// The only kind that was counted, and how often; `None` if none was.
+    /// Returns the only kind that was counted, and how often; `None` if none was.
     #[track_caller]
     fn counted(&mut self) -> Option<(Violation, u16)> {
         let violations = self.values().violations;
@@ -289,7 +289,7 @@ fn a_writer_that_was_silent_for_long_goes_on_where_it_was() {
     bench.write(uplink(FC, 100).as_bytes());
     bench.wait_ms(2_000);
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
-    // The old one again is no news.
+    // The old uplink again is not newer.
     bench.write(uplink(FC, 100).as_bytes());
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
     bench.write(uplink(FC, 2_100).as_bytes());
@@ -350,7 +350,7 @@ fn a_self_test_runs_until_its_result_comes_and_a_second_one_is_refused_meanwhile
         assert_eq!(bench.values().status, before.with_last_refused(false).with_self_test_running(true));
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert_eq!(bench.values().violations.of(Violation::CommandBusy), u16::try_from(round).expect("few") + 1);
-        // A command that was refused so is not carried out later either.
+        // A command that was refused for this reason is not carried out later either.
         bench.port.self_test_done(passed);
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert!(!bench.port.self_test_requested());
@@ -377,7 +377,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
     assert_eq!(bench.port.access_violations(), 70_000, "Link-Status's total is not that of the kinds");
 }
 
-/// What is written, most of the time a good object.
+/// What is written, which is a good object most of the time.
 fn mosi() -> impl Strategy<Value = Vec<u8>> {
     let request = prop_oneof![
         Just(vec![0; 8]),
@@ -408,7 +408,7 @@ fn mosi() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
     /// A place holds zeros or, byte for byte, an intact uplink of its own writer that was written less than 500 ms
-    /// before; nothing else of what is written can be read back.
+    /// before; nothing else that is written can be read back.
     #[test]
     fn whatever_is_clocked_in_only_the_uplinks_and_the_counters_change(
         transactions in prop::collection::vec((mosi(), 0_u32..300), 0..40),
@@ -441,7 +441,7 @@ proptest! {
                 prop_assert_eq!(fresh, place != &Uplink::EMPTY && written.iter().any(recent));
                 prop_assert!(fresh || (place == &Uplink::EMPTY && verified == Err(Rejection::Crc)));
             }
-            // Its faults are not for the flight controller to change, and a transaction counts at most three times.
+            // The flight controller cannot change the DPR's faults, and a transaction counts at most three times.
             let faults = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];
             prop_assert_eq!((faults, values.last_stop), ([0; 4], 0));
             let cleared = values.last_command == Command::ClearCounters.word();
@@ -450,7 +450,7 @@ proptest! {
         }
     }
 
-    /// The two tasks in any order: what one transaction brought is judged as it was, or dropped whole.
+    /// The two tasks run in any order: what one transaction brought is judged as it was, or dropped whole.
     #[test]
     fn areas_rotate_clean_and_nothing_is_read_twice(
         steps in prop::collection::vec(prop::option::of(0_usize..=80), 0..60),

@@ -1,4 +1,4 @@
-//! The commit task's side: what it hands over, and how it tells of it.
+//! The commit task's side of the hand-over: what it hands over, and how it announces that.
 
 use core::borrow;
 
@@ -16,21 +16,21 @@ use crate::{
     ImageMemory,
 };
 
-/// What the commit task and the SSI task hand over.
+/// The images that the commit task hands over to the SSI task.
 #[derive(Debug)]
 pub struct Mailbox<B> {
     exchange: Exchange<B>,
-    /// FRESH has risen for the newest image already.
+    /// Whether FRESH has risen for the newest image already.
     announced: bool,
 }
 
 impl<B: Memory> Mailbox<B> {
-    /// No image has been published.
+    /// A mailbox in which no image has been published.
     pub fn new(buffers: [B; IMAGES]) -> Self {
         Self { exchange: Exchange::new(buffers), announced: false }
     }
 
-    /// The image to stream next, given the one streamed so far.
+    /// Returns the image to stream next, given the one that was streamed so far.
     pub(crate) fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, Taken) {
         let (image, newer) = self.exchange.take(streamed);
         let announced = core::mem::take(&mut self.announced);
@@ -50,42 +50,42 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
     }
 }
 
-/// What the SSI task took out of the mailbox.
+/// What is known of the image that the SSI task took out of the mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
-    /// The image is newer than the one streamed before.
+    /// Whether the image is newer than the one that was streamed before.
     pub(super) newer: bool,
-    /// FRESH has risen for it already.
+    /// Whether FRESH has risen for the image already.
     pub(super) announced: bool,
 }
 
-/// What the commit task needs of the SSI.
+/// What the commit task needs from the SSI.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Tells whether a transaction is under way, whose end has to come
-    /// first.
+    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way, whose end has to
+    /// come first.
     fn request(&mut self) -> bool;
-    /// FRESH rises, and the image's time begins anew.
+    /// Raises FRESH, from which the image's time begins anew.
     fn announce(&mut self);
 }
 
-/// Where the commit task puts images: into the mailbox, which is told to the SSI.
+/// Where the commit task puts images: into the mailbox, of which it tells the SSI.
 #[derive(Debug)]
 pub struct Outbox<'a, M, B, D> {
-    /// The mailbox that it shares with the SSI task.
+    /// The mailbox, which the commit task shares with the SSI task.
     pub mailbox: M,
-    /// The image being filled, if one is.
+    /// The image that is being filled, if there is one.
     pub filling: &'a mut Option<Filling<B>>,
-    /// The SSI.
+    /// The SSI, which has to be told of images.
     pub doorbell: D,
-    /// What the port task has ready.
+    /// What the port task has ready for the next image.
     pub port: &'a PortArea,
-    /// Where scrubs and publications are counted.
+    /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if the scrub task has not: to be called when what was due has
-    /// been published, so that neither stands between a frame and its image.
+    /// Takes the buffer for the next image, and scrubs it if the scrub task has not. To be called when all that was due
+    /// has been published, so that neither step comes between a frame and its image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

@@ -1,34 +1,34 @@
-//! From the finished image to the flight controller: the hand-over to the SSI.
+//! The way of a finished image to the flight controller: the hand-over to the SSI.
 //!
 //! # Design
 //!
 //! Two tasks meet here. The commit task fills an image and publishes it into the [`Mailbox`] ([`Outbox`]). The SSI
 //! task, of higher priority, takes the newest image out of the mailbox and lets the peripheral stream it ([`Server`]).
-//! The peripheral's semaphore says whose the stream's buffer is: the processor's, or the SPIS's from one *release* to
-//! the end of the next transaction, when hardware gives it back to the processor (shortcut END to ACQUIRE).
+//! The peripheral's semaphore says who owns the buffer of the stream: the processor, or the SPIS from one *release* to
+//! the end of the next transaction, when hardware returns the buffer to the processor (shortcut END to ACQUIRE).
 //!
-//! **FRESH** rises when a new image is what the next transaction gets, or 0xFF throughout if that transaction begins
-//! while the image is being put in; never an older image:
+//! **FRESH** rises when the next transaction gets a new image, or 0xFF throughout if that transaction begins while the
+//! image is being put in. The next transaction then never gets an older image:
 //!
-//! - While no transaction is under way, the commit task asks for the semaphore, and the SSI task that this calls takes
-//!   the new image, raises FRESH, and releases, in this order. A transaction that begins before the release reads 0xFF.
+//! - While no transaction is under way, the commit task asks for the semaphore and calls the SSI task. That task takes
+//!   the new image, raises FRESH, then releases. A transaction that begins before the release reads 0xFF.
 //! - While a transaction is under way, what the next one gets is settled already: the SSI task runs between the two and
-//!   takes the newest image. So the commit task raises FRESH itself. The SSI task is masked from the question whether
-//!   a transaction is under way until FRESH has risen, so nothing is released in between.
+//!   takes the newest image. So the commit task raises FRESH itself. The SSI task is masked from the check whether a
+//!   transaction is under way until FRESH has risen, so nothing is released in between.
 //!
-//! **Expiry.** FRESH restarts a timer in hardware. If it is not restarted in time, the timer takes the semaphore away
-//! from the SPIS without the processor's help (a compare, through PPI, to the task ACQUIRE), and every transaction that
-//! begins later reads 0xFF. The SSI task releases an image that it has released before only while that time is not
-//! over. The time can run out between that question and the release; therefore the timer has a second compare,
-//! [`EXPIRY_AGAIN_US`] after the first, which is longer than the SSI task can take from the one to the other.
+//! **Expiry.** FRESH restarts a timer in hardware. If the timer is not restarted in time, it takes the semaphore from
+//! the SPIS without the processor's help (a compare, through PPI, to the task ACQUIRE), and every transaction that
+//! begins later reads 0xFF. The SSI task releases an image that it has released before only while its time is not over.
+//! The time can run out between that check and the release; therefore the timer has a second compare,
+//! [`EXPIRY_AGAIN_US`] after the first, which is longer than the SSI task can take from the check to the release.
 //!
 //! **Every order.** `tests/interleavings` explores every order in which both tasks, the scrub, DMA, the flight
 //! controller and the timer can meet, with these types (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
 //! **Bounds.** How often the SSI task runs is bounded by the pause that it makes after each transaction, and by what it
-//! grants ([`ssi`](crate::ssi)). A transaction that ends within the pause waits for its end, or for the commit task's
-//! call if that publishes before. The SSI task waits for the commit task only while that holds the mailbox, which is
-//! for a few pointers to be moved.
+//! grants ([`ssi`](crate::ssi)). A transaction that ends within the pause waits for the pause's end, or for the commit
+//! task's call if that publishes earlier. The SSI task waits for the commit task only while that task holds the
+//! mailbox, which takes as long as a few pointers take to move.
 
 mod mailbox;
 mod server;
@@ -42,11 +42,11 @@ use crate::{triple::Memory, ImageMemory};
 pub use mailbox::{Doorbell, Mailbox, Outbox};
 pub use server::{Events, Server, Ssi};
 
-/// From its publication on, an image that is not replaced is readable for that long, µs.
+/// An image that is not replaced is readable for this time from its publication on, µs.
 pub const EXPIRY_US: u32 = 25_000;
 
-/// The second compare stands this much after the first, µs: longer than the SSI task takes from its look at the first
-/// to its release, which is below 10 µs since no task preempts it.
+/// The time from the first compare to the second, µs: longer than the SSI task takes from its check of the first to its
+/// release, which is below 10 µs since no task preempts it.
 pub const EXPIRY_AGAIN_US: u32 = 20;
 
 /// A buffer for an image.

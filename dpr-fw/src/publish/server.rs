@@ -1,4 +1,4 @@
-//! The SSI task's side: what a transaction gets.
+//! The SSI task's side of the hand-over: what a transaction gets.
 
 use core::ops::Range;
 
@@ -15,49 +15,49 @@ use crate::{
 /// What the SSI task finds when it is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Events<'a> {
-    /// The semaphore is the processor's.
+    /// Whether the semaphore is the processor's.
     pub ours: bool,
-    /// What the transaction that has ended clocked in, as far as it fits; `None` if none has ended.
+    /// The bytes that the ended transaction clocked in, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
-    /// It clocked more out than its window had.
+    /// Whether the ended transaction clocked out more than its window had.
     pub over_read: bool,
-    /// It clocked more in than fits.
+    /// Whether the ended transaction clocked in more than fits.
     pub overflow: bool,
 }
 
-/// What the SSI task needs of the SSI.
+/// What the SSI task needs from the SSI.
 pub trait Ssi {
     /// An image buffer.
     type Buffer: ImageBuffer;
 
-    /// Returns what has happened since the last call, and clears it. `ours` must be asked for before the end of a
-    /// transaction is: if one ends in between, its end is told now and its buffers next time, never the other way
-    /// round. If a transaction has ended, the peripheral's events do not call the task from here on until the pause is
-    /// over that [`Ssi::pass_on`] begins.
+    /// Returns what has happened since the last call, and clears it. `ours` must be read before the end of a
+    /// transaction is: if one ends in between, this call returns its end and the next one its buffers, never the other
+    /// way round. If a transaction has ended, the peripheral's events do not call the task until the pause is over that
+    /// [`Ssi::pass_on`] begins.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes what the transaction that has ended brought for the port task, with what it asked for. Called before the
-    /// next release.
+    /// Takes what the ended transaction brought for the port task, with what it asked for. Called before the next
+    /// release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
     /// Passes what was taken on to the port task, and calls it, and begins the pause of
-    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, for which the flight
-    /// controller waits.
+    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, since the flight
+    /// controller waits for that.
     fn pass_on(&mut self);
-    /// Whether the image's time is over. Asked for only while the semaphore is the processor's.
+    /// Whether the image's time is over. Called only while the semaphore is the processor's.
     fn is_expired(&mut self) -> bool;
-    /// Exchanges the image; called only while the semaphore is the processor's.
+    /// Exchanges the image. Called only while the semaphore is the processor's.
     fn exchange<R>(
         &mut self,
         with: impl FnOnce(Option<Received<Self::Buffer, ()>>) -> (Option<Received<Self::Buffer, ()>>, R),
     ) -> R;
-    /// Points the peripheral to `window` of the image; `false` if there is no image.
+    /// Points the peripheral to `window` of the image; returns false if there is no image.
     fn load(&mut self, window: Range<usize>) -> bool;
-    /// FRESH rises, and the image's time begins anew.
+    /// Raises FRESH, from which the image's time begins anew.
     fn announce(&mut self);
-    /// Gives the semaphore to the SPIS: the next transaction shows what was loaded.
+    /// Gives the semaphore to the SPIS, so that the next transaction shows what was loaded.
     fn release(&mut self);
 }
 
-/// What the SSI task remembers, for an image of `LEN` bytes.
+/// The state of the SSI task, for an image of `LEN` bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Server<const LEN: usize> {
     windows: Windows<LEN>,
@@ -65,14 +65,14 @@ pub struct Server<const LEN: usize> {
 }
 
 impl<const LEN: usize> Server<LEN> {
-    /// The next transaction shows the whole image.
+    /// The state in which the next transaction shows the whole image.
     #[must_use]
     pub const fn new() -> Self {
         Self { windows: Windows::new(), budget: Budget::new() }
     }
 
-    /// A transaction has ended, or the semaphore has come because there is a newer image or because time is over, or
-    /// the task was called to check in.
+    /// Serves a call of the task: a transaction has ended, or the semaphore has come because there is a newer image or
+    /// because time is over, or the task is to check in.
     pub fn serve<S: Ssi>(
         &mut self,
         ssi: &mut S,
@@ -88,7 +88,7 @@ impl<const LEN: usize> Server<LEN> {
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
-        // The flight controller may select again: what is counted can wait until then.
+        // The flight controller may select again, so counting can wait until now.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
             telemetry.ssi_transactions.add_alone(1);
@@ -99,8 +99,8 @@ impl<const LEN: usize> Server<LEN> {
         }
     }
 
-    /// The semaphore is the processor's: offers the newest image to the next transaction, if there is one that may be
-    /// read.
+    /// Offers the newest image to the next transaction, if there is one that may be read. The semaphore must be the
+    /// processor's.
     fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
         if newer {
@@ -123,9 +123,9 @@ impl<const LEN: usize> Server<LEN> {
     }
 }
 
-/// What became of a transaction that has ended.
+/// The outcome of a transaction that has ended.
 struct Ended {
-    /// It was the last that is granted between two images.
+    /// Whether it was the last transaction that is granted between two images.
     spent: bool,
     handed_over: HandedOver,
 }

@@ -1,5 +1,5 @@
-//! Both tasks against a model of the SPIS's semaphore, interrupted by the flight controller, by the timer and by
-//! the SSI task at every access to hardware.
+//! Both tasks run against a model of the SPIS's semaphore, and the flight controller, the timer and the SSI task
+//! interrupt them at every access to hardware.
 
 use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
 
@@ -24,7 +24,7 @@ use crate::{
 
 const LEN: usize = 156;
 
-/// Whose the buffers are (PS v1.7, 6.26, SEMSTAT).
+/// The owner of the buffers (PS v1.7, 6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Semaphore {
     Free,
@@ -37,9 +37,9 @@ enum Semaphore {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     Nothing,
-    /// The flight controller selects, unless it has already.
+    /// The flight controller selects the DPR, unless it has already.
     Select,
-    /// It lets go, and the transaction ends.
+    /// The flight controller deselects the DPR, and the transaction ends.
     Deselect,
     /// The image's time runs out: both compares, one after the other.
     Expire,
@@ -60,13 +60,13 @@ struct World {
     end: bool,
     acquired: bool,
     pended: bool,
-    /// END and ACQUIRED do not call the task.
+    /// Whether END and ACQUIRED do not call the task.
     paused: bool,
     /// The image that a release gave to the SPIS.
     loaded: Option<u32>,
-    /// The transaction under way.
+    /// What the transaction under way reads.
     selected: Option<Read>,
-    /// What it will have clocked in.
+    /// The bytes that the transaction under way will have clocked in.
     mosi: Vec<u8>,
     /// The newest image for which FRESH has risen.
     announced: u32,
@@ -80,7 +80,7 @@ struct World {
 
 type Buffer = ImageMemory;
 
-/// The board: hardware, mailbox and the SSI task, for whoever interrupts whom.
+/// The board: hardware, mailbox and the SSI task, as any task that interrupts another sees them.
 #[derive(Clone)]
 struct Board {
     world: Rc<RefCell<World>>,
@@ -93,11 +93,11 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// What the transactions asked for, and what becomes of them.
+    /// What the transactions asked for. The next fields say what becomes of them.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,
-    /// To let something happen before and after each access.
+    /// The board, to let something happen before and after each access.
     board: Option<Board>,
 }
 
@@ -134,7 +134,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // The shortcut from END to ACQUIRE.
+                    // This is the shortcut from END to ACQUIRE.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;
@@ -193,7 +193,7 @@ impl Board {
         board
     }
 
-    /// Something may happen in hardware, and then the SSI task may interrupt.
+    /// Lets something happen in hardware, and then lets the SSI task interrupt.
     fn point(&self) {
         let next = self.world.borrow_mut().happenings.pop_front();
         self.world.borrow_mut().happen(next.unwrap_or(Happening::Nothing));
@@ -235,7 +235,7 @@ impl Board {
         self.point();
     }
 
-    /// How many images were scrubbed, all of them sound.
+    /// Scrubs the images, all of which are sound, and returns how many there were.
     fn scrub(&self) -> u32 {
         let found = crate::triple::scrub_waiting(self.clone());
         assert_eq!((found.stuck_bits, found.out_of_use), (0, 0));
@@ -350,7 +350,7 @@ impl Ssi for SsiModel {
     }
 
     fn announce(&mut self) {
-        // While the SSI task runs, no newer image can be published than the one that it has taken.
+        // While the SSI task runs, no image can be published that is newer than the one that it has taken.
         self.board.clone().expect("on the board").announce();
     }
 
@@ -377,9 +377,9 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// More generations and happenings than the search in `tests/interleavings` has, drawn at random: a transaction
-    /// reads the image that FRESH has told of last, whole and in time, or 0xFF; and once nothing happens any more, the
-    /// newest image.
+    /// There are more generations and happenings than in the search of `tests/interleavings`, drawn at random. A
+    /// transaction reads the image that FRESH announced last, whole and in time, or 0xFF; and once nothing happens any
+    /// more, it reads the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),

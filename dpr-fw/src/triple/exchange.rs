@@ -1,21 +1,21 @@
-//! The images between their builder and the SSI.
+//! The images on their way from the commit task to the SSI.
 
 use heapless::Deque;
 
 use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed};
 
-/// Buffers of an [`Exchange`]. Each of four tasks of a buffer can be under way at once, whatever the order in which the
-/// firmware's tasks preempt each other: one is streamed, one waits to be streamed, one is scrubbed, one is filled.
+/// The number of buffers of an [`Exchange`]. Four uses can be under way at once, whatever the order in which the tasks
+/// preempt each other: one buffer is streamed, one waits to be streamed, one is scrubbed, one is filled.
 pub const IMAGES: usize = 4;
 
-/// Images that stay in use however faulty they are: one is streamed, one waits to be streamed, one is filled. The
-/// fourth is what lets the scrub task hold one beside them. With three it gets none: were the commit task to interrupt
-/// it, nothing might be left to fill. The commit task then scrubs the one that it fills, off the deadline path
-/// ([`Outbox::prepare`](crate::publish::Outbox::prepare)). Two would not do: the newest image would have to be
-/// withdrawn, for which FRESH may have risen.
+/// The number of images that stay in use however faulty they are: one is streamed, one waits to be streamed, one is
+/// filled. The fourth lets the scrub task hold one beside these. With three it gets none, since nothing might be left
+/// to fill if the commit task interrupted it. The commit task then scrubs the one that it fills, off the deadline path
+/// ([`Outbox::prepare`](crate::publish::Outbox::prepare)). With two the newest image would have to be withdrawn,
+/// although FRESH may have risen for it.
 pub const IMAGES_LEAST: usize = 3;
 
-/// The same mechanism between the image's builder and the SSI. Unlike frames, images do not queue: the newest wins.
+/// The triple buffer between the commit task and the SSI. Unlike frames, images do not queue: the newest wins.
 #[derive(Debug)]
 pub struct Exchange<B> {
     newest: Option<Received<B, ()>>,
@@ -24,17 +24,17 @@ pub struct Exchange<B> {
     in_use: InUse<{ IMAGES as u32 }, { IMAGES_LEAST as u32 }>,
 }
 
-/// A buffer to fill, as it was found.
+/// A buffer to fill, in the state in which it was found.
 #[derive(Debug)]
 pub enum Blank<B> {
-    /// The usual case: the scrub task has been there.
+    /// The scrub task has scrubbed the buffer, which is the usual case.
     Clean(Clean<B>),
-    /// It has not, or gets none any more ([`IMAGES_LEAST`]): [`Blank::fill`] scrubs.
+    /// The scrub task has not, or gets no buffer any more ([`IMAGES_LEAST`]), so [`Blank::fill`] scrubs.
     Dirty(Dirty<B>),
 }
 
 impl<B: Memory> Blank<B> {
-    /// Begins to fill it, scrubbed in any case; with what a scrub now found.
+    /// Begins to fill the buffer, which is scrubbed in any case, and returns what a scrub now found.
     pub fn fill(self) -> (Filling<B>, Scrubbed) {
         let (clean, found) = match self {
             Self::Clean(clean) => (clean, Scrubbed::default()),
@@ -45,7 +45,7 @@ impl<B: Memory> Blank<B> {
 }
 
 impl<B: Memory> Exchange<B> {
-    /// Buffers none of which holds anything.
+    /// An exchange of buffers of which none holds an image.
     pub fn new(buffers: [B; IMAGES]) -> Self {
         let mut exchange = Self { newest: None, clean: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
         for buffer in buffers {
@@ -54,26 +54,26 @@ impl<B: Memory> Exchange<B> {
         exchange
     }
 
-    /// Buffers taken out of use because of stuck bits.
+    /// Returns the number of buffers taken out of use because of stuck bits.
     #[must_use]
     pub fn out_of_use(&self) -> u32 {
         self.in_use.out_of_use()
     }
 
-    /// A buffer to fill. While at most one buffer each is streamed, is scrubbed and is being filled, there is one.
+    /// Returns a buffer to fill. There is one while at most one each is streamed, scrubbed and filled.
     pub fn begin(&mut self) -> Option<Blank<B>> {
         let clean = self.clean.pop_front().map(Blank::Clean);
         clean.or_else(|| self.dirty.pop_front().map(Blank::Dirty))
     }
 
-    /// What was filled is the newest image from now on.
+    /// Makes what was filled the newest image.
     pub fn publish(&mut self, filling: Filling<B>) {
         if let Some(unread) = self.newest.replace(filling.received(())) {
             put(&mut self.dirty, unread.done());
         }
     }
 
-    /// The image to stream next, given the one streamed so far: the newest if it is newer. Tells whether it is.
+    /// Returns the image to stream next, the newest if it is newer than the one streamed so far, and whether it is.
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! Three receive buffers: one is written by the RFID side, one is read into the image, one is scrubbed. The roles
-//! rotate at each frame. The purpose is a single sentence: *old data can never be read as new*. Here the compiler holds
+//! There are three receive buffers: the RFID side writes one, one is read into the image, one is scrubbed. The roles
+//! rotate at each frame. The purpose is a single sentence: *old data can never be read as new*. The compiler enforces
 //! it:
 //!
 //! ```text
@@ -15,29 +15,29 @@
 //! ```
 //!
 //! Each state is a type that owns the buffer, none can be cloned, and the arrows above are the only ways from one to
-//! the next. So a frame can only be received into a buffer of which every bit was just scrubbed, only what was received
-//! can be read, and what was read cannot be read again: it is dirty, and a dirty buffer can only be scrubbed.
+//! the next. So a frame can only be received into a buffer of which every bit was just scrubbed, only a received frame
+//! can be read, and it cannot be read again: the buffer is then dirty, and a dirty buffer can only be scrubbed.
 //!
 //! [`Rotation`] holds the buffers that wait for a task: received ones for the commit task, dirty ones for the scrub
-//! task, clean ones for the RFID task. Its operations move a few words, so they may stand in a critical section.
+//! task, clean ones for the RFID task. Its operations move a few words, so they may be made in a critical section.
 //!
 //! # Scrub
 //!
-//! The paper fills with 0x00 or 0xFF; we fill with both in turn and read back each time, so a scrub also finds bits
-//! that are stuck at either level. It ends with 0x00, which no CRC with initial value 0xFFFFFFFF accepts. The work is
-//! the same whatever the memory holds and however it is broken.
+//! The paper fills with 0x00 or 0xFF; this firmware fills with both in turn and reads back each time, so a scrub also
+//! finds bits that are stuck at either level. A scrub ends with 0x00, which no CRC with initial value 0xFFFFFFFF
+//! accepts. The work is the same whatever the memory holds and however it is broken.
 //!
 //! # Buffers out of use
 //!
 //! A buffer in which the scrub task finds a stuck bit is taken out of use until the next start, as long as
-//! [`RECEIVE_LEAST`] receive buffers, or [`IMAGES_LEAST`] images, remain. It is moved into the set that has to decide
-//! ([`Faulty`]) and dropped there, so nothing is left by which it could be written or read. The last ones stay in use,
-//! faulty or not: their objects are protected by their CRCs, and an object hit by a stuck bit is rejected. In either
-//! case the fault is shown in Link-Status, and how many are out of use is counted
+//! [`RECEIVE_LEAST`] receive buffers, or [`IMAGES_LEAST`] images, remain. The buffer is moved into the set that has to
+//! decide ([`Faulty`]) and dropped there, so nothing is left that could write or read it. The last buffers stay in use,
+//! faulty or not: their objects are protected by CRCs, and an object that a stuck bit changes is rejected. In either
+//! case Link-Status shows the fault, and the number of buffers out of use is counted
 //! ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
 //!
-//! A task that scrubs a buffer because no other is at hand keeps it whatever it finds. The fault is found again when
-//! the scrub task scrubs it next.
+//! A task that scrubs a buffer because no other is at hand keeps the buffer whatever it finds. The scrub task finds the
+//! fault again when it scrubs the buffer next.
 //!
 //! # Every order
 //!
@@ -57,17 +57,17 @@ pub use exchange::{Blank, Exchange, IMAGES, IMAGES_LEAST};
 pub use rotation::{Rotated, Rotation, RECEIVE_BUFFERS, RECEIVE_LEAST};
 pub use types::{Clean, Dirty, Faulty, Filling, Memory, Received, Scrubbed};
 
-/// What a scrub made of a buffer.
+/// The result of a scrub.
 pub type Outcome<B> = Result<Clean<B>, Faulty<B>>;
 
-/// Buffers of which some wait to be scrubbed.
+/// A set of buffers of which some wait to be scrubbed.
 pub trait Scrubbable {
-    /// A buffer.
+    /// The type of a buffer.
     type Buffer: Memory;
 
-    /// The buffer that has waited longest to be scrubbed.
+    /// Returns the buffer that has waited longest to be scrubbed.
     fn take_dirty(&mut self) -> Option<Dirty<Self::Buffer>>;
-    /// Takes back a buffer that was scrubbed, or takes it out of use. Tells what came of the scrub.
+    /// Takes back a buffer that was scrubbed, or takes it out of use. Returns the result of the scrub.
     fn scrubbed(&mut self, outcome: Outcome<Self::Buffer>) -> Scrubbed;
 }
 
@@ -81,7 +81,7 @@ pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed 
     all
 }
 
-/// How many of a set's `OF` buffers are in use; `LEAST` of them stay so, however faulty they are.
+/// The number of a set's `OF` buffers that are in use; `LEAST` of them stay so, however faulty they are.
 #[derive(Debug)]
 pub(crate) struct InUse<const OF: u32, const LEAST: u32>(u32);
 
@@ -96,10 +96,10 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
         self.0 <= LEAST
     }
 
-    /// The buffer, unless it is faulty and there are enough others.
+    /// Returns the buffer, unless it is faulty and there are enough others.
     pub(crate) fn admit<B>(&mut self, outcome: Outcome<B>) -> (Option<Clean<B>>, Scrubbed) {
         match outcome {
-            // The buffer is dropped: nothing is left by which it could be used.
+            // The buffer is dropped, so nothing is left that could use it.
             Err(faulty) if !self.is_least() => {
                 self.0 -= 1;
                 (None, Scrubbed { buffers: 1, stuck_bits: faulty.stuck_bits(), out_of_use: 1 })
@@ -112,8 +112,8 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
     }
 }
 
-/// The buffer, faulty or not: for who scrubs because no other buffer is at hand. Its fault is found again by the scrub
-/// task, which can take it out of use.
+/// Returns the buffer, faulty or not, to a task that scrubs because no other buffer is at hand. The scrub task finds
+/// the fault again, and can take the buffer out of use.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
@@ -124,7 +124,7 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// The queues are as long as there can be buffers in them, so the push cannot fail.
+/// Puts an item into a queue. The queues are as long as there can be buffers in them, so the push cannot fail.
 fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
     let full = queue.push_back(item).is_err();
     debug_assert!(!full, "a buffer too many has appeared");

@@ -4,17 +4,17 @@ use heapless::Deque;
 
 use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, Scrubbable, Scrubbed};
 
-/// Receive buffers: one is written, one is read, one is scrubbed.
+/// The number of receive buffers: one is written, one is read, one is scrubbed.
 pub const RECEIVE_BUFFERS: usize = 3;
 
-/// Receive buffers that stay in use however faulty they are. With two, one is written while the other is read and then
-/// scrubbed. If that is not over when the next frame is whole, there is no clean one: the frame is given up in the
-/// buffer in which it stands, and what is being read is left alone ([`Rotated::Overrun`]). Until then the commit and
-/// scrub tasks have 3.9 ms, the shortest time between the ends of two frames (five receivers), and need less than
-/// 0.3 ms.
+/// The number of receive buffers that stay in use however faulty they are. With two, one is written while the other is
+/// read and then scrubbed. If that takes until the next frame is whole, there is no clean one: the frame is given up in
+/// the buffer in which it stands, and the one that is being read is left alone ([`Rotated::Overrun`]). Until then the
+/// commit and scrub tasks have 3.9 ms, the shortest time between the ends of two frames (five receivers), and need less
+/// than 0.3 ms.
 pub const RECEIVE_LEAST: usize = 2;
 
-/// The waiting buffers of a set of three, of which one is always being written.
+/// The buffers that wait, of a set of three of which one is always being written.
 #[derive(Debug)]
 pub struct Rotation<B, I> {
     clean: Deque<Clean<B>, 2>,
@@ -23,22 +23,22 @@ pub struct Rotation<B, I> {
     in_use: InUse<{ RECEIVE_BUFFERS as u32 }, { RECEIVE_LEAST as u32 }>,
 }
 
-/// What became of a frame at [`Rotation::rotate`].
+/// The outcome of a frame at [`Rotation::rotate`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rotated {
-    /// It waits to be read.
+    /// The frame waits to be read.
     Handed,
-    /// No clean buffer was at hand, so the frame was scrubbed away where it stood: the tasks behind are late by a
-    /// cycle. With what the scrub found.
+    /// No clean buffer was at hand, so the frame was scrubbed away where it stood: the tasks that read and scrub are
+    /// late by a cycle. The value is what the scrub found.
     Overrun(Scrubbed),
 }
 
 impl<B: Memory, I> Rotation<B, I> {
-    /// Scrubs three buffers and starts to write the first that stays in use. Also gives what the scrubs found.
+    /// Scrubs three buffers and starts to write the first that stays in use. Also returns what the scrubs found.
     ///
     /// # Panics
     ///
-    /// Never: [`RECEIVE_LEAST`] buffers stay in use.
+    /// This never panics, since [`RECEIVE_LEAST`] buffers stay in use.
     pub fn new(buffers: [B; RECEIVE_BUFFERS]) -> (Filling<B>, Self, Scrubbed) {
         let mut rotation =
             Self { clean: Deque::new(), received: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
@@ -57,13 +57,13 @@ impl<B: Memory, I> Rotation<B, I> {
         (first.expect("two buffers stay in use"), rotation, all)
     }
 
-    /// Buffers taken out of use because of stuck bits.
+    /// Returns the number of buffers taken out of use because of stuck bits.
     #[must_use]
     pub fn out_of_use(&self) -> u32 {
         self.in_use.out_of_use()
     }
 
-    /// A frame is whole: its buffer is handed on to be read, and a clean one is taken to be written.
+    /// Hands the buffer of a whole frame on to be read, and takes a clean one to be written.
     pub fn rotate(&mut self, filling: Filling<B>, about: I) -> (Filling<B>, Rotated) {
         match self.clean.pop_front() {
             Some(clean) => {
@@ -77,8 +77,8 @@ impl<B: Memory, I> Rotation<B, I> {
         }
     }
 
-    /// What was written is no whole frame: its buffer waits to be scrubbed, and a clean one is taken to be written. If
-    /// no clean one is at hand the same one is scrubbed here; with what that scrub found.
+    /// Queues the buffer of a frame that is not whole to be scrubbed, and takes a clean one to be written. If no clean
+    /// one is at hand, the same one is scrubbed here; returns what that scrub found.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
         match self.clean.pop_front() {
             Some(clean) => {
@@ -92,12 +92,12 @@ impl<B: Memory, I> Rotation<B, I> {
         }
     }
 
-    /// The oldest frame that waits to be read.
+    /// Returns the oldest frame that waits to be read.
     pub fn read(&mut self) -> Option<Received<B, I>> {
         self.received.pop_front()
     }
 
-    /// Reading is over: the buffer waits to be scrubbed.
+    /// Ends the reading of a frame: its buffer waits to be scrubbed.
     pub fn done(&mut self, received: Received<B, I>) {
         put(&mut self.dirty, received.done());
     }

@@ -16,12 +16,12 @@ impl<S> Mutex for Own<'_, S> {
 
 const WORDS: usize = 4;
 
-/// What scrubs of that many sound buffers give.
+/// Returns what scrubs of that many sound buffers return.
 fn sound(buffers: u32) -> Scrubbed {
     Scrubbed { buffers, stuck_bits: 0, out_of_use: 0 }
 }
 
-/// Memory with stuck bits: (word, bit, level).
+/// Memory with stuck bits, given as (word, bit, level).
 #[derive(Debug)]
 struct Ram {
     name: usize,
@@ -79,7 +79,7 @@ fn memory_behind_a_reference_the_form_that_the_firmware_uses_is_scrubbed_alike()
 
 #[test]
 fn a_scrub_fills_with_ones_and_with_zeros_and_reads_each_back() {
-    /// Notes what is done to it.
+    /// Memory that records what is done to it.
     #[derive(Debug, Default)]
     struct Log(RefCell<Vec<(char, u32)>>);
     impl Memory for Log {
@@ -116,7 +116,7 @@ fn a_frame_that_is_given_up_leaves_its_buffer_to_the_scrub_and_a_clean_one_is_wr
         assert_eq!(filling.memory().words, [0; WORDS]);
     }
     assert_eq!(filling.memory().name, 2);
-    // No clean one is left: the same one goes on, scrubbed.
+    // No clean buffer is left, so the same one is scrubbed and goes on.
     filling.memory().write(1);
     filling.memory().stuck = Some((0, 0, true));
     let (mut filling, found) = rotation.replace(filling);
@@ -171,8 +171,8 @@ proptest! {
         prop_assert_eq!(Dirty::new(ram).scrub().expect_err("a bit is stuck").stuck_bits(), 1);
     }
 
-    /// The tasks run in any order and any of them may be late. Against the model of a queue of frames: what is read
-    /// was received exactly once, in order, out of a buffer that was clean when it began to be written.
+    /// The tasks run in any order and any of them may be late. The model is a queue of frames: what is read was
+    /// received exactly once, in order, out of a buffer that was clean when it began to be written.
     #[test]
     fn no_order_of_the_tasks_reads_a_frame_twice_or_writes_over_an_old_one(
         steps in prop::collection::vec(0_u8..7, 0..400),
@@ -243,7 +243,7 @@ fn on_time_the_three_roles_rotate_at_each_frame() {
     assert_eq!(written, [0, 1, 2, 0, 1, 2, 0]);
 }
 
-/// Receives a frame, reads it, and scrubs: the name of the buffer that was written, and what the scrub found.
+/// Receives, reads and scrubs a frame; returns the name of the buffer written, and what the scrub found.
 fn cycle(rotation: &mut Rotation<Ram, u32>, mut filling: Filling<Ram>, frame: u32) -> (Filling<Ram>, usize, Scrubbed) {
     let name = filling.memory().name;
     filling.memory().write(frame);
@@ -256,7 +256,7 @@ fn cycle(rotation: &mut Rotation<Ram, u32>, mut filling: Filling<Ram>, frame: u3
     (next, name, found)
 }
 
-/// Memory of which `stuck` have a bit that is stuck at 1 from now on.
+/// Returns memories, of which those in `stuck` have a bit that is stuck at 1 from now on.
 fn rams<const OF: usize>(stuck: &[usize]) -> [Ram; OF] {
     std::array::from_fn(|name| Ram { stuck: stuck.contains(&name).then_some((2, 17, true)), ..Ram::sound(name) })
 }
@@ -326,12 +326,12 @@ fn with_two_receive_buffers_a_frame_that_comes_while_the_other_is_read_is_given_
         assert_eq!((filling.memory().name, filling.memory().words), (2, [0; WORDS]));
         assert_eq!((read.memory().name, read.memory().words), (0, [1; WORDS]));
     }
-    // Also one that is not delivered leaves it alone.
+    // A frame that is not delivered leaves the buffer that is being read alone, too.
     let (next, found) = rotation.replace(filling);
     assert_eq!(found, sound(1));
     filling = next;
 
-    // As soon as it was read and scrubbed, the two take turns again.
+    // As soon as the buffer was read and scrubbed, the two take turns again.
     rotation.done(read);
     assert_eq!(scrub_waiting(Own(&mut rotation)), sound(1));
     let (filling, name, _) = cycle(&mut rotation, filling, 4);
@@ -347,7 +347,7 @@ fn of_the_images_one_with_a_stuck_bit_is_taken_out_of_use_and_the_last_three_sta
         let found = scrub_waiting(Own(&mut exchange));
         assert_eq!(found.out_of_use, 1, "{stuck:?}");
         assert_eq!(exchange.out_of_use(), 1);
-        // With three left the scrub task gets none.
+        // With three images left the scrub task gets none.
         assert_eq!(scrub_waiting(Own(&mut exchange)), sound(0));
         let mut used = Vec::new();
         let mut streamed = None;
@@ -416,8 +416,8 @@ fn with_nobody_reading_the_third_frame_is_an_overrun_and_the_first_two_are_kept(
 }
 
 proptest! {
-    /// Builder, SSI and scrub in any order: what is streamed is whole, is the newest there was when it was taken,
-    /// never goes back, and there is always a buffer to fill.
+    /// The commit task, SSI and scrub run in any order: the streamed image is whole, was the newest when it was taken,
+    /// and never goes back, and there is always a buffer to fill.
     #[test]
     fn the_image_that_is_streamed_is_never_the_one_being_filled_and_never_older_than_the_last(
         steps in prop::collection::vec(0_u8..5, 0..400),

@@ -6,13 +6,13 @@ use core::{
     sync::atomic::{compiler_fence, Ordering},
 };
 
-/// Words of memory, as a scrub sees them. The tests put faulty memory behind it.
+/// Words of memory, as a scrub accesses them. The tests implement this trait for faulty memory.
 pub trait Memory {
-    /// Number of 32-bit words.
+    /// Returns the number of 32-bit words.
     fn words(&self) -> usize;
     /// Sets every word to `pattern`.
     fn fill(&mut self, pattern: u32);
-    /// The number of bits that differ from `pattern`, as they are read back from the memory itself.
+    /// Returns the number of bits that differ from `pattern`, as they are read back from the memory itself.
     fn differing_bits(&self, pattern: u32) -> u32;
 }
 
@@ -28,9 +28,9 @@ impl<M: Memory + ?Sized> Memory for &mut M {
     }
 }
 
-/// RAM. Both halves pass through an optimisation barrier and a compiler fence: the fill must be in memory before it is
-/// read back, and the read back must load it from there, since the compiler may assume nothing about a value that went
-/// through [`black_box`]. The on-target tests bound the cycles of a scrub from below, so a dropped one would show.
+/// In RAM both steps pass through an optimisation barrier and a compiler fence: the fill has to be in memory before it
+/// is read back, and the read back has to load it from there, since the compiler may assume nothing of a value that
+/// went through [`black_box`]. The on-target tests bound the cycles of a scrub from below, so a dropped one would show.
 impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn words(&self) -> usize {
         WORDS
@@ -48,7 +48,7 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn differing_bits(&self, pattern: u32) -> u32 {
         compiler_fence(Ordering::SeqCst);
         let words = black_box(self);
-        // Whatever the memory has held, this is all of the work; only bits that are stuck are counted one by one.
+        // This is all of the work, whatever the memory has held; only stuck bits are counted one by one.
         let differing = words.iter().fold(0, |differing, word| differing | (word ^ pattern));
         if differing == 0 {
             0
@@ -58,7 +58,7 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     }
 }
 
-/// A buffer whose every bit was scrubbed since it was last written.
+/// A buffer of which every bit was scrubbed since the buffer was last written.
 #[derive(Debug)]
 pub struct Clean<B>(B);
 
@@ -73,7 +73,7 @@ pub struct Received<B, I> {
     about: I,
 }
 
-/// A buffer of which nothing may be read any more. New buffers begin here, so that none is used unscrubbed.
+/// A buffer that may not be read any more. New buffers begin in this state, so that none is used unscrubbed.
 #[derive(Debug)]
 pub struct Dirty<B>(B);
 
@@ -88,11 +88,11 @@ pub struct Faulty<B> {
 /// What scrubs did and found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scrubbed {
-    /// Buffers scrubbed.
+    /// The number of buffers that were scrubbed.
     pub buffers: u32,
-    /// Bits that did not take a 1 or did not take a 0; 0 for sound memory.
+    /// The number of bits that did not take a 1 or did not take a 0; 0 for sound memory.
     pub stuck_bits: u32,
-    /// Buffers taken out of use because of such bits.
+    /// The number of buffers that were taken out of use because of stuck bits.
     pub out_of_use: u32,
 }
 
@@ -112,55 +112,55 @@ impl<B> Clean<B> {
 }
 
 impl<B> Filling<B> {
-    /// The memory to write.
+    /// Returns the memory to write.
     pub fn memory(&mut self) -> &mut B {
         &mut self.0
     }
 
-    /// What has been written so far, for the writer itself to look at.
+    /// Returns what has been written so far, for the writer itself.
     pub fn peek(&self) -> &B {
         &self.0
     }
 
-    /// What was written is whole: it may be read, once. `about` goes with it.
+    /// Takes what was written as whole: it may be read, once. `about` goes with it.
     pub fn received<I>(self, about: I) -> Received<B, I> {
         Received { buffer: self.0, about }
     }
 
-    /// What was written is given up: the buffer must be scrubbed before it is written again.
+    /// Gives up what was written: the buffer must be scrubbed before it is written again.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }
 }
 
 impl<B, I> Received<B, I> {
-    /// The memory, to be read.
+    /// Returns the memory, to be read.
     pub fn memory(&self) -> &B {
         &self.buffer
     }
 
-    /// What was told of the frame when it was received.
+    /// Returns what was told of the frame when it was received.
     pub fn about(&self) -> &I {
         &self.about
     }
 
-    /// Reading is over.
+    /// Ends the reading.
     pub fn done(self) -> Dirty<B> {
         Dirty(self.buffer)
     }
 }
 
 impl<B: Memory> Dirty<B> {
-    /// A buffer with unknown content.
+    /// Takes a buffer with unknown content.
     pub fn new(buffer: B) -> Self {
         Self(buffer)
     }
 
-    /// Fills with 0xFF and with 0x00, reading each back.
+    /// Fills the buffer with 0xFF and with 0x00, and reads it back each time.
     ///
     /// # Errors
     ///
-    /// [`Faulty`] if any bit read back differs. Its content is 0x00 but for the bits that are stuck.
+    /// [`Faulty`] if any bit that is read back differs. The content is then 0x00 except for the stuck bits.
     pub fn scrub(mut self) -> Result<Clean<B>, Faulty<B>> {
         let mut stuck_bits = 0;
         for pattern in [u32::MAX, 0] {
@@ -176,13 +176,13 @@ impl<B: Memory> Dirty<B> {
 }
 
 impl<B> Faulty<B> {
-    /// Bits that did not take a 1 or did not take a 0.
+    /// Returns the number of bits that did not take a 1 or did not take a 0.
     #[must_use]
     pub fn stuck_bits(&self) -> u32 {
         self.stuck_bits
     }
 
-    /// Goes on using it.
+    /// Returns the buffer as clean, so that it goes on being used.
     pub(super) fn keep(self) -> Clean<B> {
         Clean(self.buffer)
     }

@@ -1,10 +1,11 @@
 //! Depth-first search over everything that can happen next, by running the same deterministic program again and again.
 //!
 //! A run asks [`Explorer::choose`] wherever more than one thing can happen next. The first run always takes the first;
-//! each later run repeats the choices of the run before it up to the last one that has an alternative left, and takes
-//! that. Code that is interrupted cannot be copied, so a run is repeated from its start instead (as loom does). A run
-//! ends early where it meets a state that an earlier run has met, since everything that follows from it is known.
-//! States are known by digests of 64 bits; that any two of half a million share one has a probability of 1 in 10^8.
+//! each later run repeats the choices of the previous run up to the last one that has an alternative left, and takes
+//! that alternative. Code that is interrupted cannot be copied, so a run is repeated from its start instead (as loom
+//! does). A run ends early where it meets a state that an earlier run has met, since everything that follows from that
+//! state is known. States are compared by digests of 64 bits; that any two of half a million share one has a
+//! probability of 1 in 10^8.
 
 use std::{
     any::Any,
@@ -15,23 +16,23 @@ use std::{
     panic::{catch_unwind, resume_unwind, AssertUnwindSafe},
 };
 
-/// Longest path from start to end. No model here comes near it; one that does not end is a fault of the model.
+/// The longest path from start to end. No model here comes near it; a model that does not end is faulty.
 const DEPTH: usize = 10_000;
-/// Bounds under which there are more states are too wide for a test.
+/// Bounds that allow more states than this are too wide for a test.
 const STATES: usize = 1_500_000;
 
-/// What was explored.
+/// The extent of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Explored {
-    /// Different states in which more than one thing could happen next.
+    /// The number of different states in which more than one thing could happen next.
     pub(crate) states: usize,
-    /// Runs, complete ones and those that met a known state.
+    /// The number of runs, complete ones and those that met a known state.
     pub(crate) runs: usize,
 }
 
 /// A run in which a rule was broken.
 pub(crate) struct Counterexample {
-    /// The rule.
+    /// The rule that was broken.
     pub(crate) broken: String,
     /// Everything that happened, in order.
     pub(crate) trace: Vec<String>,
@@ -56,12 +57,12 @@ pub(crate) struct Explorer {
 
 #[derive(Default)]
 struct Search {
-    /// The choices of this run: what was taken, and of how many.
+    /// The choices of this run: which continuation was taken, and of how many.
     path: Vec<(usize, usize)>,
-    /// How many of them this run has made again so far.
+    /// The number of these choices that this run has made again so far.
     made: usize,
     seen: HashSet<u64>,
-    /// Digests of this run in their order, and how many it has asked for.
+    /// The digests of this run in their order. The next field counts those that the run has asked for.
     digests: Vec<u64>,
     asked: usize,
     trace: Vec<&'static str>,
@@ -91,13 +92,13 @@ impl Explorer {
         0
     }
 
-    /// The digest that `compute` gives. While a run repeats the one before it, that one's are taken: to compute them is
-    /// most of the work.
+    /// Returns the digest that `compute` gives. While a run repeats the previous one, the digests of that one are
+    /// taken, since computing them is most of the work.
     pub(crate) fn remember(&self, compute: impl FnOnce() -> u64) -> u64 {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // The last choice of the path is the first that differs.
+        // The last choice of the path is the first one that differs.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;
@@ -147,7 +148,7 @@ impl Explorer {
     }
 }
 
-/// A rule is broken: ends the run, and the search.
+/// Ends the run, and the search, because a rule is broken.
 pub(crate) fn broken(rule: impl Into<String>) -> ! {
     resume_unwind(Box::new(Broken(rule.into())))
 }
@@ -159,7 +160,7 @@ pub(crate) fn holds(condition: bool, rule: &str) {
     }
 }
 
-/// The rule, or the text of a panic in the code under test.
+/// Returns the rule, or the text of a panic in the code under test.
 fn what_broke(why: Box<dyn Any + Send>) -> String {
     match why.downcast::<Broken>() {
         Ok(broken) => broken.0,
@@ -170,14 +171,14 @@ fn what_broke(why: Box<dyn Any + Send>) -> String {
     }
 }
 
-/// A digest of what can be hashed.
+/// Returns a digest of what can be hashed.
 pub(crate) fn digest(of: impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
     of.hash(&mut hasher);
     hasher.finish()
 }
 
-/// A digest of what can only be shown: of private state, by its derived `Debug`.
+/// Returns a digest of private state, which can only be shown, by its derived `Debug`.
 pub(crate) fn digest_shown(of: &impl fmt::Debug) -> u64 {
     struct Into(DefaultHasher);
     impl fmt::Write for Into {

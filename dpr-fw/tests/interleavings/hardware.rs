@@ -1,5 +1,5 @@
 //! The hardware beside the processor, as plain data: RAM as DMA sees it, SPIS, expiry timer, FRESH, and the two wires
-//! from outside (SSI and air). Numbers of sections are of the nRF52840 product specification v1.7.
+//! from outside (SSI and air). Numbers of sections are those of the nRF52840 product specification v1.7.
 
 use super::{
     board::Task,
@@ -8,12 +8,12 @@ use super::{
 };
 use profile::ssi::{encode, Request};
 
-/// Receive buffers have the first places in RAM, images the following.
+/// Receive buffers have the first places in RAM, and images follow.
 pub(crate) const RECEIVE: usize = dpr_fw::triple::RECEIVE_BUFFERS;
-/// Buffers in RAM.
+/// The number of buffers in RAM.
 pub(crate) const BUFFERS: usize = RECEIVE + dpr_fw::triple::IMAGES;
 
-/// Whose the SPIS's buffers are (6.26, SEMSTAT).
+/// The owner of the SPIS's buffers (6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Semaphore {
     Free,
@@ -34,30 +34,30 @@ pub(crate) enum Window {
 pub(crate) struct Transaction {
     buffer: usize,
     window: Window,
-    /// The generation that FRESH had told of last when it began.
+    /// The generation that FRESH had announced last when the transaction began.
     generation: u8,
-    /// How much of it EasyDMA has carried, in halves.
+    /// How much of the transaction EasyDMA has carried, in halves.
     carried: u8,
-    /// What it asks for.
+    /// The window that the transaction asks for.
     asks: Window,
 }
 
 /// What can happen beside the processor, at any instant at which it is enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The flight controller selects.
+    /// The flight controller selects the DPR.
     Select,
     /// EasyDMA carries the next half of the bytes, out and in.
     Carry,
-    /// The flight controller deselects: END.
+    /// The flight controller deselects, which is the event END.
     Deselect,
-    /// The shortcut from END to ACQUIRE.
+    /// The shortcut from END to ACQUIRE takes effect.
     Shortcut,
-    /// The expiry timer's first compare, through PPI to ACQUIRE.
+    /// The expiry timer's first compare comes, through PPI to ACQUIRE.
     Expire,
-    /// Its second.
+    /// The expiry timer's second compare comes.
     ExpireAgain,
-    /// The compare that ends the pause.
+    /// The compare comes that ends the pause.
     PauseEnd,
     /// EasyDMA writes the next half of a frame into the receive buffer.
     Arrive,
@@ -65,11 +65,11 @@ pub(crate) enum Step {
     FrameEnd,
     /// The frame is not delivered.
     FrameLost,
-    /// The deadline of the next frame.
+    /// The deadline of the next frame passes.
     Deadline,
     /// A store that no fence has held back reaches the RAM.
     Store,
-    /// A bit of that buffer gets stuck.
+    /// A bit of this buffer gets stuck.
     Stick(usize),
 }
 
@@ -93,12 +93,12 @@ impl Step {
     }
 }
 
-/// Everything beside the processor that the future depends on.
+/// Everything beside the processor on which the future depends.
 #[derive(Clone, Debug, Hash)]
 pub(crate) struct Hardware {
-    /// RAM as DMA sees it: the two halves of each buffer. Every word of a half holds the same.
+    /// RAM as DMA sees it: the two halves of each buffer. All words of a half hold the same value.
     pub(crate) ram: [[u32; 2]; BUFFERS],
-    /// A store to the upper half that the compiler has not put out yet.
+    /// A store to the upper half that the compiler still holds back.
     pub(crate) held_back: [Option<u32>; BUFFERS],
     pub(crate) stuck: Option<usize>,
     /// The buffer in which the scrub task has found a stuck bit.
@@ -106,35 +106,35 @@ pub(crate) struct Hardware {
     pub(crate) semaphore: Semaphore,
     pub(crate) end: bool,
     pub(crate) acquired: bool,
-    /// END was, the shortcut comes.
+    /// Whether END has come and the shortcut is still to come.
     pub(crate) ending: bool,
-    /// END and ACQUIRED do not call the SSI task.
+    /// Whether END and ACQUIRED do not call the SSI task.
     pub(crate) masked: bool,
-    /// The compare that ends the pause is ahead of the timer, and its COMPARE event.
+    /// Whether the compare that ends the pause is still to come. The next field is its COMPARE event.
     pub(crate) pause_runs: bool,
     pub(crate) pause_over: bool,
-    /// The SSI task is about to begin the pause.
+    /// Whether the SSI task is about to begin the pause.
     pub(crate) pause_begins: bool,
-    /// TXD: the buffer and the window.
+    /// The buffer and the window that TXD points to.
     pub(crate) txd: Option<(usize, Window)>,
-    /// What the SPIS has written into the SSI task's memory, and how much.
+    /// The bytes that the SPIS has written into the SSI task's memory. The next field is their number.
     pub(crate) rxd: [u8; 8],
     pub(crate) amount: usize,
     pub(crate) transaction: Option<Transaction>,
     /// The window that the last granted transaction has asked for.
     asked: Window,
-    /// Compares of the expiry timer since it was cleared; `None` before its first start.
+    /// The number of compares since the expiry timer was cleared; `None` before its first start.
     pub(crate) expired: Option<u8>,
-    /// COMPARE event of the first.
+    /// The COMPARE event of the first compare.
     pub(crate) compare: bool,
-    /// The timer was cleared, and its event comes to be.
+    /// Whether the timer was cleared just now, before its event is cleared.
     pub(crate) just_cleared: bool,
-    /// The first compare came while the SSI task ran, and that has not ended.
+    /// Whether the first compare came while the SSI task ran, and that run has not ended.
     pub(crate) expired_in_task: bool,
-    /// The newest generation published, and the newest that FRESH has told of.
+    /// The newest generation that was published. The next field is the newest that FRESH has announced.
     pub(crate) published: u8,
     pub(crate) announced: u8,
-    /// The receive buffer that is written, and how much of a frame is there, in halves.
+    /// The receive buffer that is written. The next field is how much of a frame is there, in halves.
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
     /// The number of the frame that arrives or comes next.
@@ -155,7 +155,7 @@ struct Left {
 impl Hardware {
     pub(crate) fn new(bounds: &Bounds) -> Self {
         Self {
-            // What was in RAM at start is of no generation.
+            // The content of RAM at start belongs to no generation.
             ram: [[0xEE; 2]; BUFFERS],
             held_back: [None; BUFFERS],
             stuck: None,
@@ -192,11 +192,11 @@ impl Hardware {
         }
     }
 
-    /// Calls `with` with each step that is enabled, where only a task above `level` would run at once. What merely
-    /// calls a task is enabled where that task would run: called earlier, it would wait until then.
+    /// Calls `with` with each step that is enabled, where only a task above `level` would run at once. A step that
+    /// merely calls a task is enabled where that task would run: called earlier, the task would wait until then.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
-        // One that meets the semaphore in other hands reads DEF throughout and changes nothing, however long it lasts
-        // (6.26.1): it is left out.
+        // A transaction that meets the semaphore in other hands reads DEF throughout and changes nothing, however long
+        // it lasts (6.26.1), so it is left out.
         if self.transaction.is_none() && self.semaphore == Semaphore::Free && self.left.transactions > 0 {
             with(Step::Select);
         }
@@ -210,13 +210,13 @@ impl Hardware {
             with(Step::Shortcut);
         }
         match self.expired {
-            // 25 ms after it was cleared: what follows the clearing at once is over.
+            // The compare comes 25 ms after the timer was cleared, so what follows the clearing at once is over.
             Some(0) if self.left.expiries > 0 && !self.just_cleared => with(Step::Expire),
-            // 20 µs after the first: the SSI task that ran at the first has ended.
+            // The second compare comes 20 µs after the first, so the SSI task that ran at the first has ended.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }
-        // While the SSI task runs it matters only whether it comes before that begins the pause anew.
+        // While the SSI task runs, it matters only whether the compare comes before the task begins the pause anew.
         if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
             with(Step::PauseEnd);
         }
@@ -241,7 +241,7 @@ impl Hardware {
         }
     }
 
-    /// Carries out a step that concerns nothing but the hardware.
+    /// Carries out a step that concerns only the hardware.
     pub(crate) fn happen(&mut self, step: Step, mutation: Mutation, in_ssi_task: bool) {
         match step {
             Step::Select => self.select(),
@@ -296,7 +296,7 @@ impl Hardware {
         }
     }
 
-    /// The task ACQUIRE (6.26.2).
+    /// Triggers the task ACQUIRE (6.26.2).
     pub(crate) fn acquire(&mut self) {
         match self.semaphore {
             Semaphore::Free => {
@@ -308,13 +308,13 @@ impl Hardware {
         }
     }
 
-    /// The tasks CLEAR and START of the expiry timer.
+    /// Triggers the tasks CLEAR and START of the expiry timer.
     pub(crate) fn clear_timer(&mut self) {
         self.expired = Some(0);
         self.just_cleared = true;
     }
 
-    /// The task RELEASE.
+    /// Triggers the task RELEASE.
     pub(crate) fn release(&mut self) {
         holds(self.semaphore == Semaphore::Cpu, "the semaphore is released by who does not have it");
         self.semaphore = Semaphore::Free;
@@ -322,7 +322,7 @@ impl Hardware {
 
     fn select(&mut self) {
         self.left.transactions -= 1;
-        // The flight controller asks for the one window and for the other in turn.
+        // The flight controller asks for the two windows in turn.
         let asks = if self.asked == Window::Whole { Window::UpperHalf } else { Window::Whole };
         let Some((buffer, window)) = self.txd else { broken("the SPIS is given no image") };
         self.semaphore = Semaphore::Spis;

@@ -5,9 +5,9 @@
 //!
 //! The real types of the library ([`dpr_fw::triple`], [`dpr_fw::publish`]) run on a model of the hardware
 //! ([`hardware`]), in tasks with the firmware's priorities ([`board`]). [`explorer`] tries every continuation wherever
-//! more than one is possible, and knows a state again by a digest of everything on which the future depends. Every half
-//! of a buffer carries the number of its frame or of its generation, so a byte that is torn, stale, scrubbed or not
-//! scrubbed is seen by who reads it, be it the commit task or the SPIS's EasyDMA.
+//! more than one is possible, and recognises a state by a digest of everything on which the future depends. Every half
+//! of a buffer carries the number of its frame or of its generation, so whoever reads a byte that is torn, stale,
+//! scrubbed or not scrubbed detects it, be it the commit task or the SPIS's EasyDMA.
 //!
 //! | who | steps |
 //! |---|---|
@@ -18,21 +18,21 @@
 //! | timers | deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds comes late |
 //!
-//! Two halves of a buffer stand for all of its words: the processor writes it from its start to its end and EasyDMA
-//! reads it so, and where these two meet, one half is before that place and one behind it.
+//! Two halves of a buffer stand for all of its words: the processor writes the buffer from its start to its end,
+//! EasyDMA reads it in the same order, and where these two meet, one half lies before that place and one behind it.
 //!
-//! loom explores threads on the memory model of C11. What meets here are interrupts of one core, which have priorities
-//! and run to their end, and hardware, which has no program: neither is a thread. So the search is of the same kind,
-//! and what it drives is our own.
+//! loom explores threads on the memory model of C11. Here interrupts of one core meet, which have priorities and run to
+//! their end, and hardware, which has no program: neither is a thread. So this search is of the same kind as loom's,
+//! and the model that it drives is written for it.
 //!
 //! # What is not shown
 //!
-//! Instants: an order that cannot happen on silicon, because something takes longer than something else, is explored
-//! all the same, but for two: a compare does not come in the moment in which its timer is cleared, and the second
-//! compare comes later than the SSI task takes. Registers: that `hw/ssi.rs` does what [`board`]'s port does, in this
-//! order, is seen in review and on the bench, which runs the image. The compiler: a fence cannot be executed, so one
-//! that is missing is explored as what it would allow. The budget of transactions, which is longer than a search can
-//! be.
+//! The search has no instants: it also explores an order that cannot happen on silicon because something takes
+//! longer than something else, with two exceptions: a compare does not come in the moment in which its timer is
+//! cleared, and the second compare comes later than the SSI task takes. Registers: review, and the bench, which runs
+//! the image, show that `hw/ssi.rs` does what [`board`]'s port does, in this order. The compiler: a fence cannot be
+//! executed, so a missing one is explored as what it would allow. The budget of transactions is longer than a search
+//! can be.
 
 mod board;
 mod explorer;
@@ -41,22 +41,22 @@ mod hardware;
 use board::OneRun;
 use explorer::{Counterexample, Explored, Explorer};
 
-/// Bytes of an image here, and of its lower half.
+/// The bytes of an image here. The next constant is those of its lower half.
 const LEN: usize = 4 * dpr_fw::IMAGE_WORDS;
 const HALF_BYTES: usize = 4 * (dpr_fw::IMAGE_WORDS / 2);
 
 /// What may happen, and what is done wrong on purpose.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
-    /// Frames that begin to arrive.
+    /// The number of frames that begin to arrive.
     frames: u8,
-    /// Deadlines that pass: images without objects.
+    /// The number of deadlines that pass, which bring images without objects.
     deadlines: u8,
-    /// Transactions that begin.
+    /// The number of transactions that begin.
     transactions: u8,
-    /// Times that the expiry timer runs out.
+    /// How often the expiry timer runs out.
     expiries: u8,
-    /// Bits that get stuck, in any buffer from `stick_from` on.
+    /// The number of bits that get stuck, in any buffer from `stick_from` on.
     sticks: u8,
     stick_from: usize,
     /// Whether the commit task publishes images: one at start, and one for each frame and each deadline.
@@ -68,23 +68,23 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// Of two frames that wait the newer is read first.
+    /// The newer one of two frames that wait is read first.
     RotationOrder,
     /// Nothing is scrubbed.
     NoScrub,
-    /// A scrub does not tell of the stuck bit that it found, so the buffer stays in use.
+    /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
     /// A store to the image may come after the release.
     NoFenceBeforeRelease,
-    /// What was received may be loaded before the end of the transaction is asked for.
+    /// The received bytes may be loaded before the end of the transaction is read.
     NoFenceAfterEnd,
-    /// FRESH rises when the image is published, before the SPIS was asked for the one it has.
+    /// FRESH rises when the image is published, before the commit task has taken the image that the SPIS has.
     FreshBeforeTaken,
     /// FRESH rises after the release.
     FreshAfterRelease,
-    /// The end of a transaction is asked for before the semaphore is.
+    /// The end of a transaction is read before the semaphore is.
     EndBeforeSemaphore,
-    /// An image that was announced during a transaction is released without asking whether it has expired.
+    /// An image that was announced during a transaction is released without a check whether it has expired.
     ExpiryNotAskedAgain,
     /// An image is released whether it has expired or not.
     ReleasedAfterExpiry,
@@ -96,11 +96,11 @@ enum Mutation {
     NoPause,
     /// The pause begins, and its compare is not set.
     PauseWithoutEnd,
-    /// A pause that begins anew takes the end of the one before for its own.
+    /// A pause that begins anew takes the end of the previous pause for its own.
     OldPauseEndKept,
 }
 
-/// Images, transactions and expiry: three generations.
+/// The bounds for images, transactions and expiry: three generations.
 const HAND_OVER: Bounds = Bounds {
     frames: 0,
     deadlines: 2,
@@ -112,7 +112,7 @@ const HAND_OVER: Bounds = Bounds {
     mutation: Mutation::None,
 };
 
-/// Receive buffers alone: one frame more than there are buffers, and another.
+/// The bounds for receive buffers alone: one frame more than there are buffers, and another.
 const ROTATION: Bounds = Bounds {
     frames: 5,
     deadlines: 0,
@@ -128,13 +128,13 @@ fn explore(bounds: Bounds) -> Result<Explored, Counterexample> {
     Explorer::explore(|explorer| OneRun::new(explorer, bounds).run())
 }
 
-/// Explores all of it, and compares the number of states with the one that the documentation gives.
+/// Explores all orders, and compares the number of states with the one that the documentation gives.
 fn has_no_counterexample(bounds: Bounds, states: usize) {
     let explored = explore(bounds).expect("no rule is broken");
     assert_eq!(explored.states, states, "docs/decisions/0012-exhaustive-interleavings.md gives this number, too");
 }
 
-/// With this mutation the search ends at a run in which `rule` is broken.
+/// Asserts that with this mutation the search ends at a run in which `rule` is broken.
 fn breaks(mutation: Mutation, bounds: Bounds, rule: &str) {
     let counterexample = explore(Bounds { mutation, ..bounds }).expect_err("a rule is broken");
     assert_eq!(counterexample.broken, rule, "{counterexample:?}");

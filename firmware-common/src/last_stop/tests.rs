@@ -48,7 +48,7 @@ fn memory_without_a_stop_is_no_record_whether_zero_or_ones() {
     for word in [0, u32::MAX] {
         assert_eq!(Stop::from_words(&[word; WORDS]), None);
     }
-    // With the CRC that fits, but of no cause.
+    // These words have the CRC that fits, but no cause.
     let mut words = [0; WORDS];
     words[WORDS - 1] = check_word(&words);
     assert_eq!(Stop::from_words(&words), None);
@@ -76,7 +76,7 @@ fn a_fault_is_of_the_unit_that_refused_and_memory_protection_comes_first() {
     assert_eq!(of(PRECISERR | UNDEFINSTR).cause, Cause::BusFault);
     assert_eq!(of(UNDEFINSTR).cause, Cause::UsageFault);
     assert_eq!(of(0).cause, Cause::HardFault);
-    // The valid bits alone are no cause.
+    // The valid bits alone do not give a cause.
     assert_eq!(of(1 << 7 | 1 << 15).cause, Cause::HardFault);
     assert_eq!((of(0).lr, of(0).pc), (1, 2));
 }
@@ -118,7 +118,7 @@ fn of_a_long_path_the_end_is_kept() {
     assert_eq!(Place::of("x").text(), "x");
 }
 
-/// One test for the statics, which all tests of this process share.
+/// One test covers the statics, which all tests of this process share.
 #[test]
 fn the_first_stop_since_the_start_is_the_one_that_is_taken_and_it_is_taken_once() {
     assert_eq!((take(), code()), (None, 0));

@@ -1,20 +1,20 @@
-//! Guard words: what a write beyond the end of a static, or a stack that is full, changes first.
+//! Guard words, which a write beyond the end of a static, or a full stack, changes first.
 //!
-//! Two words each stand before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
-//! (`guards.x`), and at the end of the stack. Their value follows from their address, so a block of memory that is
-//! copied over another does not restore them, and is neither 0 nor erased flash.
+//! There are two words before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
+//! (`guards.x`), and at the end of the stack. The value of each follows from its address, so a block of memory that is
+//! copied over another does not restore it, and is neither 0 nor erased flash.
 
 use super::Memory;
 
-/// How many guards there are.
+/// The number of guards.
 pub const COUNT: usize = 5;
 
-/// Words of a guard.
+/// The number of words in a guard.
 pub const WORDS: u32 = 2;
 
-/// What the word at `address` has to hold.
+/// Returns what the word at `address` has to hold.
 const fn value(address: u32) -> u32 {
-    // A constant with as many ones as zeros, and different bytes.
+    // The constant has as many ones as zeros, and different bytes.
     !address ^ 0x9E37_79B9
 }
 
@@ -31,7 +31,7 @@ impl Guards {
         Self(addresses)
     }
 
-    /// The number of a guard that has changed. All are read, whatever is found.
+    /// Returns the number of a guard that has changed. All guards are read, whatever is found.
     pub(super) fn changed(&self, memory: &impl Memory) -> Option<u32> {
         let mut changed = None;
         for (index, address) in words(&self.0).enumerate() {

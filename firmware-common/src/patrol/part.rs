@@ -10,7 +10,7 @@ use crate::memory::{self, address};
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// To be called once, by whoever runs in thread mode with no interrupt masked: the words are exercised there.
+    /// To be called once, by code in thread mode with no interrupt masked, which is where the words are exercised.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -35,10 +35,10 @@ impl Memory for PartMemory {
     }
 }
 
-/// The log's control block and buffer, which a debug probe reads and writes: `defmt-rtt` has one channel.
+/// Returns the log's control block and buffer, which a debug probe accesses: `defmt-rtt` has one channel.
 fn log() -> [Range<u32>; 2] {
-    /// SEGGER's layout: 16 bytes of name, two counts, and a channel of six words, of which the second is the buffer's
-    /// address and the third its size.
+    /// The length of SEGGER's block: 16 bytes of name, two counts, and a channel of six words, of which the second is
+    /// the buffer's address and the third its size.
     const BLOCK: u32 = 48;
     const BUFFER: u32 = 28;
     let block = address!(_SEGGER_RTT);
@@ -46,8 +46,8 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the program that the
-/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, but for the log.
+/// Returns the memory that is re-verified all the time. `shut_end` is the end of the part of the program that the
+/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, without the log.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     let mut all = [const { 0..0 }; APART];

@@ -1,4 +1,4 @@
-//! RAM that is in use: tested while the program runs, and left as it was found.
+//! The test of the RAM that is in use, which runs with the program and leaves the RAM as it was found.
 //!
 //! # Design
 //!
@@ -9,46 +9,46 @@
 //!   read both; up (read c, write not c); down (read not c, write c); read both
 //! ```
 //!
-//! with `c` what was found. That is MATS++ (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) with the
+//! with `c` for what was found. That is MATS++ (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) with the
 //! contents for the background (M. Nicolaidis, *Theory of transparent BIST for RAMs*, IEEE Transactions on Computers,
 //! 1996). It finds every bit that is stuck or does not change, in either direction, and one that changes with a bit of
-//! the word beside it. What is coupled over a greater distance, and address decoders, are the business of the [march at
-//! the start](crate::start_test).
+//! the word beside it. The [march at the start](crate::start_test) covers bits that are coupled over a greater
+//! distance, and address decoders.
 //!
-//! No task may see a word while it is inverted, so a step masks all interrupts. What it takes is the longest time for
-//! which the patrol holds an interrupt up: [`MASKED_CYCLES`].
+//! No task may see a word while it is inverted, so a step masks all interrupts. The step's time is the longest for
+//! which the patrol delays an interrupt: [`MASKED_CYCLES`].
 //!
-//! Memory that something else than the processor reads or writes is left out ([`Layout::apart`](super::Layout)), since
-//! nothing masks that: what DMA controllers reach, and what a debug probe reads. What DMA brings or takes carries a CRC
-//! or a checksum that is verified behind it; the DPR's buffers are scrubbed with zeros and ones besides.
+//! The test leaves out memory that is not accessed by the processor alone ([`Layout::apart`](super::Layout)), since
+//! nothing masks other accesses: what DMA controllers reach, and what a debug probe reads. What DMA brings or takes
+//! carries a CRC or a checksum that is verified later; the DPR's buffers are also scrubbed with zeros and ones.
 
 use core::ops::Range;
 
 use super::Memory;
 
-/// Memory that is left out: so many ranges.
+/// The number of ranges of memory that can be left out.
 pub const APART: usize = 12;
 
-/// The longest for which a step masks interrupts, cycles: eight loads and four stores of three cycles each at most
-/// (Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is on), 15 other instructions,
-/// and where they come from flash six lines with four wait states each. From RAM, as on the DPR, it is 51 cycles, 0.8
-/// µs.
+/// The longest time for which a step masks interrupts, cycles: eight loads and four stores of three cycles each at
+/// most (Cortex-M4 TRM, "Instruction set summary", and one for a bus that a DMA controller is on), 15 other
+/// instructions, and six lines with four wait states each if these come from flash. From RAM, as on the DPR, it is 51
+/// cycles, 0.8 µs.
 pub const MASKED_CYCLES: u32 = 75;
 
-/// What a step found.
+/// The result of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
-    /// The address of two words of which one does not hold what is written.
+    /// The address of two words of which one does not hold what is written to it.
     pub fault: Option<u32>,
-    /// A pass is complete: whether all words were sound.
+    /// Whether all words were sound, if a pass is complete.
     pub pass: Option<bool>,
 }
 
-/// Where the test is.
+/// The place of the test in memory.
 #[derive(Clone, Debug)]
 pub struct Walk {
     at: u32,
-    /// The first memory that is left out and is not behind.
+    /// The first memory that is left out and still lies ahead.
     next: Range<u32>,
     sound: bool,
 }
@@ -60,7 +60,7 @@ impl Default for Walk {
 }
 
 impl Walk {
-    /// Before the first pass.
+    /// The place before the first pass.
     #[must_use]
     pub const fn new() -> Self {
         Self { at: 0, next: 0..0, sound: true }
@@ -80,8 +80,8 @@ impl Walk {
         }
     }
 
-    /// The next `steps` steps in `used`, but for the ranges `apart`, which come in any order. One over memory that is
-    /// left out counts as one.
+    /// Makes the next `steps` steps in `used`, except in the ranges `apart`, which come in any order. A step over
+    /// memory that is left out counts as one.
     pub fn run(&mut self, steps: u32, used: &Range<u32>, apart: &[Range<u32>], memory: &mut impl Memory) -> Found {
         let mut found = Found::default();
         for _ in 0..steps {
@@ -90,7 +90,7 @@ impl Walk {
                 self.seek(apart);
             }
             if self.at + 8 > self.next.start {
-                // To the next whole word.
+                // The test goes on at the next whole word.
                 self.at = (self.next.end + 3) & !3;
                 self.seek(apart);
             } else if self.at + 8 <= used.end {

@@ -8,9 +8,9 @@ const CODE: u32 = 0x0080_0000;
 const CODE_WORDS: u32 = 10;
 const USED: u32 = 0x2000_8000;
 const USED_WORDS: u32 = 40;
-/// Left out, in words from [`USED`] on: two that touch, one of a few bytes, one at the end.
+/// The ranges that are left out, in words from [`USED`] on: two that touch, one of a few bytes, one at the end.
 const APART_WORDS: [Range<u32>; 4] = [20..22, 5..9, 9..10, 38..40];
-/// Bytes of a word that is left out, too.
+/// The bytes of a word that is left out, too.
 const APART_BYTES: Range<u32> = USED + 4 * 30 + 1..USED + 4 * 30 + 2;
 const GUARDS: [u32; guard::COUNT] = [0x2000_0000, 0x2000_1000, 0x2000_1010, 0x2000_1020, 0x2000_1030];
 const SHUT: u32 = 5;
@@ -19,9 +19,9 @@ const RATE: Rate = Rate { flash_words: 4, code_words: 3, ram_words: 7 };
 /// A fault of one bit of a word.
 #[derive(Clone, Copy, Debug)]
 enum Fault {
-    /// It has this level always.
+    /// The bit always has this level.
     Stuck { address: u32, bit: u32, level: bool },
-    /// It takes no 1 once it is 0, or no 0 once it is 1.
+    /// The bit takes no 1 once it is 0, or no 0 once it is 1.
     Transition { address: u32, bit: u32, up: bool },
     /// A change of the first bit to 1 changes the second.
     Coupled { from: (u32, u32), to: (u32, u32) },
@@ -100,7 +100,7 @@ fn is_apart(address: u32) -> bool {
     APART_WORDS.iter().any(|words| words.contains(&((address - USED) / 4))) || address == APART_BYTES.start & !3
 }
 
-/// Words that are tested: all but those that are left out, and those that have no neighbour to be tested with.
+/// Returns the words that are tested: all but those that are left out or have no neighbour to be tested with.
 fn tested() -> Vec<u32> {
     let is_in = |word: u32| word < USED_WORDS && !is_apart(USED + 4 * word);
     (0..USED_WORDS).filter(|&word| is_in(word) && (is_in(word + 1) || word > 0 && is_in(word - 1))).collect()
@@ -127,7 +127,7 @@ fn layout() -> Layout {
     }
 }
 
-/// A sealed program with the code's load image in it, the code, and noise elsewhere.
+/// Returns a sealed program with the code's load image in it, the code, and noise elsewhere.
 fn board() -> (Patrol, Ram) {
     let mut ram = Ram::default();
     let program: Vec<u32> = (0..PROGRAM_WORDS).map(|word| word.wrapping_mul(0x0123_4567) ^ 0xDEAD_BEEF).collect();
@@ -145,7 +145,7 @@ fn board() -> (Patrol, Ram) {
     (Patrol::new(layout(), RATE, &mut ram), ram)
 }
 
-/// Slices until `found` tells, at most so many.
+/// Does slices until `found` returns true, at most this many, and returns how many it did.
 fn slices_until(patrol: &mut Patrol, ram: &mut Ram, most: u32, mut found: impl FnMut(&Slice) -> bool) -> u32 {
     (1..=most).find(|_| found(&patrol.slice(ram))).unwrap_or_else(|| panic!("not found within {most} slices"))
 }
@@ -168,7 +168,7 @@ fn sound_memory_passes_round_after_round_and_is_left_as_it_was() {
         assert!(slice.ram_pass.is_none_or(|sound| sound));
     }
     assert_eq!(flash, 500 / PROGRAM_WORDS.div_ceil(RATE.flash_words));
-    // 40 words in no more than 40 steps, seven a slice.
+    // The 40 words take no more than 40 steps, seven in a slice.
     assert!(passes >= 500 * RATE.ram_words / USED_WORDS, "{passes}");
     assert_eq!(ram.words, before);
 }
@@ -193,7 +193,7 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // Flash that is as it was passes again, with the pass that begins after that.
+        // Flash that is as it was before passes again, in the pass that begins after that.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
@@ -236,7 +236,7 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| { found = found.or(slice.ram); slice.ram.is_some() });
         prop_assert!((address - 4..=address).contains(&found.unwrap()));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.ram_pass == Some(false));
-        // A pass that begins without the fault tells of none.
+        // A pass that begins without the fault reports none.
         ram.faults.clear();
         slices_until(&mut patrol, &mut ram, 2 * most, |slice| slice.ram_pass == Some(true));
     }
@@ -317,7 +317,7 @@ fn slices_come_at_their_rate_however_often_idle_asks_and_what_was_missed_is_made
 
 #[test]
 fn times_to_detect_follow_from_the_rates() {
-    // 37 words at 4 a slice are 10 slices; 10 at 3 are 4; 40 at 7 are 6.
+    // The rates are 37 words at 4 a slice, so 10 slices; 10 at 3, so 4; 40 at 7, so 6.
     assert_eq!(RATE.flash_detect_us(4 * PROGRAM_WORDS), 22 * SLICE_US);
     assert_eq!(RATE.code_detect_us(4 * CODE_WORDS), 5 * SLICE_US);
     assert_eq!(RATE.ram_pass_us(4 * USED_WORDS), 7 * SLICE_US);

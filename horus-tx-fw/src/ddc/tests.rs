@@ -1,4 +1,4 @@
-//! One event at a time against a peripheral with a receiver behind it, with everything that can go wrong.
+//! Tests that give one event at a time to the port of a receiver, with everything that can go wrong.
 
 extern crate std;
 use super::*;
@@ -11,17 +11,17 @@ const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 /// What goes wrong at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
-    /// The receiver holds the clock: nothing comes any more; of a read so many bytes have come.
+    /// The receiver holds the clock, so nothing more comes. A read has brought this number of bytes.
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// An event that nobody asked for, so often.
+    /// This number of events comes that nobody asked for.
     Spurious(u8),
     BusError,
     StreamFails,
 }
 
-/// A peripheral with a receiver behind it: carries orders out and calls with what they lead to.
+/// A peripheral with a receiver behind it, which carries orders out and calls with the events that follow.
 struct Rig {
     ddc: Ddc,
     waiting: VecDeque<u8>,
@@ -31,13 +31,13 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// What a pulse on SDA leaves of the count.
+    /// The bits of the count that a pulse on SDA leaves.
     count_mask: u16,
     bus: Bus,
 }
 
 impl Rig {
-    /// A receiver that was read empty.
+    /// The rig of a receiver that was read empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);
@@ -45,7 +45,7 @@ impl Rig {
         rig
     }
 
-    /// A receiver that was never read.
+    /// The rig of a receiver that was never read.
     fn with_backlog() -> Self {
         Self {
             ddc: Ddc::new(),
@@ -92,7 +92,7 @@ impl Rig {
         then
     }
 
-    /// One cycle; `fault` happens at the order of that number. Gives how many orders there were.
+    /// Runs one cycle, in which `fault` happens at the order of that number, and returns how many orders there were.
     fn cycle(&mut self, fault: Option<(usize, Fault)>) -> usize {
         let mut order = self.ddc.poll(self.bus);
         let mut orders = 0;
@@ -360,7 +360,7 @@ fn bus_errors_are_bounded_between_two_ticks_whatever_progress_the_bus_makes() {
     let error = Events { bus_error: true, ..Events::default() };
     let start = [Events { started: true, ..Events::default() }, Events { addressed: true, ..Events::default() }];
     let progress = start.into_iter().chain(std::iter::repeat(Events { byte_sent: true, ..Events::default() }));
-    // Fewer errors without progress than would end it, again and again.
+    // The errors without progress are fewer than would end the transaction, again and again.
     let calls = progress.flat_map(|event| [error; MOST_SPURIOUS as usize - 2].into_iter().chain([event]));
     let mut errors = 0;
     for events in calls {
@@ -383,7 +383,7 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
-/// A port whose receiver has been asked how many bytes wait, up to the DMA stream, which is to bring so many.
+/// Asks how many bytes wait, up to the start of the DMA stream, and returns how many bytes that is to bring.
 fn asked(ddc: &mut Ddc) -> usize {
     let on = |event: fn(&mut Events)| {
         let mut events = Events::default();
@@ -448,7 +448,7 @@ fn any_fault() -> impl Strategy<Value = Fault> {
     ]
 }
 
-/// Whether `part` is `whole` with some left out.
+/// Whether `part` is `whole` with some bytes left out.
 fn is_left_of(part: &[u8], whole: &[u8]) -> bool {
     let mut whole = whole.iter();
     part.iter().all(|byte| whole.any(|other| other == byte))
@@ -484,13 +484,13 @@ proptest! {
             rig.waiting.extend(&burst);
             sent.extend(burst);
             if has_message {
-                // Refused only while the one before has not been tried.
+                // The message is refused only while the previous one has not been tried.
                 let _ = rig.ddc.transmit(&Message::new(&[1; MESSAGE], Rate::Usual));
             }
-            // The longest: a message, and 23 levels.
+            // The longest cycle has a message and 23 levels.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // Without faults everything that is sent from now on comes, once two cycles in a row have left nothing.
+        // Without faults all that is sent from now on arrives, once two cycles in a row have left nothing.
         rig.cycle(None);
         rig.cycle(None);
         while !rig.waiting.is_empty() {

@@ -1,6 +1,6 @@
-//! What the receivers have sent and what is to be sent to them: between their sources and the parser's task
+//! The buffers between the receivers' sources and the parser's task, in both directions
 //!
-//! `unsafe` here: none.
+//! This file has no `unsafe` code.
 #![forbid(unsafe_code)]
 
 use core::ops::Range;
@@ -14,17 +14,17 @@ use horus_tx_fw::{
 static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
 static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
 
-/// What DMA writes and reads.
+/// Returns the memory that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&RINGS), memory::span(&OUTBOXES)]
 }
 
-/// What receiver `index` has sent.
+/// Returns the ring of the bytes that receiver `index` has sent.
 pub fn ring(index: usize) -> &'static Ring {
     &RINGS[index]
 }
 
-/// What is to be sent to receiver `index`.
+/// Returns the outbox of what is to be sent to receiver `index`.
 pub fn outbox(index: usize) -> &'static Outbox {
     &OUTBOXES[index]
 }

@@ -1,22 +1,22 @@
-//! The clocks: which oscillator, and what happens when it fails
+//! The clocks: which oscillator HORUS runs on, and what happens when the oscillator fails
 //!
 //! # Design
 //!
-//! The decision between the external clock and the internal oscillator is [`horus_tx_fw::clock`]'s. HSE is switched on
-//! and waited for here, with a bound, before the HAL sets the clock tree up, since the HAL waits for HSE without one.
+//! [`horus_tx_fw::clock`] decides between the external clock and the internal oscillator. This file switches HSE on and
+//! waits for it, with a bound, before the HAL sets up the clock tree, since the HAL waits for HSE without a bound.
 //!
-//! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, it
-//! switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt (RM0090
-//! "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor the baud
-//! rates hold, so the board enters the safe state: field off, then the watchdog's reset. The watchdog counts with an
+//! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, the
+//! hardware switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt
+//! (RM0090 "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor
+//! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which counts with an
 //! oscillator of its own (LSI). The start after that finds no HSE and runs on HSI, with all dividers as they should be.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Here: the HAL's `enable` waits for
-//!   the write (DSB) before it returns.
+//! - 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Measure: the HAL's `enable` waits
+//!   for the write (DSB) before it returns.
 //!
-//! `unsafe` here: the exception handler, and its access to RCC.
+//! `unsafe` is used here for the exception handler, and for its access to RCC.
 #![allow(unsafe_code)]
 
 use cortex_m::asm;
@@ -37,18 +37,18 @@ use stm32f4xx_hal::{
 
 use super::HORUS_TELEMETRY;
 
-/// Sets the clock tree up, from HSE if that is there, else from HSI. Takes [`clock::START_MAX_MS`] and the PLL's lock
-/// time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound of its own, and if that is
-/// never ready the record of the last stop says so ([`Cause::ClockStart`], with the PLL's source as its detail).
+/// Sets the clock tree up, from HSE if that is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the
+/// PLL's lock time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound, and if the PLL
+/// never gets ready, the record of the last stop says so ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///
-/// If the clock tree is not the one that the timing was derived for.
+/// Panics if the clock tree differs from the one that the timing was derived for.
 pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     let source = start_external(&rcc);
     HORUS_TELEMETRY.without_crystal.set(u32::from(source == Source::Internal));
     let config = match source {
-        // The 8 MHz that the ST-LINK's MCO feeds into OSC_IN: no crystal of this part's own.
+        // The ST-LINK's MCO feeds these 8 MHz into OSC_IN: the part has no crystal of its own.
         Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
         Source::Internal => Config::hsi(),
     };
@@ -68,7 +68,7 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     (rcc, source)
 }
 
-/// Switches HSE on, and its security system as soon as it is ready; off again if it does not become so.
+/// Switches HSE on, and its security system once HSE is ready; switches HSE off again if it does not get ready.
 fn start_external(rcc: &pac::RCC) -> Source {
     // Bypass can be chosen only while HSE is off (RM0090, RCC_CR).
     rcc.cr().modify(|_, w| w.hsebyp().bypassed());
@@ -81,13 +81,13 @@ fn start_external(rcc: &pac::RCC) -> Source {
     source
 }
 
-/// HSE has failed. Nothing else raises this exception on this part.
-// SAFETY: nothing of what was interrupted is used again, since the handler does not return.
+/// Stops HORUS because HSE has failed. Nothing else raises this exception on this part.
+// SAFETY: nothing that was interrupted is used again, since the handler does not return.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     // SAFETY: a register block is always there, and every access through it is volatile; nothing else writes CIR.
     let rcc = unsafe { &*pac::RCC::ptr() };
-    // The exception comes again and again until its flag is cleared (RM0090, clock security system).
+    // The exception is raised again and again until its flag is cleared (RM0090, clock security system).
     let failed = rcc.cir().read().cssf().bit_is_set();
     rcc.cir().write(|w| w.cssc().set_bit());
     let stop = || Stop::new(Cause::Clock, safe_state::active_exception(), u32::from(failed));

@@ -3,21 +3,21 @@
 //! # Design
 //!
 //! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL's rounding of a frequency would not. The
-//! update is the tick, the compare channels are the slots. The interrupt of both has the highest priority and shares
-//! nothing with other tasks but single words, so no lock ever masks it: a slot's command leaves by the same
-//! instructions every time, and everything else comes after it.
+//! update event is the tick, and the compare channels are the slots. The interrupt of both has the highest priority and
+//! shares only single words with other tasks, so no lock ever masks it: the same instructions send a slot's command
+//! every time, and everything else comes after it.
 //!
-//! The pin TICK falls with each tick, by the timer itself: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
-//! from its compare value to the update. So whoever watches the board from outside sees the tick and not what the
-//! processor makes of it. The pin rests low until the timer runs, since the counter then stands at 0.
+//! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
+//! from its compare value to the update. So an observer outside of the board sees the tick without any delay of the
+//! processor. The pin is low until the timer runs, since the counter then stands at 0.
 //!
-//! Between `FrontEndPort::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
+//! From `FrontEndPort::arm` to the slot the SPI belongs to the slot; the word in [`ARMED`] says to which one.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.7.3: a second compare match right after CCR changed may be missed. Here: CCR never changes.
+//! - 2.7.3: a second compare match right after CCR changed may be missed. Measure: CCR never changes.
 //!
-//! `unsafe` here: shared access to the timer's register block.
+//! `unsafe` is used here for shared access to the timer's register block.
 #![allow(unsafe_code)]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -39,11 +39,11 @@ use super::{
 };
 use crate::board;
 
-/// The ticks so far; written by the cycle timer's interrupt alone.
+/// The number of ticks so far, which only the cycle timer's interrupt writes.
 static TICKS: AtomicU32 = AtomicU32::new(0);
-/// The tick whose cycle has ended.
+/// The last tick whose cycle has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// What the last slot came to, for the radio's task: `PASSED | FIRED? | frame << 8 | response`.
+/// The result of the last slot, for the radio's task: `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;
 const FIRED: u32 = 1 << 30;
@@ -52,12 +52,12 @@ const FIRED: u32 = 1 << 30;
 const TICK_CHANNEL: usize = 2;
 
 fn tim2() -> &'static pac::tim2::RegisterBlock {
-    // SAFETY: a register block is always there, and every access through it is volatile; outside the timer's own
-    // interrupt and its set-up it is only read.
+    // SAFETY: a register block is always there, and every access through it is volatile; only the timer's own interrupt
+    // and its set-up write it.
     unsafe { &*pac::TIM2::ptr() }
 }
 
-/// Switches the timer's clock on, so that [`now_ms`] can be called (it reads 0 until the timer is started).
+/// Switches the timer's clock on, so that [`now_ms`] can be called (which returns 0 until the timer is started).
 pub fn enable_clock(rcc: &mut RCC) {
     pac::TIM2::enable(rcc);
 }
@@ -65,17 +65,17 @@ pub fn enable_clock(rcc: &mut RCC) {
 /// TIM2: the 10 ms cycle and its slots.
 pub struct CycleTimer(());
 
-/// What the cycle timer's interrupt was for.
+/// The cause of the cycle timer's interrupt.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum CycleEvent {
-    /// A slot has passed: the radio's task has something to do.
+    /// A slot has passed, so the radio's task has something to do.
     Slot,
-    /// The tick: the cycle's task has.
+    /// The tick has come, so the cycle's task has something to do.
     Tick,
 }
 
 impl CycleTimer {
-    /// Sets the timer up, stopped. Its clock must be on ([`enable_clock`]).
+    /// Sets the timer up without starting it. The timer's clock must be on ([`enable_clock`]).
     pub fn new(_timer: pac::TIM2) -> Self {
         let timer = tim2();
         timer.psc().write(|w| w.psc().set(0));
@@ -89,7 +89,7 @@ impl CycleTimer {
         timer.ccer().write(|w| w.cc3e().set_bit());
         gpio::enable_ports();
         gpio::alternate(board::TICK, Speed::Low, Pull::None);
-        // Load the prescaler now, and do not call that a tick.
+        // The prescaler is loaded now, and that must not count as a tick.
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());
         timer.sr().write(|w| w.uif().clear());
@@ -107,7 +107,7 @@ impl CycleTimer {
         tim2().cr1().modify(|_, w| w.cen().set_bit());
     }
 
-    /// Serves the timer's interrupt. A slot's command leaves first, by the same instructions every time; everything
+    /// Serves the timer's interrupt. A slot's command is sent first, by the same instructions every time; everything
     /// else comes after it.
     #[inline(always)]
     pub fn interrupt(&mut self) -> CycleEvent {
@@ -138,14 +138,14 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // One byte time, the only wait at this priority: chip select has to rise after it.
+                // The wait is one byte time, the only one at this priority: chip select has to rise after the byte.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
                 HORUS_TELEMETRY.record_fire(left.wrapping_sub(timing::SLOT_TICKS[frame]));
                 report |= FIRED | u32::from(response);
             }
-            // Before the first tick no cycle has begun that could have anything to send.
+            // Before the first tick no cycle has begun, so there is nothing to send.
             None if tick == 0 => {}
             None => HORUS_TELEMETRY.frames_skipped.add(1),
         }
@@ -154,7 +154,7 @@ impl CycleTimer {
     }
 }
 
-/// The number of the tick that is being served.
+/// Returns the number of the tick that is being served.
 pub fn tick() -> u32 {
     TICKS.load(Ordering::Relaxed)
 }
@@ -164,7 +164,7 @@ pub fn cycle_ended(tick: u32) {
     ENDED.store(tick, Ordering::Relaxed);
 }
 
-/// Takes what the last slot came to; `None` if that was taken before.
+/// Takes the result of the last slot; `None` if it was taken before.
 pub fn take_slot() -> Option<Slot> {
     let word = SLOT.swap(0, Ordering::Acquire);
     (word & PASSED != 0).then_some(Slot {
@@ -173,7 +173,7 @@ pub fn take_slot() -> Option<Slot> {
     })
 }
 
-/// Milliseconds since the first tick's cycle began, wraps. It never steps back ([`timing::now_ms`]).
+/// Returns the milliseconds since the first tick's cycle began (wraps). It never steps back ([`timing::now_ms`]).
 pub fn now_ms() -> u32 {
     let before = tick();
     let count = tim2().cnt().read().cnt().bits();
@@ -181,13 +181,13 @@ pub fn now_ms() -> u32 {
     timing::now_ms(before, count, due, tick())
 }
 
-/// Whether the rest of the cycle has no slot and no tick left that a few microseconds of work could delay.
+/// Whether a few microseconds of work would delay neither a slot nor the next tick.
 pub fn is_quiet() -> bool {
     timing::quiet(tim2().cnt().read().cnt().bits())
 }
 
-/// Runs `log` if the rest of the cycle has no slot and no tick left that it could delay, and tells whether it did. A
-/// log message masks all interrupts while it is written; the check and the message are one such section.
+/// Runs `log` if it would delay neither a slot nor the next tick, and returns whether it ran. A log message masks all
+/// interrupts while it is written; the check and the message are in one such section.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
         let quiet = is_quiet();

@@ -1,27 +1,27 @@
-//! A receiver on I2C: events by interrupt, bytes in by DMA
+//! A receiver on I2C, whose events come by interrupt and whose bytes come in by DMA
 //!
 //! # Design
 //!
-//! The order of events is [`horus_tx_fw::ddc`]'s; here are the registers. Interrupts are events and errors without
-//! those of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock held
-//! in between. Reads are the DMA stream's, with LAST, so that the last byte is refused; the stream's end calls.
+//! [`horus_tx_fw::ddc`] decides the order of events; this file has the registers. Interrupts are those of events and
+//! errors, not of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock
+//! held in between. A DMA stream reads, with LAST to refuse the last byte, and its end raises an interrupt.
 //!
-//! After a START or STOP was requested CR1 is not written before the peripheral has carried it out, lest it be
-//! requested twice (RM0090, "I2C", control register 1).
+//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, lest it
+//! be requested twice (RM0090, "I2C", control register 1).
 //!
-//! A recovery holds SWRST from the moment the pins are taken until they are given back, when the bus is free.
+//! A recovery holds SWRST from when the pins are taken until they are given back, when the bus is free.
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of what is used here
 //!
-//! - Spurious bus error in controller mode: BERR is cleared and not answered; what is really broken ends at the tick.
-//! - Start cannot be generated after a misplaced Stop: only SWRST helps; a START that does not come is a transaction
-//!   that has not ended by the tick, which resets.
-//! - Mismatch on the set-up time of a repeated Start: in standard mode from 88 kHz on; this is fast mode.
-//! - Data valid time violated without OVR: concerns a target that transmits; this is a controller.
-//! - Rise times of SDA and SCL when the bus's supply is above that of the part: pull-ups go to the part's 3.3 V.
+//! - Spurious bus error in controller mode: BERR is cleared and ignored; what is really broken ends at the tick.
+//! - Start cannot be generated after a misplaced Stop: only SWRST helps. A transaction whose START does not come has
+//!   not ended by the tick, which resets the peripheral.
+//! - Mismatch on the set-up time of a repeated Start: it concerns standard mode from 88 kHz on; this is fast mode.
+//! - Data valid time violated without OVR: it concerns a target that transmits, and this is a controller.
+//! - Rise times of SDA and SCL when the bus's supply is above the part's: the pull-ups go to the part's 3.3 V.
 //!
-//! `unsafe` here: shared access to the peripheral's register block, values without an enumeration, and the DMA stream's
-//! start.
+//! `unsafe` is used here for shared access to the peripheral's register block, for values without an enumeration, and
+//! to start the DMA stream.
 #![allow(unsafe_code)]
 
 use core::{
@@ -47,10 +47,10 @@ use super::{
 };
 use crate::board::DdcPort;
 
-/// What the stream writes. There is one receiver on I2C at most (the board's table asserts it).
+/// The memory that the stream writes. At most one receiver is on I2C (the board's table asserts it).
 static BYTES: [AtomicU8; MOST] = [const { AtomicU8::new(0) }; MOST];
 
-/// What DMA writes; it reads a ring.
+/// Returns the memory that DMA writes. What is sent goes without DMA.
 pub(super) fn memory() -> Range<u32> {
     memory::span(&BYTES)
 }
@@ -65,7 +65,7 @@ pub struct DdcSource {
 }
 
 impl DdcSource {
-    /// Sets up receiver `index`.
+    /// Sets up the source of receiver `index`.
     pub fn new(index: usize, port: &'static DdcPort, rcc: &mut pac::RCC) -> Self {
         (port.enable)(rcc);
         gpio::open_drain(port.scl);
@@ -83,7 +83,7 @@ impl DdcSource {
 
     fn i2c(&self) -> &'static i2c1::RegisterBlock {
         // SAFETY: the table holds the address of an I2C peripheral's register block, which is always there; every
-        // access is volatile, and it is used by this source alone.
+        // access is volatile, and only this source uses the peripheral.
         unsafe { self.registers.get() }
     }
 
@@ -92,14 +92,14 @@ impl DdcSource {
         let i2c = self.i2c();
         let mhz = self.port.bus_hz / 1_000_000;
         i2c.cr1().write(|w| w);
-        // SAFETY: the bus's frequency in MHz, 2 to 50 (RM0090 "I2C", control register 2): 36.
+        // SAFETY: the bus's frequency is 36 MHz, and 2 to 50 may be written (RM0090 "I2C", control register 2).
         i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
-        // Low for twice CCR (DUTY 0), high for CCR.
+        // The clock is low for twice CCR (DUTY 0) and high for CCR.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
-        // SAFETY: 1 to 4095 in fast mode with DUTY 0: 36.
+        // SAFETY: the value is 36, and 1 to 4095 may be written in fast mode with DUTY 0.
         i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });
-        // 300 ns of rise time in fast mode (RM0090 "I2C", TRISE).
-        // SAFETY: at most 63: 11.
+        // The rise time is 300 ns in fast mode (RM0090 "I2C", TRISE).
+        // SAFETY: the value is 11, and at most 63 may be written.
         i2c.trise().write(|w| unsafe { w.bits((mhz * 300 / 1_000 + 1) as u16) });
         i2c.cr1().write(|w| w.pe().set_bit().ack().set_bit());
     }
@@ -115,7 +115,7 @@ impl DdcSource {
         }
     }
 
-    /// The status, whose error flags this clears.
+    /// Returns the status, and clears its error flags.
     fn take_events(&self) -> Events {
         let sr1 = self.i2c().sr1().read();
         let events = Events {
@@ -126,10 +126,10 @@ impl DdcSource {
             arbitration_lost: sr1.arlo().bit_is_set(),
             bus_error: sr1.berr().bit_is_set(),
         };
-        // Zeros clear the error flags, bits 8 to 15; all others are read-only.
+        // Zeros clear the error flags, bits 8 to 15; all other bits are read-only.
         const ERRORS: u16 = 0xDF00;
         if sr1.bits() & ERRORS != 0 {
-            // SAFETY: clears what was seen; reserved bit 13 is written as 0.
+            // SAFETY: this clears the flags that were seen; reserved bit 13 is written as 0.
             self.i2c().sr1().write(|w| unsafe { w.bits(!sr1.bits() & ERRORS) });
         }
         events
@@ -161,7 +161,7 @@ impl DdcSource {
             Order::Mute => self.mute(),
             Order::Release => {
                 self.mute();
-                // If it does not stop, the next recovery tries again; nothing relies on what it writes.
+                // If the stream does not stop, the next recovery tries again; nothing relies on what the stream writes.
                 let _ = dma::stop(self.port.stream);
                 dma::clear_flags(self.port.stream);
                 i2c.cr1().write(|w| w.swrst().set_bit());
@@ -189,7 +189,7 @@ impl DdcSource {
         self.i2c().dr().write(|w| w.dr().set(byte));
     }
 
-    /// Clears ADDR: SR1 has been read, reading SR2 is the rest of it.
+    /// Clears ADDR: SR1 has been read already, and reading SR2 completes the sequence.
     fn clear_addressed(&self) {
         let _ = self.i2c().sr2().read();
     }
@@ -201,7 +201,7 @@ impl DdcSource {
 
     fn receive(&self, len: usize) {
         if dma::is_on(self.port.stream) {
-            // It did not stop when it was told to: this transaction ends at the tick.
+            // The stream did not stop when it was told to, so this transaction ends at the tick.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -219,7 +219,7 @@ impl DdcSource {
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // Called for a sign of life. What ends from here on calls again, so its flag must stay.
+            // This is a call for a sign of life. A transfer that ends from here on calls again, so its flag must stay.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -235,7 +235,7 @@ impl DdcSource {
         }
     }
 
-    /// Puts those of the bytes that came in into the ring.
+    /// Puts this range of the bytes that came in into the ring.
     fn push(&self, bytes: Range<usize>) {
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
         buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
@@ -245,7 +245,7 @@ impl DdcSource {
 impl Source for DdcSource {
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
-        // Errors of a time in which nothing was under way are nobody's: one of them would end the next transaction.
+        // Errors that came while nothing was under way are dropped: one of them would end the next transaction.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);

@@ -2,22 +2,22 @@
 //!
 //! # Design
 //!
-//! Bytes, one at a time, without the streams' FIFOs (direct mode). Memory that a DMA controller reads or writes is made
-//! of atomics in main SRAM (the CCM RAM is out of a DMA's reach, RM0090 "Memory and bus architecture"), so that no
-//! reference to it ever claims more than is true.
+//! The streams move bytes, one at a time and without the streams' FIFOs (direct mode). Memory that a DMA controller
+//! reads or writes is made of atomics in main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus
+//! architecture"), so that no reference to that memory ever claims more than is true.
 //!
 //! **Switching off.** A stream whose EN is cleared goes on until the transfer that it has begun has ended, and EN reads
-//! 1 until then; only when it reads 0 may the stream be set up again, and only then is the memory the processor's
-//! (RM0090 "DMA controller", stream configuration procedure, step 1; AN4031, which asks for the same before the
-//! peripheral is switched off). [`stop`] waits for that, with a bound.
+//! 1 until then. Only when EN reads 0 may the stream be set up again, and only then does the memory belong to the
+//! processor (RM0090 "DMA controller", stream configuration procedure, step 1; AN4031, which asks for the same before
+//! the peripheral is switched off). [`stop`] waits for that, with a bound.
 //!
 //! # Errata (ES0206 rev 24, and AN4031) of what is used here
 //!
-//! - AN4031, DMA2: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Here: DMA2 serves APB2 alone:
-//!   SPI1 and SPI5.
+//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Measure: DMA2 serves only
+//!   peripherals of APB2, SPI1 and SPI5.
 //!
-//! `unsafe` here: shared access to the controllers' register blocks, addresses that a stream is given, and flag
-//! registers that are written as words.
+//! `unsafe` is used here for shared access to the controllers' register blocks, for the addresses that a stream is
+//! given, and for flag registers that are written as words.
 #![allow(unsafe_code)]
 
 use cortex_m::asm;
@@ -28,49 +28,49 @@ use stm32f4xx_hal::{
 
 use crate::board::{Dma, Stream};
 
-/// Which way the bytes go.
+/// The direction of a transfer.
 pub(super) enum Direction {
-    /// From the peripheral: to one byte after the other if `advance`, else all to the same; for ever round if
-    /// `circular`.
+    /// From the peripheral to memory: to one byte after the other if `advance`, otherwise all to the same byte; without
+    /// end, round after round, if `circular`.
     In { circular: bool, advance: bool },
-    /// To the peripheral.
+    /// From memory to the peripheral.
     Out,
 }
 
-/// What a stream is to transfer.
+/// A stream's transfer.
 pub(super) struct Transfer {
     /// The address of the peripheral's data register.
     pub(super) peripheral: u32,
     /// The address of the first byte in memory.
     pub(super) memory: u32,
-    /// How many bytes, at least 1 and at most 65535.
+    /// The number of bytes, at least 1 and at most 65535.
     pub(super) len: usize,
     pub(super) direction: Direction,
 }
 
-/// A stream's flags.
+/// The flags of one stream.
 pub(super) struct Flags(u32);
 
-/// All five flags of one stream, and two of them.
+/// All five flags of one stream. The next two constants are two of these flags.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
 
 impl Flags {
-    /// The bus answered with an error, which has switched the stream off.
+    /// Whether the bus answered with an error, which has switched the stream off.
     pub(super) fn has_error(&self) -> bool {
         self.0 & TRANSFER_ERROR != 0
     }
 
-    /// All bytes have been transferred (in a ring: the last of the lap).
+    /// Whether all bytes have been transferred (in a ring: the last byte of the lap).
     pub(super) fn is_complete(&self) -> bool {
         self.0 & TRANSFER_COMPLETE != 0
     }
 }
 
-/// Switches both controllers' clocks on. Can be called again at any time.
+/// Switches both controllers' clocks on. This can be called again at any time.
 pub(super) fn enable() {
-    // SAFETY: sets one bit each in the clock enable register, atomically (the HAL uses the bit-band region).
+    // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
         pac::DMA1::enable_unchecked();
         pac::DMA2::enable_unchecked();
@@ -79,7 +79,7 @@ pub(super) fn enable() {
 
 fn controller(dma: Dma) -> &'static dma2::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile. Each stream has one user (the
-    // board's table asserts it), and the flag clear registers act on the ones written alone.
+    // board's table asserts it), and the flag clear registers act only on bits that are written as one.
     unsafe {
         &*match dma {
             Dma::One => pac::DMA1::ptr(),
@@ -101,7 +101,7 @@ const fn flag_shift(stream: Stream) -> u32 {
     }
 }
 
-/// The stream's flags.
+/// Returns the flags of the stream.
 pub(super) fn flags(stream: Stream) -> Flags {
     let dma = controller(stream.dma);
     let word = if stream.number < 4 { dma.lisr().read().bits() } else { dma.hisr().read().bits() };
@@ -112,7 +112,7 @@ pub(super) fn flags(stream: Stream) -> Flags {
 pub(super) fn clear_flags(stream: Stream) {
     let dma = controller(stream.dma);
     let flags = ALL_FLAGS << flag_shift(stream);
-    // SAFETY: ones clear those flags, zeros do nothing; the bits are the stream's own.
+    // SAFETY: ones clear the stream's flags, and zeros do nothing; the bits belong to this stream.
     unsafe {
         if stream.number < 4 {
             dma.lifcr().write(|w| w.bits(flags));
@@ -122,15 +122,15 @@ pub(super) fn clear_flags(stream: Stream) {
     }
 }
 
-/// Starts the stream. Interrupts: end and error of what comes in (for a ring, its half too), error of what goes out.
+/// Starts the stream. Interrupts: end and error of what comes in (half too in a ring), and error of what goes out.
 ///
 /// # Safety
 ///
-/// - `transfer.peripheral` is the address of the data register of the peripheral whose requests the stream's channel
-///   is, a byte of which may be read (in) or written (out).
-/// - From `transfer.memory` on lie `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one
-///   or more statics in main SRAM that are made of atomics, and nobody relies on what they hold until the stream has
-///   ended or been stopped.
+/// - `transfer.peripheral` is the address of the data register of the peripheral to which the stream's channel belongs,
+///   and a byte of that register may be read (in) or written (out).
+/// - At `transfer.memory` begin `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one or
+///   more statics in main SRAM that are made of atomics, and nobody relies on what they hold until the stream has ended
+///   or been stopped.
 /// - The stream is off, [`is_on`] says so, and its flags are clear.
 pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     let registers = registers(stream);
@@ -140,7 +140,7 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
         registers.m0ar().write(|w| w.m0a().bits(transfer.memory));
     }
     registers.ndtr().write(|w| w.ndt().set(transfer.len as u16));
-    // What the processor has written into that memory is there before the stream reads it.
+    // What the processor has written into that memory must be there before the stream reads it.
     asm::dmb();
     registers.cr().write(|w| {
         w.chsel().set(stream.channel);
@@ -164,36 +164,36 @@ pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     });
 }
 
-/// Whether the stream is on.
+/// Returns whether the stream is on.
 pub(super) fn is_on(stream: Stream) -> bool {
     registers(stream).cr().read().en().bit_is_set()
 }
 
-/// How many bytes are left to transfer (in a ring: in this lap).
+/// Returns how many bytes are left to transfer (in a ring: in this lap).
 pub(super) fn left(stream: Stream) -> usize {
     usize::from(registers(stream).ndtr().read().ndt().bits())
 }
 
-/// A stream that was switched off is still on.
+/// The error of a stream that was switched off and is still on.
 #[derive(Debug)]
 pub(super) struct StillOn;
 
-/// How often [`stop`] asks whether the stream is off. Each time takes at least 6 core cycles, so 128 take 5 µs. The one
+/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 take 5 µs. The one
 /// byte that can be under way needs one access to the peripheral and one to memory, each of a few cycles of its bus
-/// even when it has to wait for the other masters' turn.
+/// even when it has to wait for other masters' turns.
 const STOP_POLLS: u32 = 128;
 
-/// Switches the stream off, if it is on, and waits until it is. It must have been given a peripheral that still
-/// answers.
+/// Switches the stream off, if it is on, and waits until it is off. The stream must have been given a peripheral that
+/// still answers.
 ///
 /// # Errors
 ///
-/// [`StillOn`] if it has not ended after some microseconds: the controller or its bus hangs, and the memory is not the
-/// processor's. Nothing but a reset helps.
+/// [`StillOn`] if the stream has not ended after some microseconds: the controller or its bus hangs, the memory does
+/// not belong to the processor, and only a reset helps.
 pub(super) fn stop(stream: Stream) -> Result<(), StillOn> {
     registers(stream).cr().modify(|_, w| w.en().clear_bit());
     if (0..STOP_POLLS).any(|_| !is_on(stream)) {
-        // The memory is read after the stream has written it.
+        // The memory must only be read after the stream has written it.
         asm::dmb();
         Ok(())
     } else {

@@ -1,12 +1,12 @@
-//! GNSS receivers: their sources of bytes, one kind for each interface
+//! The sources of the GNSS receivers' bytes, one kind for each interface
 //!
 //! # Design
 //!
-//! Where a receiver is connected is the board's table's matter ([`crate::board::RECEIVER_PORTS`]). Each kind of
-//! interface has a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served
-//! at every tick and by interrupts, all of one priority, and leaves what has come in a ring ([`super::buffers`]).
+//! The board's table says where a receiver is connected ([`crate::board::RECEIVER_PORTS`]). Each kind of interface has
+//! a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served at every tick
+//! and by interrupts, all of one priority, and puts what has come in into a ring ([`super::buffers`]).
 //!
-//! `unsafe` here: none.
+//! This file has no `unsafe` code.
 #![forbid(unsafe_code)]
 
 use horus_tx_fw::{
@@ -27,7 +27,7 @@ use crate::board::{Hardware, ReceiverPort, RECEIVER_PORTS};
 
 const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
 
-/// Receiver `index`'s configuration, of which nothing has been sent.
+/// Returns the configuration of receiver `index`, of which nothing has been sent.
 pub fn configuration(index: usize) -> Configuration {
     let port = &PORTS[index];
     Configuration::new(port.hardware.interface(), port.period_ms)
@@ -46,7 +46,7 @@ pub struct GnssLine {
 }
 
 impl GnssLine {
-    /// Sets up the receivers that are fitted, clocks and pins included, and starts them.
+    /// Sets up the receivers that are fitted, including clocks and pins, and starts them.
     pub fn all(rcc: &mut pac::RCC) -> [Self; RECEIVERS] {
         gpio::enable_ports();
         dma::enable();
@@ -68,7 +68,7 @@ impl GnssLine {
         }
     }
 
-    /// Serves the tick.
+    /// Serves the tick: hands the waiting message to the source, and polls the source.
     pub fn poll(&mut self) {
         let outbox = outbox(self.index);
         if let Some(message) = outbox.peek() {
@@ -79,7 +79,7 @@ impl GnssLine {
         self.source().poll();
     }
 
-    /// Serves one of its interrupts, and tells whether bytes have come.
+    /// Serves one of the source's interrupts, and returns whether bytes have come.
     pub fn interrupt(&mut self, vector: Vector) -> bool {
         let before = ring(self.index).written();
         self.source().interrupt(vector);

@@ -1,8 +1,8 @@
 //! Pins: mode, speed, level
 //!
-//! Set up from the board's table, by number, which the HAL's types for single pins do not allow.
+//! Pins are set up by number, from the board's table, which the HAL's types for single pins do not allow.
 //!
-//! `unsafe` here: shared access to the ports' register blocks, and values that have no enumeration.
+//! `unsafe` is used here for shared access to the ports' register blocks, and for values that have no enumeration.
 #![allow(unsafe_code)]
 
 use stm32f4xx_hal::{
@@ -19,7 +19,7 @@ pub(super) enum Speed {
     VeryHigh = 0b11,
 }
 
-/// What holds a pin that nothing drives.
+/// What holds the level of a pin that nothing drives.
 #[derive(Clone, Copy)]
 pub(super) enum Pull {
     None = 0b00,
@@ -31,9 +31,9 @@ const INPUT: u32 = 0b00;
 const OUTPUT: u32 = 0b01;
 const ALTERNATE: u32 = 0b10;
 
-/// Switches the clocks of all ports in use on. Can be called again at any time.
+/// Switches on the clocks of all ports in use. This can be called again at any time.
 pub(super) fn enable_ports() {
-    // SAFETY: sets one bit each in the clock enable register, atomically (the HAL uses the bit-band region).
+    // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
         pac::GPIOA::enable_unchecked();
         pac::GPIOB::enable_unchecked();
@@ -55,14 +55,14 @@ fn block(port: GpioPort) -> &'static gpioa::RegisterBlock {
         GpioPort::F => pac::GPIOF::ptr().cast(),
     };
     // SAFETY: a register block is always there, and every access through it is volatile. All ports have the same
-    // registers (RM0090 "GPIO register map"); they differ in reset values alone. Configuration registers are changed
-    // only where no other change can come in between: in `init`, before interrupts are enabled; by the tasks of the
+    // registers (RM0090 "GPIO register map"); only their reset values differ. Configuration registers are changed only
+    // where no other change can come in between: in `init`, before interrupts are enabled; by the tasks of the
     // receivers' sources, which have one priority ([`drive`], [`connect`]); and in the safe state, after interrupts are
-    // disabled for ever.
+    // disabled for good.
     unsafe { &*block }
 }
 
-/// `word` with its field number `field` of `width` bits set to `value`.
+/// Returns `word` with its field number `field`, of `width` bits, set to `value`.
 const fn with_field(word: u32, field: u8, width: u8, value: u32) -> u32 {
     let at = field as u32 * width as u32;
     word & !(((1 << width) - 1) << at) | value << at
@@ -70,8 +70,8 @@ const fn with_field(word: u32, field: u8, width: u8, value: u32) -> u32 {
 
 fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
     let port = block(pin.port);
-    // SAFETY: every two-bit value of these registers is defined but 0b11 of PUPDR, which `Pull` does not have; and it
-    // is this pin's field alone that changes.
+    // SAFETY: every two-bit value of these registers is defined except 0b11 of PUPDR, which `Pull` does not have, and
+    // only this pin's field changes.
     unsafe {
         port.pupdr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, pull as u32)));
         port.ospeedr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, speed as u32)));
@@ -84,7 +84,7 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
     let port = block(pin.port);
     let function = u32::from(function & 0xF);
-    // SAFETY: every four-bit value is one of the alternate functions, and it is this pin's field alone that changes.
+    // SAFETY: every four-bit value is one of the alternate functions, and only this pin's field changes.
     unsafe {
         if pin.number < 8 {
             port.afrl().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 4, function)));
@@ -95,35 +95,35 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     configure(pin, ALTERNATE, speed, pull);
 }
 
-/// Makes a pin an output that is `high` from the first moment.
+/// Makes a pin an output that is `high` from the first moment on.
 pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
     write(pin, high);
     configure(pin, OUTPUT, speed, Pull::None);
 }
 
-/// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. Its latch is
-/// high, so that [`drive`] releases it at first.
+/// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. The pin's
+/// output latch is high, so that [`drive`] releases the pin at first.
 pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);
-    // SAFETY: one bit a pin; it is this pin's alone that changes.
+    // SAFETY: the register has one bit for each pin, and only this pin's bit changes.
     block(pin.port).otyper().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 1, 1)) });
     alternate(alternate_pin, Speed::Low, Pull::None);
 }
 
-/// Takes a pin that was set up by [`open_drain`] from its peripheral: [`write`] drives it. For the tasks of the
-/// receivers' sources alone.
+/// Takes a pin that was set up by [`open_drain`] from its peripheral, so that [`write`] drives it. Only the tasks of
+/// the receivers' sources may call this.
 pub(super) fn drive(pin: Pin) {
     set_mode(pin, OUTPUT);
 }
 
-/// Gives a pin back to its peripheral. For the tasks of the receivers' sources alone.
+/// Gives a pin back to its peripheral. Only the tasks of the receivers' sources may call this.
 pub(super) fn connect(pin: Pin) {
     set_mode(pin, ALTERNATE);
 }
 
 fn set_mode(pin: Pin, mode: u32) {
-    // SAFETY: every two-bit value is a mode, and it is this pin's field alone that changes.
+    // SAFETY: every two-bit value is a mode, and only this pin's field changes.
     block(pin.port).moder().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 2, mode)) });
 }
 
@@ -136,11 +136,11 @@ pub(super) fn input(pin: Pin, pull: Pull) {
 #[inline(always)]
 pub(super) fn write(pin: Pin, high: bool) {
     let set = 1 << pin.number;
-    // SAFETY: BSRR changes only the pins whose bit is one: the low half sets, the high half resets.
+    // SAFETY: BSRR changes only the pins whose bit is one: its low half sets them, and its high half resets them.
     block(pin.port).bsrr().write(|w| unsafe { w.bits(if high { set } else { set << 16 }) });
 }
 
-/// An input's level.
+/// Returns an input's level.
 #[inline(always)]
 pub(super) fn is_high(pin: Pin) -> bool {
     block(pin.port).idr().read().bits() & 1 << pin.number != 0

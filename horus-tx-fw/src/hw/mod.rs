@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The HAL sets up clocks and the watchdog. What is here is below its types: DMA streams that run for ever or are
-//! started and finished in different tasks, a timer whose period must not be rounded, and pins that are set up from a
-//! table. Which pin, stream, vector and clock is whose is in `board.rs`.
+//! The HAL sets up clocks and the watchdog. This folder has what lies below the HAL's types: DMA streams that run for
+//! ever or are started and finished in different tasks, a timer whose period must not be rounded, and pins that are set
+//! up from a table. `board.rs` says who uses which pin, stream, vector and clock.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -14,31 +14,31 @@
 //! | [`gnss`] | the receivers' sources |
 //! | [`buffers`] | what comes from the receivers and goes to them |
 //! | [`uart`], [`ddc`], [`spi`] | a receiver on a UART, on I2C, on SPI |
-//! | [`steps`] | one-shot timers of those |
+//! | [`steps`] | the one-shot timers of I2C and SPI |
 //! | [`dma`] | DMA streams |
 //! | [`gpio`] | pins |
 //! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
 //! | [`registers`] | addresses of register blocks that a task may own |
 //! | [`supply`] | the brown-out level, and what happens when the supply falls |
-//! | [`reset`] | the reason of the last reset, how many the watchdog has made, who is excluded over them |
+//! | [`reset`] | the reason of the last reset, the number of the watchdog's, the receivers that stay excluded |
 //! | `start_up` | the first instructions: reset flags and watchdog |
 //!
 //! `main.rs` denies `unsafe` code; each file in this folder allows it for itself, and says in its heading what for. All
-//! of them access register blocks through shared references: such a block is always there, and every access is
-//! volatile.
+//! of these files access register blocks through shared references: a register block is always there, and every access
+//! is volatile.
 //!
 //! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of it; each module lists its own
 //!
-//! - 2.2.6: a write to the watchdog may be buffered whatever the MPU says, if APB has no prescaler. Here: APB1 has one.
-//! - 2.8.3, 2.8.4: PVU, RVU not cleared when APB is too slow. Here: APB1 runs at 36 MHz; nothing waits for them.
-//! - Cortex-M4 776924: VDIV/VSQRT may be wrong if interrupted by a very short handler. Here: every handler does more
-//!   than the 14 cycles it names.
-//! - Cortex-M4 838869: a store right before exception return may return to the wrong vector. Here: [`settle`] (DSB)
+//! - 2.2.6: a write to the watchdog may be buffered whatever the MPU says, if APB has no prescaler. But APB1 has one.
+//! - 2.8.3, 2.8.4: PVU and RVU are not cleared if APB is too slow. But APB1 has 36 MHz, and nothing waits for them.
+//! - Cortex-M4 776924: VDIV/VSQRT may be wrong if interrupted by a very short handler. Measure: every handler takes
+//!   more than the 14 cycles that the erratum names.
+//! - Cortex-M4 838869: a store right before exception return may return to the wrong vector. Measure: [`settle`] (DSB)
 //!   ends every handler.
 //!
-//! `unsafe` here: the symbol under which the telemetry is found.
+//! `unsafe` is used here for the symbol under which the telemetry is found.
 #![allow(unsafe_code)]
-// RTIC's generated resource types are public, and so must be what they hold.
+// RTIC's generated resource types are public, and so must be the types that they hold.
 #![allow(unreachable_pub)]
 
 use core::ops::Range;
@@ -68,17 +68,17 @@ mod uart;
 
 firmware_common::install_safe_state!(safe_state, protection::area, board::task_of);
 
-/// What the debugger or the bench reads.
+/// The counters that the debugger or the bench reads.
 #[no_mangle]
 pub static HORUS_TELEMETRY: Telemetry = Telemetry::new();
 
-/// Makes sure that what a handler has written has arrived before it returns: a flag that is still set at the interrupt
-/// controller would call it again, and erratum 838869.
+/// Waits until what a handler has written has arrived, before the handler returns: a flag that is still set at the
+/// interrupt controller would call the handler again, and erratum 838869 needs the wait, too.
 pub fn settle() {
     asm::dsb();
 }
 
-/// RAM that not the processor alone reads and writes: what DMA reaches, and the telemetry.
+/// Returns the RAM that the processor does not use alone: what DMA reaches, and the telemetry.
 pub fn shared_memory() -> [Range<u32>; APART - 2] {
     let [rings, outboxes] = buffers::memory();
     let [spi_in, spi_out] = spi::memory();
@@ -87,7 +87,7 @@ pub fn shared_memory() -> [Range<u32>; APART - 2] {
     [telemetry, rings, outboxes, ddc::memory(), spi_in, spi_out, frame, short_out, short_in, discard]
 }
 
-/// Puts the board into its safe state: the RF field is off. All interrupts must be masked, for ever.
+/// Puts the board into its safe state: the RF field is off. All interrupts must be masked for good.
 pub fn safe_state() {
     radio::field_off();
 }

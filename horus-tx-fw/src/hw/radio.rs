@@ -2,27 +2,27 @@
 //!
 //! # Design
 //!
-//! Every operation of the port starts something and returns; the interrupt that ends it polls the executor. The SPI has
-//! two users that never meet: from [`transmitter::FrontEndPort::arm`] to the slot it is the slot's interrupt, else it
-//! is the tasks of the front end, which have one priority.
+//! Every operation of the port starts something and returns; the interrupt that ends the operation polls the executor.
+//! The SPI has two users that never meet: from [`transmitter::FrontEndPort::arm`] to the slot it belongs to the slot's
+//! interrupt, otherwise to the tasks of the front end, which have one priority.
 //!
-//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, eight bits, most significant
-//! first.
+//! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, with eight bits, most
+//! significant bit first.
 //!
 //! [`field_off`] relies on nothing that was set up before it, so that it also works from the first instructions of the
-//! start on, and after the clock security system has taken the PLL away: the SPI then runs at 2 or 1 MHz, and the
-//! bounds of its waits, which are counted in cycles of the processor, hold as the ratio of the two clocks does not
+//! start on, and after the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds
+//! of its waits, which are counted in cycles of the processor, still hold, since the ratio of the two clocks does not
 //! grow.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than ours. Here:
-//!   the SPI stays enabled; every wait for BSY has a bound.
-//! - 2.12.4: last bit corrupted in master mode with delayed SCK feedback. Here: SCK at very high pad speed, and 9 MHz
-//!   of the 45 MHz it may have.
+//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this one.
+//!   Measure: the SPI stays enabled, and every wait for BSY has a bound.
+//! - 2.12.4: the last bit may be corrupted in master mode with delayed SCK feedback. Measure: SCK has a very high pad
+//!   speed, and 9 MHz of the 45 MHz that it may have.
 //!
-//! `unsafe` here: shared access to the register blocks of SPI1 and TIM5, the DMA streams' starts, and the EXTI line's
-//! port.
+//! `unsafe` is used here for shared access to the register blocks of SPI1 and TIM5, to start the DMA streams, and for
+//! the EXTI line's port.
 #![allow(unsafe_code)]
 
 use core::{
@@ -59,18 +59,18 @@ use crate::board::{CHIP_SELECT, IRQ, MISO, MOSI, SCK, SPI_IN, SPI_OUT};
 pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
-    // SAFETY: a register block is always there, and every access through it is volatile. Who may use the SPI when is
-    // settled by the ticket: from `arm` to the slot it is the slot's, else the front end's tasks'.
+    // SAFETY: a register block is always there, and every access through it is volatile. The ticket settles who may use
+    // the SPI: from `arm` to the slot the slot's interrupt, otherwise the front end's tasks.
     unsafe { &*pac::SPI1::ptr() }
 }
 
 fn tim5() -> &'static pac::tim5::RegisterBlock {
-    // SAFETY: as above; used by the front end's tasks alone, which have one priority.
+    // SAFETY: the block is always there, every access is volatile, and the tasks that use the timer have one priority.
     unsafe { &*pac::TIM5::ptr() }
 }
 
-/// Polls of the SPI's status register that outlast one byte: 8 bits at 9 MHz are 128 core cycles, and a poll over the
-/// APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
+/// The number of polls of the SPI's status register that outlast one byte: 8 bits at 9 MHz are 128 core cycles, and a
+/// poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
 const POLLS: u32 = 128;
 
 /// Lowers chip select.
@@ -79,8 +79,8 @@ pub(super) fn select() {
     gpio::write(CHIP_SELECT, false);
 }
 
-/// Waits until the SPI has shifted its last bit out, one byte time at most, then raises chip select. Chip select must
-/// not rise under a bit (RM0090 "SPI", disabling).
+/// Waits until the SPI has shifted its last bit out, for one byte time at most, then raises chip select. Chip select
+/// must not rise during a bit (RM0090 "SPI", disabling).
 pub(super) fn deselect() {
     for _ in 0..POLLS {
         if spi().sr().read().bsy().bit_is_clear() {
@@ -96,7 +96,7 @@ pub(super) fn put(byte: u8) {
     spi().dr8().write(|w| w.dr().set(byte));
 }
 
-/// Waits for the byte that is shifted in meanwhile, one byte time at most, also if the SPI hangs.
+/// Waits for the byte that is shifted in meanwhile, for one byte time at most, even if the SPI hangs.
 #[inline(always)]
 pub(super) fn take() -> u8 {
     for _ in 0..POLLS {
@@ -107,17 +107,17 @@ pub(super) fn take() -> u8 {
     spi().dr8().read().dr().bits()
 }
 
-/// Switches the clocks of the SPI, its pins and its DMA streams on.
+/// Switches on the clocks of the SPI, its pins and its DMA streams.
 fn enable_clocks() {
     gpio::enable_ports();
     dma::enable();
-    // SAFETY: sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
+    // SAFETY: this sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe { pac::SPI1::enable_unchecked() };
 }
 
-/// Sets up the SPI and its pins. Changes nothing where they are set up already.
+/// Sets up the SPI and its pins. Nothing changes where they are set up already.
 fn set_up_spi() {
-    // Chip select is high before it is an output; the clock's edges are fast (erratum 2.12.4).
+    // Chip select is high before it becomes an output; the clock's edges are fast (erratum 2.12.4).
     gpio::output(CHIP_SELECT, Speed::VeryHigh, true);
     gpio::alternate(SCK, Speed::VeryHigh, Pull::None);
     gpio::alternate(MISO, Speed::Low, Pull::None);
@@ -133,7 +133,7 @@ fn set_up_spi() {
     });
 }
 
-/// Makes the rising edge of the IRQ pin an interrupt.
+/// Makes the rising edge of the IRQ pin raise an interrupt.
 fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     gpio::input(IRQ, Pull::Down);
     // SAFETY: port A's code is 0 (RM0090 "SYSCFG", external interrupt configuration register 1).
@@ -142,15 +142,15 @@ fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     exti.imr().modify(|_, w| w.mr3().set_bit());
 }
 
-/// Profile bytes for the FIFO load, as words; every size of a profile is a whole number of them.
+/// The profile's bytes for the FIFO load, as words; every size of a profile is a whole number of words.
 static FRAME: [AtomicU32; Profile::<RECEIVERS>::SIZE / 4] =
     [const { AtomicU32::new(0) }; Profile::<RECEIVERS>::SIZE / 4];
 static SHORT_OUT: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
 static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
-/// Where everything goes that comes in during a load.
+/// The byte to which everything goes that comes in during a load.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
-/// What DMA writes and reads.
+/// Returns the memory that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 4] {
     [memory::span(&FRAME), memory::span(&SHORT_OUT), memory::span(&SHORT_IN), memory::span(&DISCARD)]
 }
@@ -159,26 +159,26 @@ const _: () = assert!(Profile::<RECEIVERS>::SIZE.is_multiple_of(4));
 
 /// SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
 pub struct Radio {
-    /// Bytes of the response; none after a load.
+    /// The number of bytes in the response; 0 after a load.
     len: usize,
     response: [u8; Short::MAX],
-    /// The transfer that ended last ended with a DMA error.
+    /// Whether the transfer that ended last ended with a DMA error.
     failed: bool,
-    /// The bytes of [`FRAME`] that are loaded.
+    /// The range of [`FRAME`]'s bytes that is loaded.
     frame: Range<usize>,
-    /// The timer has run out since it was started.
+    /// Whether the timer has run out since it was started.
     over: bool,
 }
 
 impl Radio {
-    /// Sets everything up, clocks and pins included.
+    /// Sets everything up, including clocks and pins.
     pub fn new(rcc: &mut pac::RCC, _spi: pac::SPI1, _timer: pac::TIM5, syscfg: pac::SYSCFG, exti: &pac::EXTI) -> Self {
         enable_clocks();
         pac::TIM5::enable(rcc);
         pac::SYSCFG::enable(rcc);
         set_up_spi();
         set_up_irq(&syscfg, exti);
-        // 1 µs a count.
+        // The timer counts microseconds.
         let ticks = match HORUS_TELEMETRY.without_crystal.get() {
             0 => timing::TICKS_PER_US,
             _ => timing::INTERNAL_TICKS_PER_US,
@@ -192,7 +192,7 @@ impl Radio {
         Self { len: 0, response: [0; Short::MAX], failed: false, frame: 0..0, over: false }
     }
 
-    /// Takes TIM5's interrupt, if that is why the task was called. What counts is whether the time is over.
+    /// Clears TIM5's interrupt if it is set, and notes that the time is over, which the machine asks for.
     pub fn clear_pending_timer(&mut self) {
         if tim5().sr().read().uif().bit_is_set() {
             tim5().sr().write(|w| w.uif().clear());
@@ -200,29 +200,29 @@ impl Radio {
         }
     }
 
-    /// Clears EXTI3's pending edge. What counts is the pin's level.
+    /// Clears EXTI3's pending edge. The machine looks at the pin's level, not at the edge.
     pub fn clear_pending_irq(&mut self) {
-        // SAFETY: a register block is always there, and every access through it is volatile; PR is cleared by the ones
-        // written, and only line 3 is.
+        // SAFETY: a register block is always there, and every access through it is volatile; ones clear bits of PR, and
+        // only the bit of line 3 is written as one.
         let exti = unsafe { &*pac::EXTI::ptr() };
         exti.pr().write(|w| w.pr3().clear_bit_by_one());
     }
 
-    /// Takes the SPI's requests from streams that are off, and clears the streams' flags.
+    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
     fn finish(&mut self) {
         spi().cr2().write(|w| w);
         dma::clear_flags(SPI_IN);
         dma::clear_flags(SPI_OUT);
     }
 
-    /// Starts both streams. `lead` is sent ahead of what the stream out reads from `out`; what comes in goes to `into`,
-    /// one byte after the other if `keep`, else all to the first.
+    /// Starts both streams. `lead` is sent ahead of what the outgoing stream reads from `out`. What comes in goes to
+    /// `into`: to one byte after the other if `keep`, otherwise all to the first.
     ///
     /// # Safety
     ///
     /// - Both streams are off.
-    /// - From `out` on lie `len` bytes of a static made of atomics, and from `into` on as many (if `keep`; then without
-    ///   a `lead`), else one.
+    /// - At `out` begin `len` bytes of a static made of atomics, and at `into` as many (if `keep`, and then there is no
+    ///   `lead`), otherwise one.
     unsafe fn begin(&mut self, lead: Option<u8>, out: u32, into: u32, len: usize, keep: bool) {
         let peripheral = spi().dr().as_ptr() as u32;
         let incoming = Transfer {
@@ -241,7 +241,7 @@ impl Radio {
         if let Some(byte) = lead {
             put(byte);
         }
-        // SAFETY: as for the stream in.
+        // SAFETY: what holds for the incoming stream holds here too.
         unsafe { dma::start(SPI_OUT, &outgoing) };
         spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
@@ -255,7 +255,7 @@ impl Port for Radio {
         }
         let (out, into) = (SHORT_OUT.as_ptr() as u32, SHORT_IN.as_ptr() as u32);
         // SAFETY: both are statics of `Short::MAX` atomic bytes, which `len` does not exceed. The streams are off: the
-        // executor starts a transfer only after the one before it has ended, which switches them off, or was aborted.
+        // executor starts a transfer only after the previous one has ended, which switches them off, or was aborted.
         unsafe { self.begin(None, out, into, self.len, true) };
     }
 
@@ -280,7 +280,7 @@ impl Port for Radio {
             self.abort();
             return true;
         }
-        // The last byte comes in after the last one has gone out, so the stream out has ended too.
+        // The last byte comes in after the last one has gone out, so the outgoing stream has ended too.
         if !incoming.is_complete() {
             return false;
         }
@@ -302,8 +302,8 @@ impl Port for Radio {
 
     /// # Panics
     ///
-    /// If a stream does not stop: the memory under it would be written behind the processor's back. A panic is the safe
-    /// state, field off, and the reset that follows is what helps a DMA controller that hangs.
+    /// Panics if a stream does not stop, since it would write memory behind the processor's back. A panic leads to the
+    /// safe state with the field off, and the reset that follows recovers a DMA controller that hangs.
     fn abort(&mut self) {
         let stopped = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
         assert!(matches!(stopped, (Ok(()), Ok(()))), "a DMA stream of the front end's does not stop");
@@ -322,7 +322,7 @@ impl Port for Radio {
         let timer = tim5();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // An update comes ARR + 1 counts on: never early.
+        // The update comes ARR + 1 counts after the start, and so never early.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
@@ -356,21 +356,21 @@ impl transmitter::FrontEndPort for Radio {
     }
 }
 
-/// Switches the RF field off, whatever the SPI was doing and whether or not it was ever set up. Blocks for some
-/// microseconds, with a bound, and expects all interrupts to be masked for ever.
+/// Switches the RF field off, whatever the SPI was doing and whether or not it was ever set up. This blocks for some
+/// microseconds, with a bound, and expects all interrupts to be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no further request to serve as soon as CR2 is cleared; the field has to go off in
-    // any case.
+    // A stream that does not stop has no further request to serve as soon as CR2 is cleared, and the field has to go
+    // off in any case.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();
     set_up_spi();
     let _ = spi().dr8().read();
-    // Longer than any minimum high time of chip select.
+    // This wait is longer than any minimum high time of chip select.
     asm::delay(timing::CORE_HZ / 1_000_000);
     select();
-    // Operation control (register 02) = 0: transmitter, receiver and oscillator off (DS13541).
+    // Operation control (register 02) = 0 switches transmitter, receiver and oscillator off (DS13541).
     for byte in [command::WRITE | 0x02, 0x00] {
         put(byte);
         take();

@@ -1,14 +1,14 @@
-//! Where a peripheral's registers are, as the board's table says it
+//! The address of a peripheral's registers, which comes from the board's table
 //!
-//! `unsafe` here: that an address may be shared.
+//! `unsafe` is used here to share an address between tasks.
 #![allow(unsafe_code)]
 
 /// The address of a register block.
 pub(super) struct Registers<T>(*const T);
 
-// SAFETY: it is an address alone. Whoever makes a reference of it has to vouch for that ([`Registers::get`]).
+// SAFETY: this is only an address. Whoever makes a reference of it has to vouch for that ([`Registers::get`]).
 unsafe impl<T> Send for Registers<T> {}
-// SAFETY: as above.
+// SAFETY: this is only an address.
 unsafe impl<T> Sync for Registers<T> {}
 
 impl<T> Clone for Registers<T> {
@@ -19,19 +19,19 @@ impl<T> Clone for Registers<T> {
 impl<T> Copy for Registers<T> {}
 
 impl<T> Registers<T> {
-    /// The block at `address`.
+    /// Takes the address of the block.
     pub(super) const fn at(address: *const T) -> Self {
         Self(address)
     }
 
-    /// The block.
+    /// Returns the register block.
     ///
     /// # Safety
     ///
     /// The address is that of a block of registers that are laid out like `T`, and nothing that this caller does
     /// through it disturbs another user of the peripheral.
     pub(super) const unsafe fn get(self) -> &'static T {
-        // SAFETY: a register block is always there, and every access through it is volatile; the rest is the caller's.
+        // SAFETY: a register block is always there, every access is volatile, and the caller vouches for the rest.
         unsafe { &*self.0 }
     }
 }

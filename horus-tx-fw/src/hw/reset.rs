@@ -1,6 +1,6 @@
-//! Resets: their reason, how many the watchdog has made, and what is kept over them
+//! Resets: their reason, the number that the watchdog has made, and what is kept over them
 //!
-//! `unsafe` here: the section of memory that the start leaves as it is.
+//! `unsafe` is used here for the section of memory that the start leaves as it is.
 #![allow(unsafe_code)]
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -11,28 +11,28 @@ use profile::ResetReason;
 
 use super::HORUS_TELEMETRY;
 
-/// Survives every reset but that of the supply: `MAGIC`, then the watchdog's resets so far.
+/// The words survive every reset but that of the supply: `MAGIC`, then the number of the watchdog's resets so far.
 #[link_section = ".uninit.RESETS"]
 static RESETS: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 const MAGIC: u32 = 0x484F_5255;
 
-/// Who is excluded, as [`exclusions`] has it.
+/// The record of the excluded receivers, in the form of [`exclusions`].
 #[link_section = ".uninit.EXCLUSIONS"]
 pub(super) static EXCLUSIONS: [AtomicU32; exclusions::WORDS] = [const { AtomicU32::new(0) }; exclusions::WORDS];
 
-/// Keeps the mask of the receivers that are excluded.
+/// Stores the mask of the receivers that are excluded.
 pub fn keep_exclusions(excluded: u8) {
     for (to, from) in EXCLUSIONS.iter().zip(exclusions::to_words(excluded)) {
         to.store(from, Ordering::Relaxed);
     }
 }
 
-/// The receivers that were excluded before this start, which was for `reason`.
+/// Returns the receivers that were excluded before this start, whose reason was `reason`.
 pub fn kept_exclusions(reason: ResetReason) -> u8 {
     exclusions::from_words(EXCLUSIONS.each_ref().map(|word| word.load(Ordering::Relaxed)), reason)
 }
 
-/// Counts the watchdog's resets since the supply came on, and gives the reason of this start. To be called once.
+/// Counts the watchdog's resets since the supply came on, and returns the reason of this start. To be called once.
 pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;

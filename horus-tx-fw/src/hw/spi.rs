@@ -1,19 +1,19 @@
-//! A receiver on SPI: one transfer a cycle by DMA, both ways at once
+//! A receiver on SPI: one transfer in each cycle by DMA, in both directions at once
 //!
 //! # Design
 //!
-//! What comes when is [`horus_tx_fw::spi`]'s; here are the registers. Chip select's set-up and hold times are a
-//! timer's, so nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long
+//! [`horus_tx_fw::spi`] decides what happens when; this file has the registers. A timer times chip select's set-up and
+//! hold times, so nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long
 //! ended its last bit (RM0090 "SPI", disabling).
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than ours. Here:
-//!   the SPI stays enabled; nothing waits for BSY.
-//! - 2.12.4: last bit corrupted in controller mode with delayed SCK feedback. Here: SCK at very high pad speed, and
-//!   0.56 MHz of the 45 MHz it may have.
+//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this one.
+//!   Measure: the SPI stays enabled, and nothing waits for BSY.
+//! - 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very high
+//!   pad speed, and 0.56 MHz of the 45 MHz that it may have.
 //!
-//! `unsafe` here: shared access to the peripheral's register block, and the DMA streams' starts.
+//! `unsafe` is used here for shared access to the peripheral's register block, and to start the DMA streams.
 #![allow(unsafe_code)]
 
 use core::{
@@ -43,16 +43,16 @@ use crate::board::SpiPort;
 const WORDS: usize = TRANSFER / 4;
 const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
 
-/// What the streams write and read. There is one receiver on SPI at most (the board's table asserts it).
+/// The memory that the streams write and read. At most one receiver is on SPI (the board's table asserts it).
 static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 
-/// What DMA writes and reads.
+/// Returns the memory that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&IN), memory::span(&OUT)]
 }
 
-// The divider below.
+// `set_up` divides the bus clock by 128.
 const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
 
 /// A receiver on SPI.
@@ -63,17 +63,17 @@ pub struct SpiSource {
     polling: Polling,
     filter: Filter,
     steps: Steps,
-    /// `OUT` holds a message, which the next transfer sends.
+    /// Whether `OUT` holds a message, which the next transfer sends.
     has_message: bool,
 }
 
 impl SpiSource {
-    /// Sets up receiver `index`.
+    /// Sets up the source of receiver `index`.
     pub fn new(index: usize, port: &'static SpiPort, rcc: &mut pac::RCC) -> Self {
         (port.enable)(rcc);
         gpio::output(port.chip_select, Speed::Low, true);
         gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
-        // A receiver that is not there has nothing to say.
+        // A receiver that is not there must read as one that has nothing to say.
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
@@ -92,7 +92,7 @@ impl SpiSource {
 
     fn spi(&self) -> &'static spi1::RegisterBlock {
         // SAFETY: the table holds the address of an SPI's register block, which is always there; every access is
-        // volatile, and it is used by this source alone.
+        // volatile, and only this source uses the SPI.
         unsafe { self.registers.get() }
     }
 
@@ -127,7 +127,7 @@ impl SpiSource {
             }
             Order::Abort => {
                 self.steps.stop();
-                // If one does not stop, `transfer` does not start it, and the next tick tries again.
+                // If a stream does not stop, `transfer` does not start it, and the next tick tries again.
                 let _ = (dma::stop(self.port.stream_out), dma::stop(self.port.stream_in));
                 self.finish();
                 gpio::write(self.port.chip_select, true);
@@ -141,7 +141,7 @@ impl SpiSource {
         }
     }
 
-    /// Takes the SPI's requests from streams that are off, and clears the streams' flags.
+    /// Disconnects the SPI's requests from the streams, which are off, and clears the streams' flags.
     fn finish(&self) {
         self.spi().cr2().write(|w| w);
         dma::clear_flags(self.port.stream_in);
@@ -172,7 +172,7 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Takes what has come in, without filler: four bytes of it at a time, since most of a transfer is.
+    /// Takes what has come in, without filler. It drops filler in fours, since most of a transfer is filler.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();
@@ -208,7 +208,7 @@ impl SpiSource {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
         if !has_error && !incoming.is_complete() {
-            // Called for a sign of life. What ends from here on calls again, so its flag must stay.
+            // This is a call for a sign of life. A transfer that ends from here on calls again, so its flag must stay.
             return;
         }
         dma::clear_flags(self.port.stream_in);
@@ -216,7 +216,7 @@ impl SpiSource {
         let order = if has_error {
             self.polling.failed()
         } else {
-            // The last byte comes in after the last one has gone out, so the stream out has ended too.
+            // The last byte comes in after the last one has gone out, so the outgoing stream has ended too.
             self.polling.transferred()
         };
         self.carry_out(order);

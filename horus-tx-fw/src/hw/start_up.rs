@@ -2,19 +2,19 @@
 //!
 //! # Design
 //!
-//! The watchdog's registers are written here and not by the HAL: its code cannot run before statics are set up, and its
-//! choice of the prescaler for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key 0xCCCC starts
-//! the watchdog, and LSI with it; 0x5555 opens the reload register, which takes up to 5 periods of LSI to reach the
-//! watchdog's own clock. The prescaler stays as the reset leaves it, 4. Until `init` feeds it, the watchdog counts from
-//! the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
+//! The watchdog's registers are written here and not by the HAL: the HAL's code cannot run before statics are set up,
+//! and the prescaler that it chooses for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key
+//! 0xCCCC starts the watchdog, and LSI with it; 0x5555 opens the reload register, whose value takes up to 5 periods of
+//! LSI to reach the watchdog's own clock. The prescaler stays as the reset leaves it, 4. Until `init` feeds the
+//! watchdog, it counts from the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
 //!
-//! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). Cleared before the watchdog starts, it tells a
-//! restart by the watchdog from the start before it, also where that start did not come far: the flags of power-on and
-//! of brown-out would hide the watchdog's.
+//! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). They are cleared before the watchdog starts,
+//! so that a restart by the watchdog differs from the start before it, also where that start did not get far: the flags
+//! of power-on and of brown-out would hide the watchdog's.
 //!
-//! A start after power-on forgets here who was excluded ([`horus_tx_fw::exclusions`]): memory outlives a supply that
-//! was away for a moment, and if this start is cut off before its first vote, the next one could not tell the record
-//! from its own. The flags take the place of its first word, which no record begins with.
+//! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]): memory outlives
+//! a supply that was away for a moment, and if this start is cut off before its first vote, the next start would take
+//! the old record for this start's. The flags replace the record's first word, and no record begins with them.
 
 use firmware_common::start::RESET_FLAGS;
 use horus_tx_fw::timing;
@@ -23,12 +23,12 @@ use super::reset::EXCLUSIONS;
 
 firmware_common::install_start!(
     [
-        // RCC_CSR, and its bit RMVF.
+        // The flags are in RCC_CSR, and its bit RMVF clears them.
         "ldr r0, =0x40023874",
         "ldr r1, [r0]",
         "orr r2, r1, #0x01000000",
         "str r2, [r0]",
-        // IWDG: KR, KR, RLR.
+        // The registers of the IWDG are written in the order KR, KR, RLR.
         "ldr r0, =0x40003000",
         "movw r2, #0xCCCC",
         "str r2, [r0]",
@@ -38,7 +38,7 @@ firmware_common::install_start!(
         "str r2, [r0, #8]",
         "ldr r0, ={flags}",
         "str r1, [r0]",
-        // PORRSTF: power-on.
+        // The flag of power-on is PORRSTF.
         "ldr r0, ={exclusions}",
         "tst r1, #0x08000000",
         "it ne",

@@ -16,7 +16,7 @@ pub fn set_up() {
     }
 }
 
-/// The levels now.
+/// Returns the present levels of all pairs.
 pub fn levels() -> [Levels; INPUTS] {
     core::array::from_fn(|index| {
         let pair = &STATE_INPUTS[index];

@@ -1,10 +1,10 @@
-//! A one-shot timer: one interrupt so many microseconds from now
+//! A one-shot timer, which raises one interrupt after a number of microseconds
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
 //! - 2.7.3 concerns compare channels, which are not used.
 //!
-//! `unsafe` here: shared access to the timers' register blocks.
+//! `unsafe` is used here for shared access to the timers' register blocks.
 #![allow(unsafe_code)]
 
 use horus_tx_fw::timing;
@@ -13,18 +13,18 @@ use stm32f4xx_hal::pac::{self, tim3};
 use super::registers::Registers;
 use crate::board::Timer;
 
-/// A timer of one source.
+/// The timer of one source.
 pub(super) struct Steps(Registers<tim3::RegisterBlock>);
 
 impl Steps {
-    /// Sets it up, stopped. It counts microseconds.
+    /// Sets the timer up without starting it. The timer counts microseconds.
     pub(super) fn new(timer: &Timer, rcc: &mut pac::RCC) -> Self {
         (timer.enable)(rcc);
         let steps = Self(Registers::at((timer.registers)()));
         let registers = steps.registers();
         registers.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
         registers.cr1().write(|w| w.urs().set_bit());
-        // Load the prescaler now, without an interrupt.
+        // The prescaler is loaded now, without an interrupt.
         registers.egr().write(|w| w.ug().set_bit());
         registers.sr().write(|w| w.uif().clear());
         registers.dier().write(|w| w.uie().set_bit());
@@ -33,28 +33,28 @@ impl Steps {
 
     fn registers(&self) -> &'static tim3::RegisterBlock {
         // SAFETY: the table holds the address of a timer's register block, which is always there; every access is
-        // volatile, and each timer is used by one source alone.
+        // volatile, and only one source uses each timer.
         unsafe { self.0.get() }
     }
 
-    /// Calls in `us` microseconds, never earlier.
+    /// Starts the timer, whose interrupt comes in `us` microseconds, never earlier.
     pub(super) fn start(&self, us: u16) {
         let timer = self.registers();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // An update comes ARR + 1 counts on.
+        // The update comes ARR + 1 counts after the start.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
     }
 
-    /// Calls no more.
+    /// Stops the timer, whose interrupt comes no more.
     pub(super) fn stop(&self) {
         self.registers().cr1().write(|w| w.urs().set_bit());
         self.registers().sr().write(|w| w.uif().clear());
     }
 
-    /// Whether the time is over; asks once.
+    /// Returns whether the time is over, and clears the flag that says so.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
         if over {

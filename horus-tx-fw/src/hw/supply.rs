@@ -3,27 +3,27 @@
 //! # Design
 //!
 //! At 144 MHz flash needs four wait states from 2.7 V on and more below (RM0090, table "Number of wait states according
-//! to CPU clock frequency"). Below that the processor may read instructions wrongly and go on. Three things keep it
-//! from that:
+//! to CPU clock frequency"). With a lower supply the processor may read instructions wrongly and go on. Three measures
+//! prevent that:
 //!
 //! | supply | what | by |
 //! |---|---|---|
 //! | falls below 2.95 to 3.09 V | safe state: field off; [`Cause::Supply`] | the voltage detector's interrupt |
 //! | falls below 2.75 to 2.88 V | reset, for as long as it lasts | the part: brown-out level 3 in its option bytes |
-//! | any, with another level there | safe state at the start; [`Cause::BrownOutLevel`] | [`brown_out_level`] |
+//! | any, with another level set | safe state at the start; [`Cause::BrownOutLevel`] | [`brown_out_level`] |
 //!
 //! Thresholds: DS9405, "Embedded reset and power control block characteristics". The detector is set to its highest
-//! level: it is the only one that is above the brown-out level in every part. The board's regulator gives 3.3 V ± 2 %,
-//! which is above the level from which the detector is content again (3.07 to 3.21 V).
+//! level, the only one that is above the brown-out level in every part. The board's regulator gives 3.3 V ± 2 %, which
+//! is above the level from which the detector accepts the supply again (3.07 to 3.21 V).
 //!
-//! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. The supply that is
-//! too low already when the detector is switched on is a reason to stop too. In a safe state the watchdog restarts the
-//! part, which stops again until the supply is sound.
+//! A part as delivered has no brown-out reset above 1.7 V; `cargo xtask flash horus` sets the level. HORUS also stops
+//! if the supply is already too low when the detector is switched on. In a safe state the watchdog restarts the part,
+//! which stops again until the supply is high enough.
 //!
-//! The interrupt has the highest priority there is, which no lock masks, and is no task: it shares nothing and does not
-//! return.
+//! The interrupt has the highest priority that exists, which no lock masks. It is not a task: it shares nothing and
+//! does not return.
 //!
-//! `unsafe` here: the exception handler, unmasking its interrupt, and registers that nothing else uses.
+//! `unsafe` is used here for the exception handler, to unmask its interrupt, and for registers that nothing else uses.
 #![allow(unsafe_code)]
 
 use cortex_m::{asm, peripheral::NVIC};
@@ -37,35 +37,35 @@ use stm32f4xx_hal::{
     rcc::{Enable, Rcc},
 };
 
-/// The detector's line of EXTI (RM0090, "External interrupt/event line mapping").
+/// The bit of the detector's line of EXTI (RM0090, "External interrupt/event line mapping").
 const LINE: u32 = 1 << 16;
 
-/// The brown-out level in the option bytes as this start has loaded them.
+/// Returns the brown-out level in the option bytes as this start has loaded them.
 pub fn brown_out_level() -> u32 {
-    // SAFETY: a register block is always there; a register without side effect is read.
+    // SAFETY: a register block is always there, and this only reads a register that has no side effect.
     supply::brown_out_level(unsafe { &*pac::FLASH::ptr() }.optcr().read().bits())
 }
 
-/// Switches the voltage detector and its interrupt on; whether the supply is below it already.
+/// Switches the voltage detector and its interrupt on, and returns whether the supply is too low already.
 pub fn watch(rcc: &mut Rcc) -> bool {
     pac::PWR::enable(rcc);
     // SAFETY: register blocks are always there, and nothing else uses PWR or this line of EXTI.
     let (exti, pwr) = unsafe { (&*pac::EXTI::ptr(), &*pac::PWR::ptr()) };
-    // The interrupt first: what the detector finds when it is switched on must not be lost. Its output rises when the
-    // supply falls.
+    // The interrupt is enabled first, so that what the detector finds when it is switched on is not lost. The
+    // detector's output rises when the supply falls.
     // SAFETY: the line's bit is one that RM0090 has in this register.
     exti.rtsr().modify(|r, w| unsafe { w.bits(r.bits() | LINE) });
-    // SAFETY: as above.
+    // SAFETY: the line's bit is one that RM0090 has in this register, too.
     exti.imr().modify(|r, w| unsafe { w.bits(r.bits() | LINE) });
     // SAFETY: the detector's bits are those that RM0090 has in this register.
     pwr.cr().modify(|r, w| unsafe { w.bits(r.bits() | DETECTOR) });
     asm::dsb();
-    // SAFETY: its handler shares nothing.
+    // SAFETY: the interrupt's handler shares nothing with other code.
     unsafe { NVIC::unmask(Interrupt::PVD) };
     pwr.csr().read().pvdo().bit_is_set()
 }
 
-/// Stops: the supply is too low.
+/// Stops HORUS because the supply is too low.
 pub fn stop() -> ! {
     let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), supply::DETECTOR_MV);
     safe_state::enter(super::safe_state, stop, |stop| super::log_stop("supply", stop))

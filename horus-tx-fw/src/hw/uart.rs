@@ -1,20 +1,20 @@
-//! A receiver on a UART: in by DMA into a ring, for ever; out byte by byte
+//! A receiver on a UART, whose bytes come in by DMA into a ring without end, and go out one by one
 //!
 //! # Design
 //!
-//! The receiver's bytes are written into its ring by a circular DMA stream. Three things make the firmware look how far
-//! it has come: the line is idle, half or all of the ring is full, and every tick.
+//! A circular DMA stream writes the receiver's bytes into its ring. Three events make the firmware look how far the
+//! stream has come: the line is idle, half or all of the ring is full, or a tick comes.
 //!
-//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. One
-//! to a receiver with factory settings goes out at their rate; until its last bit is out nothing is heard, and then the
-//! usual rate is set again.
+//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. A
+//! message to a receiver with factory settings goes out at the factory's rate; HORUS receives nothing until its last
+//! bit is out, and then sets the usual rate again.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.11.1: an idle frame may go unseen if the receiver's clock deviates. Here: idle only makes it faster: half and
-//!   whole laps of the ring, and every tick, look too.
+//! - 2.11.1: an idle frame may go undetected if the receiver's clock deviates. Measure: an idle line only makes HORUS
+//!   look earlier; it also looks at half and whole laps of the ring, and at every tick.
 //!
-//! `unsafe` here: shared access to the UARTs' register blocks, the baud rate, and the DMA stream's start.
+//! `unsafe` is used here for shared access to the UARTs' register blocks, the baud rate, and to start the DMA stream.
 #![allow(unsafe_code)]
 
 use horus_tx_fw::{
@@ -40,16 +40,16 @@ pub struct UartSource {
     port: &'static UartPort,
     registers: Registers<uart4::RegisterBlock>,
     writer: Writer,
-    /// What is being sent, and how many bytes of it have gone.
+    /// The message that is being sent, and how many bytes of it have gone.
     outgoing: Option<(Message, usize)>,
 }
 
 impl UartSource {
-    /// Sets up receiver `index` and starts to listen.
+    /// Sets up the source of receiver `index` and starts to receive.
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
         let source =
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
-        // A line that is not connected reads idle.
+        // A line that is not connected must read as idle.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
@@ -68,27 +68,27 @@ impl UartSource {
         unsafe { self.registers.get() }
     }
 
-    /// Sets the rate. The UART is not in use meanwhile: it is off, or switched off for it.
+    /// Sets the rate. The UART must be off: it is not on yet, or it was switched off for this.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,
             Rate::Factory => timing::FACTORY_BAUD,
         };
-        // 16 times oversampling: BRR is the divider itself, nearest (36 MHz: 78, 0.16 % fast; 938, 0.05 % slow).
+        // With 16 times oversampling BRR is the nearest divider itself (36 MHz: 78, 0.16 % fast; 938, 0.05 % slow).
         let divider = (self.port.bus_hz + baud / 2) / baud;
-        // SAFETY: any 16-bit value is a divider; this one is within 1 % of the baud rate wanted.
+        // SAFETY: any 16-bit value is a divider; this one is within 1 % of the wanted baud rate.
         self.uart().brr().write(|w| unsafe { w.bits(divider as u16) });
     }
 
     /// Sets the rate of a UART that is on.
     fn change_rate(&self, rate: Rate) {
-        // The rate must not change under a byte (RM0090 "USART", fractional baud rate generation).
+        // The rate must not change during a byte (RM0090 "USART", fractional baud rate generation).
         self.uart().cr1().modify(|_, w| w.ue().clear_bit());
         self.set_rate(rate);
         self.uart().cr1().modify(|_, w| w.ue().set_bit());
     }
 
-    /// Starts the stream at the ring's start.
+    /// Starts the DMA stream at the ring's start.
     ///
     /// # Safety
     ///
@@ -112,7 +112,7 @@ impl UartSource {
         &HORUS_TELEMETRY.lines[self.index]
     }
 
-    /// Idle line, an error, or a byte is out.
+    /// Serves an idle line, an error, or the end of a byte that was sent.
     fn uart_interrupt(&mut self) {
         let uart = self.uart();
         let flags = uart.sr().read();
@@ -121,14 +121,14 @@ impl UartSource {
             self.telemetry().uart_errors.add(1);
         }
         if is_bad || flags.idle().bit_is_set() {
-            // Reading SR, then DR, clears all of these (RM0090 "USART", status register). The line has been idle for a
-            // whole frame, or its byte was bad, so the byte read here is not one the DMA wants.
+            // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The line has been idle
+            // for a whole frame, or its byte was bad, so the DMA stream does not want the byte that is read here.
             let _ = uart.dr().read();
         }
         self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
     }
 
-    /// Sends the next byte if the last one has left the data register; ends when the last bit is out.
+    /// Sends the next byte if the last one has left the data register, and ends when the last bit is out.
     fn send(&mut self, is_empty: bool, is_complete: bool) {
         let uart = self.uart();
         let Some((message, sent)) = &mut self.outgoing else { return };
@@ -139,11 +139,11 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // Only now: the flag says so of the byte before until the next one is written.
+            // The end counts only now: until the next byte is written, the flag still belongs to the previous byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both: a call that comes later than the last bit finds the data register's interrupt on still.
+                // Both are cleared: a call that comes after the last bit finds the data register's interrupt still on.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);
@@ -155,13 +155,13 @@ impl UartSource {
         }
     }
 
-    /// Half or whole lap, or the tick.
+    /// Serves half a lap, a whole lap or the tick, and restarts a stream that has stopped.
     fn look(&mut self) {
         let stream = self.port.stream;
         dma::clear_flags(stream);
         if !dma::is_on(stream) {
-            // A transfer error stops a circular stream. It begins at the ring's start again, as the writer must; what
-            // was in between does not pass a checksum.
+            // A transfer error stops a circular stream. The stream begins at the ring's start again, as the writer
+            // must; no checksum accepts what was in between.
             self.telemetry().uart_errors.add(1);
             self.writer.advance(RING, RING);
             // SAFETY: the stream is off.

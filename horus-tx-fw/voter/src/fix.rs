@@ -1,32 +1,32 @@
-//! What a receiver states of its position, and what of that does not change from tick to tick.
+//! What a receiver states of its position, and what the voter derives from it once, for all ticks.
 
 use crate::{
     HIGHEST_MM, LATITUDE_MAX_E7, LONGITUDE_MAX_E7, LOWEST_MM, MOST_HORIZONTAL_ACCURACY_MM, MOST_VERTICAL_ACCURACY_MM,
     SPEED_MAX_MM_S, geometry::Place,
 };
 
-/// What a receiver states of one epoch, in the units of UBX NAV-PVT.
+/// What a receiver states for one epoch, in the units of UBX NAV-PVT.
 ///
-/// Integers, so that no value is lost on the way, every difference of two positions is exact, and nothing can be
-/// infinite or not a number.
+/// The values are integers, so that none loses precision on the way, every difference of two positions is exact, and
+/// none can be infinite or not a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stated {
-    /// 1e-7 degrees north, WGS-84.
+    /// The latitude, 1e-7 degrees north, WGS-84.
     pub latitude_e7: i32,
-    /// 1e-7 degrees east, WGS-84.
+    /// The longitude, 1e-7 degrees east, WGS-84.
     pub longitude_e7: i32,
-    /// mm above the ellipsoid; `None` for a 2D fix, whose altitude is assumed.
+    /// The altitude, mm above the ellipsoid; `None` for a 2D fix, whose altitude is assumed.
     pub altitude_mm: Option<i32>,
-    /// mm/s north, east, down.
+    /// The velocity, mm/s north, east, down.
     pub velocity_mm_s: [i32; 3],
-    /// Standard deviation of the horizontal position, mm (hAcc).
+    /// The standard deviation of the horizontal position, mm (hAcc).
     pub horizontal_accuracy_mm: u32,
-    /// Standard deviation of the altitude, mm (vAcc).
+    /// The standard deviation of the altitude, mm (vAcc).
     pub vertical_accuracy_mm: u32,
 }
 
 impl Stated {
-    /// Stands in for what is not plausible: in range everywhere, and never used.
+    /// Replaces a statement that is not plausible. Its values are in range everywhere, and never used.
     const NOTHING: Self = Self {
         latitude_e7: 0,
         longitude_e7: 0,
@@ -38,7 +38,7 @@ impl Stated {
 
     /// Whether each value is in range, and the accuracies are stated and good enough.
     ///
-    /// Of a 2D fix the altitude and its accuracy are not asked: the receiver did not measure it.
+    /// For a 2D fix the altitude and its accuracy are not checked: the receiver did not measure them.
     #[must_use]
     pub fn is_plausible(&self) -> bool {
         let speed_squared =
@@ -55,24 +55,24 @@ impl Stated {
     }
 }
 
-/// A position as it was stated, with what the voter needs of it at every tick: made once, when it arrives.
+/// A position as it was stated, with what the voter needs of it at every tick, which is computed once, on arrival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
     pub(crate) plausible: bool,
     pub(crate) place: Place,
-    /// mm above the ellipsoid, 0 without one.
+    /// The altitude, mm above the ellipsoid; 0 if there is none.
     pub(crate) altitude_mm: i32,
     pub(crate) has_altitude: bool,
-    /// m/s north, east, down.
+    /// The velocity, m/s north, east, down.
     pub(crate) velocity: [f32; 3],
-    /// Horizontal and vertical, m/s.
+    /// The horizontal and the vertical speed, m/s.
     pub(crate) speed: [f32; 2],
-    /// Horizontal and vertical, m.
+    /// The horizontal and the vertical accuracy, m.
     pub(crate) accuracy: [f32; 2],
 }
 
 impl Fix {
-    /// Of what a receiver states. Nothing that is not plausible is taken over.
+    /// Makes a fix of what a receiver states. A statement that is not plausible is not taken over.
     #[must_use]
     pub fn new(stated: &Stated) -> Self {
         let plausible = stated.is_plausible();
@@ -99,13 +99,13 @@ impl Fix {
 }
 
 impl Default for Fix {
-    /// Of a receiver that has said nothing: not plausible.
+    /// The fix of a receiver that has said nothing, which is not plausible.
     fn default() -> Self {
         Self::new(&Stated::NOTHING)
     }
 }
 
-/// m, of mm.
+/// Converts mm to m.
 pub(crate) fn metres(mm: i32) -> f32 {
     mm as f32 / 1e3
 }

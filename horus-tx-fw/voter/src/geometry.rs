@@ -2,59 +2,59 @@
 //!
 //! # Design
 //!
-//! Whatever two places have to do with each other is small beside the earth, and a float32 has 24 bits: so no position
-//! is ever a float32, only differences of two are, which integers give exactly. That leaves the processor's own
+//! The distances between places are small beside the earth, and a float32 has 24 bits: so no position is ever a
+//! float32, only differences of two positions are, which integers give exactly. That leaves the processor's own
 //! arithmetic for everything but the last step of the result.
 //!
-//! The vector from one place to another is the difference of their positions in space, seen along north, east and up
-//! of the first. Its terms are arranged so that none is the small difference of two large ones: the latitudes only
-//! enter as their difference, the longitudes by sine and by 1 - cosine = 2 sine² of half of theirs, and the cosine of a
-//! latitude is the sine of what is missing to 90°, taken in integers. So it holds across ±180° and around the poles,
-//! and for places that are far apart it is long, whatever its direction: its part along up is never forgotten.
+//! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
+//! the first. Its terms are arranged so that none is the small difference of two large ones: latitudes only enter as
+//! their difference, longitudes by sine and by 1 - cosine = 2 sine² of half of theirs, and the cosine of a latitude is
+//! the sine of its complement to 90°, taken in integers. So the vector is right across ±180° and around the poles. For
+//! places far apart it is long in any direction, since its part along up is never left out.
 //!
-//! Left out: the change of the radii of curvature between the two, 2e-6 of the distance at 1 km, and the square of the
-//! difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km, and below 0.1 mm
-//! over the 30 m within which two receivers can agree.
+//! The vector leaves out the change of the radii of curvature between the two places, 2e-6 of the distance at 1 km, and
+//! the square of the difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km,
+//! and below 0.1 mm over the 30 m within which two receivers can agree.
 
-/// Semi-major axis of the WGS-84 ellipsoid, m (NIMA TR8350.2, table 3.1).
+/// The semi-major axis of the WGS-84 ellipsoid, m (NIMA TR8350.2, table 3.1).
 const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
-/// Flattening of the WGS-84 ellipsoid (NIMA TR8350.2, table 3.1).
+/// The flattening of the WGS-84 ellipsoid (NIMA TR8350.2, table 3.1).
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
-/// First eccentricity squared, f (2 - f).
+/// The first eccentricity squared, f (2 - f).
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 /// Half a turn, 1e-7 degrees.
 const HALF_TURN_E7: i32 = 1_800_000_000;
 /// A quarter of a turn, 1e-7 degrees.
 const QUARTER_TURN_E7: i32 = 900_000_000;
-/// 1e-7 degrees in rad.
+/// A ten-millionth of a degree in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
-/// The result is counted in so many parts of 1e-7 degrees, each 0.04 mm, before it becomes degrees.
+/// The result is counted in this number of parts of 1e-7 degrees, each 0.04 mm, before it becomes degrees.
 const PARTS: i64 = 256;
-/// rad in those parts.
+/// One rad in these parts, of which 1e-7 degrees have [`PARTS`].
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
-/// A place on the ellipsoid, and how to measure around it.
+/// A place on the ellipsoid, and the values for measuring around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     latitude_e7: i32,
     longitude_e7: i32,
     sine: f32,
     cosine: f32,
-    /// Radius of curvature along the meridian, and across it, at the place's own height, m.
+    /// The radius of curvature along the meridian, m, at the place's own height. The next field is that across it.
     along: f32,
     across: f32,
 }
 
 impl Place {
-    /// At a latitude of at most ±90° and a longitude of at most ±180°, `height` m above the ellipsoid.
+    /// Makes a place at a latitude of at most ±90° and a longitude of at most ±180°, `height` m above the ellipsoid.
     pub(crate) fn new(latitude_e7: i32, longitude_e7: i32, height: f32) -> Self {
         const A: f32 = SEMI_MAJOR_AXIS as f32;
         const A_ALONG: f32 = (SEMI_MAJOR_AXIS * (1.0 - E2)) as f32;
         const E2_: f32 = E2 as f32;
         let sine = sine(latitude_e7 as f32 * RAD_PER_E7);
         let cosine = self::sine((QUARTER_TURN_E7 - latitude_e7.abs()) as f32 * RAD_PER_E7);
-        // a / √(1 - w) and a (1 - e²) / √(1 - w)³ as series; the next term of either is below 1e-8.
+        // These are a / √(1 - w) and a (1 - e²) / √(1 - w)³ as series; the next term of either is below 1e-8.
         let w = E2_ * sine * sine;
         Self {
             latitude_e7,
@@ -66,9 +66,9 @@ impl Place {
         }
     }
 
-    /// Metres north, east and up of this place, to `other` and `step` metres north and east of that.
+    /// Returns the metres north, east and up from this place to `other`, moved by `step` metres north and east.
     pub(crate) fn to(&self, other: &Self, step: [f32; 2]) -> [f32; 3] {
-        // Both are at most ±90°, so the difference is at most 180°.
+        // Both latitudes are at most ±90°, so the difference is at most 180°.
         let northward = (other.latitude_e7 - self.latitude_e7) as f32 * RAD_PER_E7;
         let eastward = shorter_way(i64::from(other.longitude_e7) - i64::from(self.longitude_e7));
         let half = sine(eastward as f32 * (RAD_PER_E7 / 2.0));
@@ -81,7 +81,7 @@ impl Place {
         let east = self.across * other.cosine * turn_sine;
         let up = -self.across * (0.5 * northward * northward + self.cosine * round);
 
-        // North and east of the other place point elsewhere than here.
+        // North and east of the other place point in other directions than here.
         let [step_north, step_east] = step;
         let straight = self.sine * other.sine * turn_cosine + self.cosine * other.cosine;
         [
@@ -91,14 +91,14 @@ impl Place {
         ]
     }
 
-    /// Latitude and longitude, degrees, of what lies `north` and `east` metres of here, at most some hundred. Without
-    /// a step exactly what was stated.
+    /// Returns latitude and longitude, degrees, of what lies `north` and `east` metres from here, at most some hundred.
+    /// Without a step this is exactly what was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // Away from the earth's axis, here and there.
+        // The distance of the point from the earth's axis, first in the direction of this place, then in its own.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // Tangent of half the turn, or beyond the pole of what is missing to half a turn; at the pole itself 0 / tiny.
+        // The tangent of half the turn, or beyond the pole of half of what is missing to 180°; at the pole 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
         // Beyond the pole a turn to the west is written as one to the east of up to 360°; `over` brings the longitude
@@ -117,12 +117,12 @@ impl Place {
     }
 }
 
-/// An angle in parts of 1e-7 degrees.
+/// Converts an angle to parts of 1e-7 degrees.
 fn parts(rad: f32) -> i64 {
     (rad * PARTS_PER_RAD) as i64
 }
 
-/// The difference of two longitudes, 1e-7 degrees, brought into ±180°.
+/// Returns the difference of two longitudes, 1e-7 degrees, brought into ±180°.
 fn shorter_way(difference_e7: i64) -> i32 {
     let half = i64::from(HALF_TURN_E7);
     let over = if difference_e7 > half { -2 * half } else { 0 };
@@ -130,21 +130,21 @@ fn shorter_way(difference_e7: i64) -> i32 {
     (difference_e7 + over + under) as i32
 }
 
-/// Sine of at most ±90°: Taylor's series to the eleventh power. The next term is 6e-8 of the result at 90°.
+/// Returns the sine of at most ±90° by Taylor's series to the eleventh power. The next term is 6e-8 of it at 90°.
 fn sine(rad: f32) -> f32 {
     const TERMS: [f32; 6] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5_040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];
     rad * series(rad * rad, TERMS)
 }
 
-/// Arc tangent of at most ±1: of half the angle, then the series to the thirteenth power. The next term is 3e-7 of the
-/// result at 45°.
+/// Returns the arc tangent of at most ±1: that of half the angle by the series to the thirteenth power, doubled. The
+/// next term is 3e-7 of the result at 45°.
 fn arc_tangent(tangent: f32) -> f32 {
     const TERMS: [f32; 7] = [1.0, -1.0 / 3.0, 1.0 / 5.0, -1.0 / 7.0, 1.0 / 9.0, -1.0 / 11.0, 1.0 / 13.0];
     let half = tangent / (1.0 + libm::sqrtf(1.0 + tangent * tangent));
     2.0 * half * series(half * half, TERMS)
 }
 
-/// Σ terms\[k\] xᵏ.
+/// Returns Σ terms\[k\] xᵏ.
 fn series<const K: usize>(x: f32, terms: [f32; K]) -> f32 {
     terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
 }
@@ -160,13 +160,13 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
 
-    /// The same ellipsoid in float64 and in space, by the semi-minor axis that the standard states beside the
-    /// flattening (NIMA TR8350.2, table 3.3), m.
+    /// The semi-minor axis of the same ellipsoid, m, which the standard states beside the flattening (NIMA TR8350.2,
+    /// table 3.3). With it the tests compute in float64 and in space.
     const SEMI_MINOR_AXIS: f64 = 6_356_752.314_2;
 
     type Vector = [f64; 3];
 
-    /// What `Place::new` takes, and the way there in space.
+    /// The arguments of `Place::new`, and exact computations in space.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -183,7 +183,7 @@ mod tests {
             [self.latitude_e7, self.longitude_e7].map(|e7| (f64::from(e7) / 1e7).to_radians())
         }
 
-        /// From the earth's centre, m.
+        /// Returns the position from the earth's centre, m.
         fn in_space(&self) -> Vector {
             let ([latitude, longitude], [a, b]) = (self.angles(), [SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS]);
             let across = a * a / (a * a * latitude.cos().powi(2) + b * b * latitude.sin().powi(2)).sqrt();
@@ -192,13 +192,13 @@ mod tests {
             [out * longitude.cos(), out * longitude.sin(), along_axis]
         }
 
-        /// Unit vectors north, east and up.
+        /// Returns the unit vectors north, east and up.
         fn axes(&self) -> [Vector; 3] {
             let [(north, along), (east, out)] = self.angles().map(f64::sin_cos);
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
         }
 
-        /// Metres north, east and up of here to `other` at the same height, and `step` north and east of that.
+        /// Returns metres north, east and up from here to `other` at this height, moved by `step` north and east.
         fn to(&self, other: &Self, step: [f32; 2]) -> Vector {
             let other = Self { height: self.height, ..*other };
             let [north, east, _] = other.axes();
@@ -220,7 +220,7 @@ mod tests {
         vector.iter().map(|axis| axis * axis).sum::<f64>().sqrt()
     }
 
-    /// Anywhere that a receiver may be, one time in four within some kilometres of a pole, one in four of ±180°.
+    /// Any place of a receiver: one in four within some kilometres of a pole, one in four within some of ±180°.
     fn anywhere() -> impl Strategy<Value = Exact> {
         let latitude = prop_oneof![
             3 => -QUARTER_TURN_E7..=QUARTER_TURN_E7,
@@ -239,7 +239,7 @@ mod tests {
         })
     }
 
-    /// What lies about `north` and `east` metres of here, as a receiver states it.
+    /// Returns what lies about `north` and `east` metres from here, as a receiver states it.
     fn beside(here: &Exact, north: f64, east: f64) -> Exact {
         let [axis_north, axis_east, _] = here.axes();
         let there = sum(here.in_space(), sum(scaled(axis_north, north), scaled(axis_east, east)));
@@ -261,7 +261,7 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// The errors that the module states, also in the height, which tells the earth's curvature.
+        /// These are the errors that the module states, also for the height, which shows the earth's curvature.
         #[test]
         fn the_way_to_a_place_is_right_within_5_mm_at_1_km_and_a_tenth_of_a_mm_at_30_m(
             here in anywhere(),
@@ -285,7 +285,7 @@ mod tests {
             prop_assert!(found >= 0.5 * exact, "{found} m for {exact} m");
         }
 
-        /// Also over a pole and over ±180°. The places are rounded to 1e-7 degrees, which is 11 mm.
+        /// The step may lead over a pole or over ±180°. The places are rounded to 1e-7 degrees, which is 11 mm.
         #[test]
         fn what_lies_a_step_away_is_where_the_step_leads(
             here in anywhere(),

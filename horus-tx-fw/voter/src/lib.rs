@@ -1,34 +1,34 @@
-//! One position, attitude and acceleration from what several GNSS receivers say
+//! One position, attitude and acceleration from the messages of several GNSS receivers
 //!
 //! # Design
 //!
 //! A majority decides (`docs/decisions/0015-one-voted-position.md`). At each tick of 10 ms every candidate is brought
 //! to the tick, every pair is compared, every set of receivers in which each pair agrees is ranked, and the median of
-//! the set that wins is the result. What a receiver must say to be a candidate, when two agree, and when one that was
-//! outvoted returns are the constants below; nothing else is a number to choose.
+//! the set that wins is the result. The constants below say what makes a receiver a candidate, when two agree, and when
+//! one that was outvoted returns; there is no other number to choose.
 //!
-//! - **Nothing is infinite or not a number.** Positions, velocities and accuracies are integers until they were found
-//!   plausible ([`Stated`]); attitude and acceleration take part only if they are finite.
-//! - **The work does not depend on the data.** All pairs, all 2ᴺ - 1 sets, all medians by a fixed sorting network, and
-//!   what does not count is selected away, not skipped. What remains is float64 and square roots by software, and moves
-//!   that a compiler makes of a choice: a sixth of the time.
-//! - **The work is small.** What only depends on a receiver's message is worked out when it arrives ([`Fix::new`]), all
-//!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears in the result alone.
-//! - **Pure.** No clock, no input or output, no allocation: [`Voter::vote`] is told the time, and a voter that is a
-//!   copy of another says the same.
+//! - **Every number is finite.** Positions, velocities and accuracies are integers until they were found plausible
+//!   ([`Stated`]); attitude and acceleration take part only if they are finite.
+//! - **The work does not depend on the data.** The voter computes all pairs, all 2ᴺ - 1 sets, and all medians by a
+//!   fixed sorting network; what does not count is selected away, not skipped. What still varies is float64 and square
+//!   roots by software, and moves that a compiler makes of a choice: a sixth of the time.
+//! - **The work is small.** What only depends on a receiver's message is computed when it arrives ([`Fix::new`]), all
+//!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
+//! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time, and a
+//!   copy of a voter returns the same.
 //!
 //! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
-//!   has one and all of those agree in it. No single receiver's word is shown as that of several.
-//! - **No jump at once.** A place or an altitude that the last one shown does not lead to at 200 m/s is held back
-//!   until it has held for a second (see `hold`).
-//! - **A majority of right receivers always has a result.** A result of more than half of them has one of every
-//!   majority among its members. So none of a majority that agrees is ever excluded, since it agrees with a member, and
-//!   the majority itself is a set that can win. Whatever the others say, also after each other, costs no result but
-//!   the second for which a jump is held back.
+//!   has one and all of these members agree in it. No single receiver's word is shown as that of several.
+//! - **No jump at once.** A place or an altitude that cannot be reached from the last one shown at 200 m/s is held back
+//!   until it has lasted for a second (see `hold`).
+//! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
+//!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
+//!   member, and the majority itself is a set that can win. Whatever other receivers say, also after each other, costs
+//!   no result but in the second for which a jump is held back.
 //!
 //! # What it cannot do
 //!
-//! A majority that agrees on a wrong place is believed. A receiver that moves away slowly takes the result along by
+//! The voter accepts a wrong place on which a majority agrees. A receiver that moves away slowly shifts the result by
 //! less than the agreement distance, until it is excluded.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -49,7 +49,7 @@ use geometry::Place;
 use hold::Hold;
 use median::{about_first, median, median_and_spread, middle_two, turned};
 
-/// The most receivers that a voter can have: what HORUS carries.
+/// The most receivers that a voter can have, which is the number that HORUS can carry.
 pub const MOST_RECEIVERS: usize = 5;
 
 /// The largest latitude, north or south, 1e-7 degrees (decision 15, candidates).
@@ -67,47 +67,47 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// From the epoch of a position to its arrival, ms, at the candidate in the middle: what a receiver computes and sends
-/// (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// The time from the epoch of a position to its arrival, ms, of the candidate in the middle: what a receiver takes to
+/// compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
-/// How much another candidate's latency may differ from that, ms, to be believed (decision 15, brought to the tick).
+/// How much another candidate's latency may differ, ms, and still be accepted (decision 15, brought to the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
-/// The time of week begins anew after so many ms.
+/// The time of week begins anew after this time, ms.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much the latency may differ from [`LATENCY_MS`], s: an accuracy grows by this times the speed (decision 15).
+/// How much the latency may differ from [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, m/s²: an accuracy grows by this times the square of the age (decision 15: half of
+/// Half of the greatest acceleration, m/s². An accuracy grows by this times the square of the age (decision 15: half of
 /// 4 m/s²).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
-/// Two agree within so many times the root of the sum of the squares of their accuracies (decision 15, agreement).
+/// Two agree within this multiple of the root of the sum of their accuracies' squares (decision 15, agreement).
 pub const DEVIATIONS: f32 = 3.0;
-/// The least and the greatest distance within which two agree, horizontally, m (decision 15, agreement).
+/// The least and the greatest distance within which two receivers agree, horizontally, m (decision 15, agreement).
 pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
-/// The same, vertically, m (decision 15, agreement).
+/// The least and the greatest distance within which two receivers agree, vertically, m (decision 15, agreement).
 pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
 
-/// The greatest difference of two attitudes that agree, pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15,
+/// The greatest difference of two attitudes that agree, for pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15,
 /// attitude and acceleration).
 pub const ATTITUDE_LIMITS_RAD: [f32; 3] = [PI / 36.0, PI / 18.0, PI / 36.0];
 /// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15, attitude and
 /// acceleration).
 pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 
-/// How long a place or an altitude that the last one does not lead to must hold before it is shown, ms (decision 15,
-/// jumps).
+/// How long a place or an altitude that cannot be reached from the last one must last before it is shown, ms (decision
+/// 15, jumps).
 pub const HELD_BACK_MS: u32 = 1_000;
 
-/// The largest angle, rad either way, that takes part: beyond what the fields of UBX NAV-ATT can hold, 375 rad.
+/// The largest angle that takes part, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
 pub const ANGLE_MAX: f32 = 400.0;
 
 /// How long a receiver that was excluded must agree without a break before it is eligible again, ms (decision 15,
 /// exclusion).
 pub const RETURNS_AFTER_MS: u32 = 1_000;
 
-/// How many members a result of `receivers` has at least, and how many of them have at least the altitude, the attitude
-/// or the acceleration that is stated: more than half of the receivers, of two one (decision 15, the set: 1oo1, 1oo2,
-/// 2oo3, 3oo5).
+/// Returns the least number of members that a result of `receivers` has, and also of those among them that have the
+/// altitude, the attitude or the acceleration that is stated: more than half of the receivers, and one of two (decision
+/// 15, the set: 1oo1, 1oo2, 2oo3, 3oo5).
 #[must_use]
 pub const fn quorum(receivers: usize) -> u32 {
     receivers.div_ceil(2) as u32
@@ -116,13 +116,13 @@ pub const fn quorum(receivers: usize) -> u32 {
 /// What one receiver has said by the tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Input {
-    /// Whether its position is valid by its kind of fix and by its age.
+    /// Whether the receiver's position is valid by its kind of fix and by its age.
     pub valid: bool,
-    /// Its position.
+    /// The receiver's position.
     pub fix: Fix,
-    /// From the arrival of its position to the tick, ms; below 0 if it arrived since the tick.
+    /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// From the time of week that its position is for to the arrival, by a clock of ours that began anywhere, ms,
+    /// The time from the time of week of the position to its arrival, by a clock of HORUS that began anywhere, ms,
     /// modulo [`WEEK_MS`] and below it: only differences between receivers count.
     pub lag_ms: u32,
     /// Pitch, yaw and roll, rad, where they are valid.
@@ -134,35 +134,35 @@ pub struct Input {
 /// The position of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
-    /// Degrees north, WGS-84.
+    /// The latitude, degrees north, WGS-84.
     pub latitude: f64,
-    /// Degrees east, WGS-84.
+    /// The longitude, degrees east, WGS-84.
     pub longitude: f64,
-    /// m above the ellipsoid; `None` if fewer than a quorum of the members have one, or while a jump is held back.
+    /// The altitude, m above the ellipsoid; `None` if no quorum of members has one, or while a jump is held back.
     pub altitude: Option<f64>,
 }
 
-/// What a vote came to. A mask has bit 0 for the first receiver. The default is that of no vote.
+/// The result of a vote. Bit 0 of a mask is that of the first receiver. The default is the result of no vote.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The members of the result; none without one, or while a jump is held back.
+    /// The members of the result; none if there is no result, or while a jump is held back.
     pub members: u8,
-    /// The receivers that were not eligible, or are not from now on.
+    /// The receivers that were not eligible, or are not eligible from now on.
     pub excluded: u8,
-    /// Where the result is; `None` without one.
+    /// The place of the result; `None` if there is no result.
     pub position: Option<Position>,
-    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of those
-    /// agree.
+    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of these
+    /// members agree.
     pub attitude: Option<[f32; 3]>,
-    /// Acceleration front, right and down, m/s², under the same condition.
+    /// Acceleration front, right and down, m/s², under the same condition as the attitude.
     pub acceleration: Option<[f32; 3]>,
 }
 
 impl Verdict {
-    /// That of no vote.
+    /// The result of no vote.
     pub const NONE: Self = Self { members: 0, excluded: 0, position: None, attitude: None, acceleration: None };
 
-    /// How many receivers agree: the members.
+    /// Returns how many receivers agree, which are the members.
     #[must_use]
     pub const fn agreeing(&self) -> u8 {
         self.members.count_ones() as u8
@@ -175,13 +175,13 @@ impl Verdict {
     }
 }
 
-/// What a voter over `N` receivers remembers from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
+/// What a voter over `N` receivers keeps from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Voter<const N: usize> {
     /// The members of the last result.
     last: u8,
     excluded: u8,
-    /// Since when each excluded receiver has agreed at every tick, ms.
+    /// The time since which each excluded receiver has agreed at every tick, ms.
     agreeing_since: [Option<u32>; N],
     places: Hold<Spot>,
     altitudes: Hold<Height>,
@@ -193,28 +193,28 @@ impl<const N: usize> Default for Voter<N> {
     }
 }
 
-/// A candidate brought to the tick.
+/// A candidate that was brought to the tick.
 #[derive(Clone, Copy, Default)]
 struct Brought {
-    /// How far it has moved since its epoch, m north and east.
+    /// How far the candidate has moved since its epoch, m north and east.
     step: [f32; 2],
-    /// The same, upwards.
+    /// How far the candidate has moved upwards since its epoch, m.
     climb: f32,
-    /// Accuracies that the error of that has entered, m.
+    /// The accuracies that include the error of that movement, m; the first is horizontal.
     horizontal: f32,
     vertical: f32,
 }
 
 impl<const N: usize> Voter<N> {
-    /// A voter that has not voted: nobody is excluded.
+    /// A voter that has not voted: no receiver is excluded.
     #[must_use]
     pub const fn new() -> Self {
         Self::excluding(0)
     }
 
-    /// A voter that has not voted since a restart, and before which those of the mask `excluded` were excluded: they
-    /// have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no voter comes to counts as none: one with a
-    /// receiver that there is not, or with half of the receivers or more, since a majority is never excluded.
+    /// A voter that has not voted since a restart, before which the receivers of the mask `excluded` were excluded:
+    /// they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask at which no voter arrives counts as empty: one
+    /// with a receiver that does not exist, or with half of the receivers or more, since a majority is never excluded.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
@@ -223,13 +223,13 @@ impl<const N: usize> Voter<N> {
         Self { last: 0, excluded, agreeing_since: [None; N], places: Hold::NEW, altitudes: Hold::NEW }
     }
 
-    /// Who is excluded from the next vote on.
+    /// Returns the receivers that are excluded from the next vote on.
     #[must_use]
     pub const fn excluded(&self) -> u8 {
         self.excluded
     }
 
-    /// The vote of one tick at `now_ms`, a clock of milliseconds that wraps.
+    /// Votes for the tick at `now_ms`, on a clock of milliseconds that wraps, and returns the result.
     pub fn vote(&mut self, inputs: &[Input; N], now_ms: u32) -> Verdict {
         let candidates = mask_of(inputs, |input| input.valid & input.fix.plausible);
         let latencies = latencies(inputs, candidates);
@@ -253,7 +253,7 @@ impl<const N: usize> Voter<N> {
         let height = height(inputs, &brought, with_altitude);
         let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
 
-        // Of whom somebody must agree with a candidate: where a quorum has an altitude, those who can contradict it.
+        // A receiver that agrees with no peer is outvoted; where a quorum has an altitude, its peers must have one too.
         let peers =
             inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
         let mut with_peer = 0;
@@ -262,7 +262,7 @@ impl<const N: usize> Voter<N> {
         }
         let outvoted = if is_result { outside & !with_peer } else { 0 };
 
-        // The two have nobody in common.
+        // A receiver that is outvoted was eligible, so it was not excluded before.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
@@ -277,12 +277,12 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed for
-    /// long enough with all `members` or, without a result, with one of those who are `eligible`, if there are any.
+    /// Updates who is excluded at the next tick: the receivers that were and the `outvoted`, except those that have now
+    /// agreed for long enough with all `members` or, without a result, with one of the `eligible`, if there are any.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
-            // Its own friend is only who is a candidate.
+            // Only a candidate counts as its own friend.
             let with_members = friends & members == members;
             let with_one = (friends & eligible != 0) | (eligible == 0);
             let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
@@ -303,27 +303,27 @@ const fn has(mask: u8, index: usize) -> bool {
     mask >> index & 1 == 1
 }
 
-/// Whether so many of `N` receivers are a quorum.
+/// Whether the receivers of the mask are a quorum of `N`.
 const fn is_quorum<const N: usize>(mask: u8) -> bool {
     mask.count_ones() >= quorum(N)
 }
 
-/// Those of whom `is` is true.
+/// Returns the mask of the items for which `is` is true.
 fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
     items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
-/// The first of `items` whose bit is set in `mask`; without one the first of all.
+/// Returns the first of `items` whose bit is set in `mask`; if none is, the first of all.
 fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }
 
-/// Whether there are three numbers, each at most `most` either way. A value that is not a number is not.
+/// Whether there are three numbers, each at most `most` in either direction. A value that is not a number fails.
 fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// One of three numbers of each input; 0 where they are not given or not within `most`.
+/// Returns one of three numbers of each input; 0 where they are not given or not within `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -336,12 +336,12 @@ fn axis_of<const N: usize>(
     })
 }
 
-/// From the epoch of each position to its arrival, half ms.
+/// Returns the time from the epoch of each position to its arrival, half ms.
 ///
 /// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
-/// week than another's, it took so much longer. The candidate in the middle gets [`LATENCY_MS`], the others as much
-/// more or less as their messages took. Where that is more than [`LATENCY_SPREAD_MS`], the receiver's time of week is
-/// wrong, and its position gets [`LATENCY_MS`], too.
+/// week than another's, it took that much longer. The candidate in the middle gets [`LATENCY_MS`], and the others get
+/// as much more or less as their messages took. Where the difference is above [`LATENCY_SPREAD_MS`], the receiver's
+/// time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
     let lags = inputs.each_ref().map(|input| input.lag_ms as i32);
@@ -360,7 +360,7 @@ fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     })
 }
 
-/// A position moved by its velocity from its epoch to the tick, and accuracies that allow for what that leaves.
+/// Returns a position moved by its velocity from its epoch to the tick, with accuracies that allow for the error.
 fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     let Input { fix, since_arrival_ms, .. } = input;
     let age = since_arrival_ms.saturating_mul(2).saturating_add(half_ms_before_arrival).max(0) as f32 / 2e3;
@@ -375,7 +375,7 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Who agrees with whom, each candidate with itself; and in row `i` where those after `i` are, and `i` itself, m north
+/// Returns which candidates agree, each with itself included; and in row `i` where `i` and those after it are, m north
 /// and east of where `i` was at its epoch.
 fn compare<const N: usize>(
     inputs: &[Input; N],
@@ -407,14 +407,14 @@ fn compare<const N: usize>(
     (friends, places)
 }
 
-/// The square of the distance within which two agree, from their accuracies.
+/// Returns the square of the distance within which two receivers agree, from their accuracies.
 fn limit_squared(one: f32, other: f32, [least, most]: [f32; 2]) -> f32 {
     let limit = DEVIATIONS * DEVIATIONS * (one * one + other * other);
     let limit = if limit < least * least { least * least } else { limit };
     if limit > most * most { most * most } else { limit }
 }
 
-/// Where another place is, a step from it included, m north and east of this one; and the square of its distance from
+/// Returns where another place is, with its step, m north and east of this one; and the square of its distance from
 /// this one's step, m².
 fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 2])) -> ([f32; 2], f32) {
     let [north, east, up] = place.to(other, other_step);
@@ -422,8 +422,8 @@ fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// Where a result is: a step, m north and east, from a member's place; and the accuracy of its least accurate member,
-/// m.
+/// Where a result is: a step, m north and east, from a member's place; and the accuracy of the result's least accurate
+/// member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,
@@ -439,16 +439,16 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Median of the members, north and east by itself.
+/// Returns the median of the members, north and east each by itself.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
-    // Metres of the first member's place; its row knows all members, since none is before it.
+    // The metres are from the first member's place; its row has all members, since none is before it.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
     Spot { place, step, accuracy: greatest(brought, |brought| brought.horizontal, members) }
 }
 
-/// How high a result is: `above` m above `ground_mm`; and the accuracy of its least accurate member, m.
+/// How high a result is: `above` m above `ground_mm`; and the accuracy of the least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Height {
     ground_mm: i32,
@@ -457,9 +457,9 @@ struct Height {
 }
 
 impl Height {
-    /// m above the ellipsoid; where nothing is above the ground exactly what was stated.
+    /// Returns m above the ellipsoid; if `above` is 0 this is exactly what was stated.
     fn altitude(&self) -> f64 {
-        /// Parts of a mm in which the sum is counted.
+        /// The parts of a mm in which the sum is counted.
         const PARTS: i32 = 256;
         let above = (self.above * (1e3 * PARTS as f32)) as i32;
         (i64::from(self.ground_mm) * i64::from(PARTS) + i64::from(above)) as f64 / (1e3 * f64::from(PARTS))
@@ -474,7 +474,7 @@ impl hold::Mark for Height {
     }
 }
 
-/// Median of the altitudes of those in the mask.
+/// Returns the median of the altitudes of the receivers in the mask.
 fn height<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], with_altitude: u8) -> Height {
     let ground_mm = first(with_altitude, &inputs.each_ref().map(|input| input.fix.altitude_mm));
     let mut heights = [0.0; N];
@@ -485,7 +485,7 @@ fn height<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], with_alti
     Height { ground_mm, above: median(heights, with_altitude), accuracy }
 }
 
-/// The greatest accuracy of those in the mask, m; of none 0.
+/// Returns the greatest accuracy of the receivers in the mask, m; 0 for an empty mask.
 fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32, among: u8) -> f32 {
     brought.iter().enumerate().fold(0.0, |greatest, (index, brought)| {
         let accuracy = if has(among, index) { of(brought) } else { 0.0 };
@@ -493,14 +493,14 @@ fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32
     })
 }
 
-/// Median of the members' attitudes, each angle on the circle, if a quorum has one and each two of those agree.
+/// The median of the members' attitudes, each angle on the circle, if a quorum has one and each pair of them agrees.
 fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
     let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
     let mut agree = is_quorum::<N>(oriented);
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit comes near half a turn: what agrees with the first agrees with another if it does about the first.
+        // No limit comes near half a turn, so two angles agree if their differences from the first angle do.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];
@@ -509,7 +509,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     agree.then_some(attitude)
 }
 
-/// Median of the members' accelerations, each axis by itself, if a quorum has one and each two of those agree.
+/// The median of the members' accelerations, each axis by itself, if a quorum has one and each pair of them agrees.
 fn acceleration<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
     let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
     let mut agree = is_quorum::<N>(moved);

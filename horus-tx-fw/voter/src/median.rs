@@ -1,28 +1,28 @@
-//! Medians of those values that count, with the same work whichever they are.
+//! Medians of the values that count, with the same work whichever these are.
 
 use crate::{first, has};
 
-/// The median of `values` among those in the mask; of an even number the mean of the middle two. Of none it says
-/// nothing.
+/// Returns the median of those `values` that are in the mask; for an even number it is the mean of the middle two. For
+/// an empty mask the result has no meaning.
 pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
     median_and_spread(values, among).0
 }
 
-/// The same, and how far apart the least and the greatest of them are.
+/// Returns the median as [`median`] does, and the difference of the greatest and the least of these values.
 pub(crate) fn median_and_spread<const N: usize>(values: [f32; N], among: u8) -> (f32, f32) {
     let [least, low, high, most] = ordered(values, among, f32::INFINITY);
-    // Halves, not their sum: that of two large ones would be infinite.
+    // The halves are added, since the sum of two large values would be infinite.
     (0.5 * low + 0.5 * high, most - least)
 }
 
-/// The middle two of `values` among those in the mask, twice the same of an odd number; of none it says nothing. No
-/// value is above `greatest`.
+/// Returns the middle two of those `values` that are in the mask, which are equal for an odd number; for an empty mask
+/// the result has no meaning. No value is above `greatest`.
 pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 2] {
     let [_, low, high, _] = ordered(values, among, greatest);
     [low, high]
 }
 
-/// The least, the middle two and the greatest of `values` among those in the mask.
+/// Returns the least, the middle two and the greatest of those `values` that are in the mask.
 fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 4] {
     let mut sorted = values;
     let mut count = 0;
@@ -31,7 +31,7 @@ fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, grea
         *value = if counts { *value } else { greatest };
         count += usize::from(counts);
     }
-    // Odd-even transposition: N rounds of neighbours put N values in order.
+    // This is an odd-even transposition: N rounds that compare neighbours sort N values.
     for round in 0..N {
         for low in (round % 2..N - 1).step_by(2) {
             let (a, b) = (sorted[low], sorted[low + 1]);
@@ -46,14 +46,14 @@ fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, grea
     [sorted[0], at(count.saturating_sub(1) / 2), at(count / 2), at(count.saturating_sub(1))]
 }
 
-/// The first of the angles in the mask, rad, and how far each of all is from it, within half a turn.
+/// Returns the first of the angles in the mask, rad, and how far each angle is from it, within half a turn.
 pub(crate) fn about_first<const N: usize>(angles: [f32; N], among: u8) -> (f32, [f32; N]) {
     let reference = first(among, &angles);
     (reference, angles.map(|angle| turned(angle - reference, -core::f32::consts::PI)))
 }
 
-/// `angle`, rad, by whole turns into the turn that begins at `from`. What lies in it, both ends included, stays as
-/// it is, to the bit.
+/// Returns `angle`, rad, moved by whole turns into the turn that begins at `from`. An angle in that turn, including
+/// both ends, stays the same, to the bit.
 pub(crate) fn turned(angle: f32, from: f32) -> f32 {
     let turns = (angle - from) * (1.0 / core::f32::consts::TAU);
     let whole = turns as i32;

@@ -1,27 +1,27 @@
-//! Which receivers agree with each other, and which set of them wins.
+//! The sets of receivers that agree with each other, and which of these sets wins.
 
 use crate::{MOST_RECEIVERS, has};
 
-/// Sets of [`MOST_RECEIVERS`] receivers.
+/// The number of sets of [`MOST_RECEIVERS`] receivers.
 const SETS: usize = 1 << MOST_RECEIVERS;
 
-/// An accuracy is counted in so many parts of a metre: what a float32 resolves at the largest.
+/// An accuracy is counted in this number of parts of a metre, which a float32 resolves at the largest accuracy.
 const PARTS_PER_METRE: f32 = (1 << 20) as f32;
-/// The largest accuracy that is told from a larger one, those parts: 64 m. A candidate's is below 43 m.
+/// The largest accuracy that differs from a larger one, in these parts: 64 m. A candidate's is below 43 m.
 const MOST_PARTS: u32 = (1 << 26) - 1;
-/// Bits of a sum of [`MOST_RECEIVERS`] of them.
+/// The bits of a sum of [`MOST_RECEIVERS`] such accuracies.
 const SUM_BITS: u32 = 29;
 
-/// What a receiver adds to a set: one member, one of the set that won last if it was of that, and its place, in which a
-/// lower number weighs more.
+/// The weight that a receiver adds to a set: one member, one member of the set that won last if it was in that set, and
+/// its place, in which a lower number weighs more.
 const MEMBER: u32 = 1 << 16;
 const KEPT: u32 = 1 << 8;
 
-/// The set that wins, 0 if no receiver is eligible: of those in `eligible` in which each pair agrees the one with the
-/// most members, then the most of `last`, then the smallest sum of `accuracies` (m), then the lower numbers.
+/// Returns the set that wins, 0 if no receiver is eligible: of the sets in `eligible` in which each pair agrees, that
+/// with most members, then most of `last`, then the smallest sum of `accuracies` (m), then the lower numbers.
 ///
-/// `friends[i]` are those who agree with receiver `i`, itself included. Every set is looked at, none twice, and each is
-/// made of a smaller one by adding its lowest receiver.
+/// `friends[i]` are the receivers that agree with receiver `i`, including itself. Every set is examined once, and each
+/// is made of a smaller one by adding its highest receiver.
 pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, accuracies: &[f32; N]) -> u8 {
     let mut weights = [0; N];
     let mut parts = [0; N];
@@ -29,13 +29,13 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
         weights[index] = MEMBER + u32::from(has(last, index)) * KEPT + (1 << (MOST_RECEIVERS - 1 - index));
         parts[index] = ((accuracies[index] * PARTS_PER_METRE) as u32).min(MOST_PARTS);
     }
-    // Of each set: its common friends, its weight, its sum.
+    // For each set these are its common friends, its weight and its sum of accuracies.
     let mut common = [eligible; SETS];
     let mut weight = [0_u32; SETS];
     let mut sum = [0_u32; SETS];
     let (mut best, mut best_rank) = (0, 0);
     for index in 0..N {
-        // The sets whose highest receiver is this one follow those of the receivers below it.
+        // The sets whose highest receiver is this one follow those of the lower receivers.
         let top = 1 << index;
         for rest in 0..top {
             let set = rest | top;

@@ -1,4 +1,4 @@
-//! The voter against decision 15 written a second time.
+//! The voter is compared with decision 15 written a second time.
 
 mod support;
 
@@ -12,7 +12,7 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
 }
 
-/// Anywhere on earth, the poles and both sides of ±180° more often than they deserve.
+/// Anywhere on earth, at the poles and at both sides of ±180° more often than by chance.
 fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     let latitude = prop_oneof![
         4 => -89.0..89.0,
@@ -30,8 +30,8 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// How far off a receiver is, m, how fast, mm/s, how good, mm, how old, ms, how late by its time of week, ms, whether
-/// it is flat, its attitude and its acceleration.
+/// How far off a receiver is, m, its speed, mm/s, its accuracies, mm, its age, ms, its delay by its time of week, ms,
+/// whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
 /// Three numbers that mostly lie so close together that two may agree.
@@ -59,7 +59,7 @@ fn receiver() -> impl Strategy<Value = Drawn> {
     )
 }
 
-/// A receiver of which `jump` has moved all north and up, m.
+/// Returns the report of a receiver when `jump` has moved all receivers north and up, m.
 fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
         drawn;
@@ -82,7 +82,7 @@ fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     }
 }
 
-/// Whether three numbers are the same but for rounding, on the circle or not.
+/// Whether three numbers are equal but for rounding, on the circle or not.
 fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     let (Some(one), Some(other)) = (one, other) else { return one.is_none() && other.is_none() };
     one.into_iter().zip(other).all(|(one, other)| {
@@ -92,14 +92,14 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     })
 }
 
-/// Ticks of several receivers, told to both voters.
+/// Gives ticks of several receivers to both voters, and compares the results.
 fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A decision that rounding may turn is none to compare, and what follows hangs on it.
+        // A decision that rounding may turn cannot be compared, and all that follows depends on it.
         if opinion.narrow {
             return Ok(());
         }
@@ -123,7 +123,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseE
     Ok(())
 }
 
-/// Ticks in which each receiver keeps its place and only now and then changes it, and in some of which all jump.
+/// Ticks in which each receiver keeps its place and only sometimes changes it, and in some of which all jump.
 fn ticks() -> impl Strategy<Value = Vec<(Vec<Report>, u32)>> {
     let change = prop::collection::vec((prop::bool::weighted(0.2), receiver()), 5);
     let later = prop_oneof![3 => Just(10_u32), 2 => Just(500), 1 => Just(999), 1 => Just(1_000)];
@@ -160,8 +160,8 @@ proptest! {
     #[test]
     fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
 
-    /// But for ties, which the lower numbers win, nothing depends on the order of the receivers: accuracies drawn
-    /// like these have no equal sums.
+    /// Except for ties, which the lower numbers win, nothing depends on the order of the receivers: accuracies that are
+    /// drawn like these have no equal sums.
     #[test]
     fn the_order_of_the_receivers_is_the_order_of_the_verdict_and_nothing_else(
         ticks in ticks(),
@@ -180,7 +180,7 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // The axes north and east are the first member's: beside a pole another's point elsewhere.
+                // The axes north and east are those of the first member: beside a pole another one's point elsewhere.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

@@ -1,4 +1,4 @@
-//! Each rule of decision 15 by itself, to its last unit.
+//! Each rule of decision 15 is tested by itself, to the last unit of its limits.
 
 mod support;
 
@@ -108,8 +108,8 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
     }
 }
 
-/// How far each of three receivers is brought, m, which fly east at 40 m/s one at a time: the other two stand at its
-/// place and 4.9 m east of it, so that the median is the one that flies.
+/// Returns how far each of three receivers is brought, m. They fly east at 40 m/s one at a time: the other two stand at
+/// the place of the flying one and 4.9 m east of it, so that the median is the flying one.
 fn brought(lags: [u32; 3]) -> [f64; 3] {
     [0, 1, 2].map(|of: usize| {
         let mut report = [0, 1, 2].map(|i: usize| Report { lag_ms: lags[i], ..GOOD });
@@ -132,14 +132,14 @@ fn a_message_that_came_later_after_its_time_of_week_is_older_and_one_in_the_midd
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // Farther off than is believed.
+        // In these rows a time of week is farther off than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // Just before and after half a week from the first, whose time is wrong: nothing can be compared.
+        // Here times lie just before and after half a week from the first, which is wrong: nothing can be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // Beyond the week's end.
+        // In these rows the week ends between the times.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -158,7 +158,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // 2.5 ms each: 10 cm, of which 11 mm are the resolution of a position.
+    // Each is moved by 2.5 ms, which is 10 cm, of which 11 mm are the resolution of a position.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -166,7 +166,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
     assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
-/// The farthest at which two agree, m north, to the millimetre that the search has; positions have 11 mm.
+/// Returns the greatest distance north at which two agree, m: the search has 1 mm, positions have 11 mm.
 fn reach(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 60.0);
     while far - near > 1e-3 {
@@ -176,7 +176,7 @@ fn reach(one: Report, other: Report) -> f64 {
     near
 }
 
-/// The same upwards.
+/// Returns the greatest difference in height at which two agree, m.
 fn climb(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 90.0);
     while far - near > 1e-4 {
@@ -213,12 +213,12 @@ fn two_agree_within_three_standard_deviations_at_least_5_and_8_m_and_at_most_30_
 
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
-    // 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s: 7.105 m, against 1.005 m.
+    // The accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, so 7.105 m, against 1.005 m.
     let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // Vertically the same accuracy from 50 m/s downwards.
+    // Vertically the accuracy is the same at 50 m/s downwards.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -250,7 +250,8 @@ fn two_of_two_that_disagree_and_two_pairs_of_five_are_no_result_and_nobody_is_ex
     assert_eq!(once(all_apart).position, None);
 }
 
-/// What the rule of exclusion is for: 3 drifts out of the reach of 2, which states less, and then out of that of 1.
+/// The rule of exclusion is for this case: receiver 3 drifts out of the reach of 2, which states a smaller accuracy,
+/// and then out of the reach of 1.
 #[test]
 fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     let mut voter = Voter::new();
@@ -266,7 +267,7 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
-/// The limit that the decision states.
+/// This is the limit that the decision states.
 #[test]
 fn two_that_agree_on_a_wrong_place_are_believed() {
     let wrong = GOOD.moved(10_000.0, 0.0);
@@ -277,7 +278,7 @@ fn two_that_agree_on_a_wrong_place_are_believed() {
 
 #[test]
 fn of_two_pairs_that_share_a_receiver_the_last_then_the_more_accurate_then_the_lower_numbers_win() {
-    // 2 agrees with both others, they not with each other.
+    // Receiver 2 agrees with both others, which do not agree with each other.
     let row = |accuracies: [u32; 3]| {
         let mut north = -4.0;
         accuracies.map(|mm| {
@@ -289,11 +290,11 @@ fn of_two_pairs_that_share_a_receiver_the_last_then_the_more_accurate_then_the_l
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // 3 agrees with a member, so it stays eligible; but the last result is kept.
+    // Receiver 3 agrees with a member, so it stays eligible; but the last result is kept.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // The last result was of 2 and 3, since 1 was silent.
+    // The last result was that of 2 and 3, since 1 was silent.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;
@@ -304,14 +305,15 @@ fn of_two_pairs_that_share_a_receiver_the_last_then_the_more_accurate_then_the_l
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // Places in a row of which any three neighbours agree: 1 4 2 5 3 and mirrored.
+    // The places are in a row in which any three neighbours agree: 1 4 2 5 3, and mirrored.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Three receivers, the third of which is wrong until `wrong_until`; at which tick it is no longer excluded.
+/// Votes with three receivers, the third of which is wrong until `wrong_until`, and returns the tick at which the third
+/// is no longer excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -328,7 +330,7 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 
 #[test]
 fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecond() {
-    // It agrees from 10 ms on; at 1010 ms it has for 1000 ms, so it takes part at the tick after.
+    // The receiver agrees from 10 ms on; at 1010 ms it has for 1000 ms, so it takes part at the next tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
     assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
@@ -349,7 +351,7 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
-    // One that is wrong stays excluded, and has no vote where another is missing.
+    // A receiver that is wrong stays excluded, and has no vote where another one is missing.
     let mut voter = Voter::excluding(0b100);
     let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
@@ -372,14 +374,14 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
-    // 2 falls silent; 1 alone is no result. The third comes back to it, and after a second both are one.
+    // Receiver 2 falls silent; 1 alone is no result. Receiver 3 comes back to 1, and after a second both are one.
     for now in (10..=1_010).step_by(10) {
         assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
     }
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible ones that disagree: agreeing with one of them is enough, with none it is not.
+    // Two eligible receivers disagree: agreeing with one of them is enough, agreeing with none is not.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -390,7 +392,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
         }
         assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
-    // With nobody left it is enough to be a candidate.
+    // With no eligible receiver left, it is enough to be a candidate.
     let mut voter = Voter::new();
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
@@ -439,7 +441,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
         assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
         assert_eq!(attitude([GOOD, with_attitude(angles)]), angles);
     }
-    // By whole turns into range.
+    // The angles are moved by whole turns into range.
     let [pitch, yaw, roll] = attitude([with_attitude([7.0, -0.5, 300.0]), GOOD]);
     assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
     assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
@@ -449,7 +451,7 @@ fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
 fn attitude_is_the_median_on_the_circle() {
     let with = with_attitude;
     let attitude = |report: [Report; 3]| once(report).attitude.expect("an attitude");
-    // Across ±π, and across north.
+    // The angles lie across ±π, and across north.
     let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
     assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
     let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.22, 3.11]), with([0.0, 0.08, -3.11])]);
@@ -473,7 +475,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // Not a member, not finite, not there.
+    // One has no part in the quorum because it is no member, is not finite, or has no value.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -502,12 +504,12 @@ fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
             assert_eq!(agree(off(180.0)), [false; 3], "axis {axis}");
         }
     }
-    // The first is in the middle of the others.
+    // The yaw of the first is in the middle of the others.
     assert!(once([degrees([0.0; 3]), degrees([0.0, 4.0, 0.0]), degrees([0.0, -4.0, 0.0])]).attitude.is_some());
     assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
 }
 
-/// The case that the rule is for: the mean would be 100°.
+/// The rule is for this case, in which the mean would be 100°.
 #[test]
 fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
     let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);
@@ -553,18 +555,18 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // Of one and of two receivers one is a quorum.
+    // One receiver is a quorum of one and of two.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
-    // Two in 2D, the third is 500 m off.
+    // Two have a 2D fix, and the third is 500 m off.
     let verdict = once([FLAT, FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
-    // One in 2D, the two others disagree: two pairs, and nobody is known to be wrong.
+    // One has a 2D fix, and the two others disagree: there are two pairs, and nobody is known to be wrong.
     let verdict = once([GOOD, FLAT, high]);
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
-    // Two agree in height, the third contradicts them.
+    // Two agree in height, and the third contradicts them.
     let verdict = once([GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
@@ -580,10 +582,11 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     let high = GOOD.raised(500.0);
     let verdict = once([FLAT, GOOD, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, Some(512.345), 0b10000));
-    // Two altitudes are no quorum of five: nobody can tell.
+    // Two altitudes are no quorum of five, so nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
-    // Who has no altitude contradicts none, and who agrees with one member that has one stays.
+    // A receiver without an altitude contradicts none, and one that agrees with a member that has an altitude stays
+    // eligible.
     let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
     assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
     let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
@@ -592,14 +595,14 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     assert_eq!((verdict.members, verdict.excluded), (0b01111, 0));
 }
 
-/// Ticks of three receivers, of which each says the same.
+/// Ticks of three receivers that all say the same.
 struct Flight {
     voter: Voter<3>,
     now: u32,
 }
 
 impl Flight {
-    /// After one tick at the place where all begin.
+    /// A flight after one tick at the place where all flights begin.
     fn begun(now: u32) -> Self {
         let mut flight = Self { voter: Voter::new(), now };
         assert!(flight.is_shown(GOOD), "the first is shown");
@@ -616,7 +619,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// For how many ms nothing is shown if all say this from now on.
+    /// Returns for how many ms nothing is shown if all receivers say this from now on.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
@@ -636,7 +639,7 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// At 10 ms one is 2 m farther than the accuracies allow; at rest those are 1.505 and 2.505 m.
+/// At 10 ms a step may be 2 m longer than the accuracies allow; at rest these are 1.505 and 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);
@@ -645,7 +648,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The least and the most that accuracies allow, and those of both count.
+    // The least and the most that accuracies allow are tested, and that the accuracies of both results count.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -657,7 +660,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // Time adds to it: after 1000 ms without a position 200 m and 6.4 m.
+    // The time adds to the limit: after 1000 ms without a position it is 200 m and 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
         flight.now = 1_000;
@@ -672,7 +675,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // 3 √(1.505² + 5²) and 2 m.
+        // The limit is 3 √(1.505² + 5²) and 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }
@@ -680,9 +683,10 @@ fn the_least_accurate_member_counts_for_a_jump() {
 
 #[test]
 fn a_jump_is_shown_once_it_could_have_been_flown() {
-    // 100 m: 6.4 m are allowed, the rest at 200 m/s takes 468 ms, and the first tick comes 10 ms after the last one.
+    // The jump is 100 m: 6.4 m are allowed, the rest at 200 m/s takes 468 ms, and the first tick comes 10 ms after the
+    // last one.
     assert_eq!(Flight::begun(0).withheld(GOOD.moved(100.0, 0.0)), 460);
-    // Hours after the last position hardly anything is a jump.
+    // Hours after the last position hardly any step is a jump.
     let mut flight = Flight::begun(0);
     flight.now = 7_200_000;
     assert!(flight.is_shown(GOOD.moved(1_000_000.0, 0.0)));
@@ -699,7 +703,7 @@ fn what_is_held_back_must_continue_at_every_tick() {
     let mut flight = Flight::begun(0);
     (0..50).for_each(|_| assert!(!flight.is_shown(far)));
     assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
-    // It may move on meanwhile.
+    // The place may move on meanwhile.
     let mut flight = Flight::begun(0);
     let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
     assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
@@ -736,14 +740,14 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // 3 √2 of 2.505 m and 2 m.
+    // The limit is 3 √2 of 2.505 m, and 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // In between it may be without one: what was shown last counts, and the way since then.
+    // There may be no altitude in between: what was shown last counts, and the way since then.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -758,7 +762,7 @@ fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
     (0..100).for_each(|_| assert!(!flight.is_shown(far)));
     let position = flight.tick(far).position.expect("it has held");
     assert_eq!(position.altitude, Some(912.345));
-    // One that appears a second after the place jumped has not held.
+    // An altitude that appears a second after the place jumped has not lasted for a second.
     let mut flight = Flight::begun(0);
     let (flat, high) = (FLAT.moved(3_000.0, 0.0), GOOD.moved(3_000.0, 0.0).raised(900.0));
     (0..100).for_each(|_| assert!(!flight.is_shown(flat)));
@@ -795,7 +799,8 @@ fn places_far_apart_never_agree_not_even_opposite_ones() {
 #[test]
 fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
     let mut report = GOOD;
-    // 11.2 m before the pole at 8.7°, 100 m/s north for 0.55 s: 43.8 m beyond it at -171.3°.
+    // The receiver is 11.2 m before the pole at 8.7° and flies north at 100 m/s for 0.55 s: it is then 43.8 m beyond
+    // the pole, at -171.3°.
     (report.stated.latitude_e7, report.stated.altitude_mm) = (899_999_000, None);
     let report = Report { since_arrival_ms: 500, ..report }.flying([100_000, 0, 0]);
     let (latitude, longitude) = place(&once([report]));
@@ -812,7 +817,7 @@ fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
     assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
 }
 
-/// Whatever 32 bits a field can have.
+/// A report whose fields have any 32 bits.
 fn anything() -> impl Strategy<Value = Report> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
     (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
@@ -834,7 +839,7 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// Wrong in one field or in all of them, near or far.
+/// A report that is wrong in one field or in all of them, near or far.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),
@@ -858,7 +863,7 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the two right ones, or as far from one of them as two that agree can be.
+    /// The result lies between the two right ones, or as far from one of them as two that agree can be apart.
     #[test]
     fn one_receiver_of_three_moves_the_result_by_less_than_two_can_differ(
         wrongs in prop::collection::vec(wrong(), 1..6),
@@ -876,7 +881,7 @@ proptest! {
             prop_assert!(off[0].min(off[1]) <= 30.01, "{:?} m off", off);
             let altitude = position.altitude.expect("two have one");
             prop_assert!((altitude - 512.345).abs() <= 50.01);
-            // While both right ones are members it is between them.
+            // While both right receivers are members, the result is between them.
             let others = 0b111 & !(1 << which);
             if verdict.members & others == others {
                 prop_assert!(off[0].max(off[1]) <= north + 0.02, "{:?} m off", off);

@@ -1,4 +1,4 @@
-//! Buffers: memory that the processor sees at once and DMA sees when a store reaches the RAM.
+//! Buffers: memory that the processor sees at once, and that DMA sees when a store reaches the RAM.
 
 use std::{
     borrow::{Borrow, BorrowMut},
@@ -19,11 +19,11 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub(super) fn new(place: usize, at: At) -> Self {
-        // What is in RAM at start is of no generation.
+        // The content of RAM at start belongs to no generation.
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 
-    /// Which of all buffers it is.
+    /// Returns the buffer's number among all buffers.
     pub(super) fn place(&self) -> usize {
         self.place
     }

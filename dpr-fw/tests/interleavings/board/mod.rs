@@ -40,27 +40,27 @@ pub(crate) enum Task {
     Ssi = 5,
 }
 
-/// Ceilings: the highest priority among the tasks that share the resource.
+/// The ceilings: the highest priority among the tasks that share the resource.
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// What a task may have in its hands, by the number of its digest.
+/// The state that a task may hold, by the number of its digest.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
 const RECEIVING: usize = 3;
 const FILLING: usize = 4;
 
-/// A task that runs or is interrupted. Its local variables follow from where it began, how far it is, and what it has
-/// seen of shared state; so a digest of all three stands for them.
+/// A task that runs or is interrupted. The task's local variables follow from where it began, how far it is, and what
+/// it has seen of shared state; so a digest of all three stands for them.
 struct Frame {
     task: Task,
     seen: u64,
-    /// It has scrubbed a buffer since its last lock.
+    /// Whether the task has scrubbed a buffer since its last lock.
     scrubbed: bool,
 }
 
-/// Which tasks are called.
+/// The tasks that are called.
 #[derive(Clone, Copy, Debug, Default, Hash)]
 struct Called {
     ssi: bool,
@@ -69,13 +69,13 @@ struct Called {
     scrub: bool,
 }
 
-/// Everything, for every task.
+/// The state of the whole board, for every task.
 struct Board {
     explorer: Rc<Explorer>,
     bounds: Bounds,
     hw: RefCell<Hardware>,
     called: Cell<Called>,
-    /// BASEPRI.
+    /// The priority that BASEPRI masks.
     mask: Cell<u8>,
     frames: RefCell<Vec<Frame>>,
     rotation: RefCell<Option<Rotation<Buffer, u8>>>,
@@ -84,9 +84,9 @@ struct Board {
     receiving: RefCell<Option<Filling<Buffer>>>,
     filling: RefCell<Option<Filling<Buffer>>>,
     telemetry: Telemetry,
-    /// Digests of the five above, which cannot be looked at while a task has them.
+    /// Digests of the five states above, which cannot be read while a task holds them.
     digests: Cell<[u64; 5]>,
-    /// Frames that were handed on and not read yet.
+    /// The frames that were handed on and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
     /// A frame that was read out of order ([`Mutation::RotationOrder`]).
@@ -114,17 +114,17 @@ impl OneRun {
         Self(At::new(explorer, bounds))
     }
 
-    /// Runs until nothing happens any more.
+    /// Runs the board until nothing happens any more.
     pub(crate) fn run(&self) {
         self.0.run();
     }
 }
 
-/// A handle of the board, which is also what locks the mailbox.
+/// A handle of the board, which also locks the mailbox.
 #[derive(Clone)]
 struct At(Rc<Board>);
 
-/// What locks the rotation.
+/// The handle that locks the rotation.
 struct RotationOf(At);
 
 impl At {
@@ -160,7 +160,7 @@ impl At {
         at
     }
 
-    /// Interrupts are enabled: the whole run.
+    /// Runs the whole run, with interrupts enabled.
     fn run(&self) {
         self.call(|called| called.commit = self.0.bounds.publishes);
         loop {
@@ -184,7 +184,7 @@ impl At {
         self.at_rest();
     }
 
-    /// What has to hold whenever no task waits: nothing is left behind.
+    /// Checks what has to hold whenever no task waits: nothing is left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
         holds(!hw.masked, "a pause has no end");
@@ -210,14 +210,14 @@ impl At {
         self.0.called.set(called);
     }
 
-    /// The running task has seen `what` of the shared state.
+    /// Records that the running task has seen `what` of the shared state.
     fn see(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest((frame.seen, what));
         }
     }
 
-    /// Of all that the running task has seen, only `what` still decides what it does.
+    /// Records that only `what` of all that the running task has seen still decides what the task does.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest(what);
@@ -235,8 +235,8 @@ impl At {
         ))
     }
 
-    /// The running task locks a resource. What the scrub task saw before is of no consequence any more: what it held
-    /// goes back now, and what it takes is what is nowhere else.
+    /// Records that the running task locks a resource. What the scrub task saw before does not matter any more: what it
+    /// held goes back now, and what it takes is nowhere else.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
@@ -258,7 +258,7 @@ impl At {
         self.0.frames.borrow().iter().any(|frame| frame.task == task)
     }
 
-    /// Anything may happen here, any number of times.
+    /// A point at which anything may happen, any number of times.
     fn point(&self, name: &'static str) {
         if self.0.mask.get() == u8::MAX {
             return;
@@ -291,7 +291,7 @@ impl At {
         self.interrupts();
     }
 
-    /// Only a task of a higher priority runs at once.
+    /// Returns the priority above which a task runs at once.
     fn level(&self) -> u8 {
         let running = self.0.frames.borrow().last().map_or(Task::Idle, |frame| frame.task);
         self.0.mask.get().max(running as u8)
@@ -311,8 +311,8 @@ impl At {
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
             } else if pause_over && level < Task::Ssi as u8 {
-                // The task `ssi_pause`, of the same priority and behind the other in the table of vectors: its two
-                // accesses are one step, since what the hardware does meanwhile might as well have come before it.
+                // The task `ssi_pause` has the same priority and comes behind the other in the table of vectors. Its
+                // two accesses are one step, since what the hardware does meanwhile might as well have come before it.
                 self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
                 let mut hw = self.0.hw.borrow_mut();
                 (hw.pause_over, hw.masked) = (false, false);

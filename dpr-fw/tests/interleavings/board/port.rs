@@ -69,9 +69,9 @@ pub(crate) struct SsiModel {
     at: At,
     image: Option<Received<Buffer, ()>>,
     received: [u8; 8],
-    /// FRESH is to rise after the release ([`Mutation::FreshAfterRelease`]).
+    /// Whether FRESH is to rise after the release ([`Mutation::FreshAfterRelease`]).
     fresh: bool,
-    /// The last exchange brought a newer image.
+    /// Whether the last exchange brought a newer image.
     newer: bool,
 }
 
@@ -80,7 +80,7 @@ impl SsiModel {
         Self { at, image: None, received: [0; 8], fresh: false, newer: false }
     }
 
-    /// The image that is streamed.
+    /// Returns the image that is streamed.
     pub(super) fn image(&self) -> &impl std::fmt::Debug {
         &self.image
     }
@@ -134,14 +134,14 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // Nobody reads it again before it is written again: one state less.
+            // Nobody reads these bytes before they are written again; clearing them makes one state less.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
         Events { ours, received: Some(&self.received[..amount]), over_read: false, overflow: false }
     }
 
-    /// What comes in stays in one area here: where it goes from there is tested with the port task.
+    /// All that comes in stays in one area here; its further way is tested with the port task.
     fn hand_over(&mut self, _: Asked) -> HandedOver {
         HandedOver::Empty
     }

@@ -1,5 +1,5 @@
-//! The tasks as `main.rs` has them, with their parts of the library that this model does without (driver of the front
-//! end, acceptance) put in plain words.
+//! The tasks of `main.rs`. The parts of the library that this model does without (driver of the front end, acceptance)
+//! are replaced by plain code.
 
 use dpr_fw::{
     commit::Images,
@@ -14,7 +14,7 @@ use super::{At, Buffer, RotationOf, FILLING, RECEIVING, SSI};
 use crate::{explorer::holds, Mutation};
 
 impl At {
-    /// The task `ssi_end`.
+    /// Runs the task `ssi_end`.
     pub(super) fn ssi_end(&self) {
         self.0.hw.borrow_mut().expired_in_task = false;
         self.see(self.0.digests.get()[SSI]);
@@ -25,7 +25,7 @@ impl At {
         self.0.hw.borrow_mut().expired_in_task = false;
     }
 
-    /// The RFID tasks at the end of a frame ([`dpr_fw::rf::Reception::serve`]), whole or lost.
+    /// Runs the RFID tasks at the end of a frame ([`dpr_fw::rf::Reception::serve`]), which is whole or lost.
     pub(super) fn receive(&self, whole: bool) {
         self.see((whole, self.0.digests.get()[RECEIVING]));
         let filled = self.0.receiving.borrow_mut().take().expect("the port has one");
@@ -52,8 +52,8 @@ impl At {
         self.call(|called| called.commit = true);
     }
 
-    /// The tasks `commit` and `deadline`: takes in the frames that wait ([`dpr_fw::intake`]) and publishes an image for
-    /// each; without any, one without objects.
+    /// Runs the tasks `commit` and `deadline`: takes in the frames that wait ([`dpr_fw::intake`]) and publishes an
+    /// image for each; without any, it publishes one without objects.
     pub(super) fn commit(&self) {
         self.see(self.0.digests.get()[FILLING]);
         let mut filling = self.0.filling.borrow_mut().take();
@@ -135,7 +135,7 @@ impl At {
         self.forget_all_but(("published", received));
     }
 
-    /// The task `scrub`.
+    /// Runs the task `scrub`.
     pub(super) fn scrub(&self) {
         for found in [scrub_waiting(RotationOf(self.clone())), scrub_waiting(self.clone())] {
             self.0.telemetry.scrubbed(found);

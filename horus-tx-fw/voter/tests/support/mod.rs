@@ -1,4 +1,4 @@
-//! Decision 15 a second time, written to be read and not to be fast: float64, positions in space, lists of receivers,
+//! Decision 15 written a second time, to be read and not to be fast: float64, positions in space, lists of receivers,
 //! and the numbers as the decision has them.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver says, before the voter's own type.
+/// What a receiver says, before it becomes the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -18,7 +18,7 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    /// At rest over Winterthur, good to 1.5 m and 2.5 m, arrived at the tick.
+    /// A report at rest over Winterthur, with accuracies of 1.5 m and 2.5 m, that arrived at the tick.
     pub(crate) const GOOD: Self = Self {
         valid: true,
         stated: Stated {
@@ -46,7 +46,7 @@ impl Report {
         }
     }
 
-    /// The same, `north` and `east` metres away.
+    /// Returns the same report, `north` and `east` metres away.
     pub(crate) fn moved(self, north: f64, east: f64) -> Self {
         let here = Place::of(&self.stated, self.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
         let (latitude, longitude) = geodetic(here.at(north, east));
@@ -58,7 +58,7 @@ impl Report {
         Self { stated, ..self }
     }
 
-    /// The same, with an altitude `metres` higher.
+    /// Returns the same report, with an altitude that is `metres` higher.
     pub(crate) fn raised(mut self, metres: f64) -> Self {
         self.stated.altitude_mm = self.stated.altitude_mm.map(|mm| mm + (metres * 1e3) as i32);
         self
@@ -117,7 +117,7 @@ fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// A place in space, with its directions.
+/// A place in space, with its directions north and east.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: Vector,
@@ -131,7 +131,7 @@ const B: f64 = 6_356_752.314_245_179;
 impl Place {
     pub(crate) fn new(latitude: f64, longitude: f64, height: f64) -> Self {
         let ((sp, cp), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
-        // From both axes, not from the eccentricity.
+        // The radii are computed from both axes, not from the eccentricity.
         let root = (A * A * cp * cp + B * B * sp * sp).sqrt();
         let (equator, axis) = (A * A / root + height, B * B / root + height);
         Self {
@@ -145,19 +145,19 @@ impl Place {
         Self::new(f64::from(stated.latitude_e7) / 1e7, f64::from(stated.longitude_e7) / 1e7, height)
     }
 
-    /// So many metres north and east.
+    /// Returns the point that lies this many metres north and east.
     pub(crate) fn at(&self, north: f64, east: f64) -> Vector {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Metres north and east to a point, and how far it is.
+    /// Returns the metres north and east to a point, and the distance to it.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
     }
 }
 
-/// Latitude and longitude, degrees: the latitude by bisection on the direction of the ellipsoid's normal.
+/// Returns latitude and longitude, degrees: the latitude by bisection on the direction of the ellipsoid's normal.
 pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
     let p = x.hypot(y);
     let (mut low, mut high) = (-90.0_f64, 90.0_f64);
@@ -165,23 +165,23 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
         let middle = (low + high) / 2.0;
         let (s, c) = middle.to_radians().sin_cos();
         let root = (A * A * c * c + B * B * s * s).sqrt();
-        // The point lies north of the normal at `middle` if it is beyond it.
+        // The point lies north of the normal at `middle` if it is beyond that normal.
         let (foot_p, foot_z) = (A * A / root * c, B * B / root * s);
         if (z - foot_z) * c - (p - foot_p) * s > 0.0 { low = middle } else { high = middle }
     }
     ((low + high) / 2.0, y.atan2(x).to_degrees())
 }
 
-/// What the second voter says.
+/// The result of the second voter.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Opinion {
     pub(crate) members: Vec<usize>,
     pub(crate) excluded: Vec<usize>,
-    /// Where, in space at height 0, and how high.
+    /// The place in space at height 0, and the height.
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
-    /// Some decision was so narrow that rounding may turn it.
+    /// Whether some decision was so narrow that rounding may turn it.
     pub(crate) narrow: bool,
 }
 
@@ -193,7 +193,7 @@ pub(crate) struct Oracle {
     heights: Jumps<Level>,
 }
 
-/// Where a result is, degrees, at the height of its first member; and how good its worst member is, m.
+/// Where a result is, degrees, at the height of its first member; and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     degrees: (f64, f64),
@@ -201,7 +201,7 @@ struct Spot {
     accuracy: f64,
 }
 
-/// How high it is, and how good its worst member is, m.
+/// How high a result is, and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     height: f64,
@@ -209,7 +209,7 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// How far from here to there, and how far that may be of two receivers that agree, m.
+    /// Returns the distance from here to there, and how far two receivers that agree may be apart, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
@@ -227,7 +227,7 @@ impl Moves for Level {
     }
 }
 
-/// What was shown last, and every one since that was held back and led to the next, each with its tick.
+/// The result that was shown last, and every one since that was held back and led to the next, each with its tick.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -241,7 +241,7 @@ impl<T> Default for Jumps<T> {
 }
 
 impl<T: Moves> Jumps<T> {
-    /// What of `found` is shown at `now`, while something may be shown.
+    /// Returns what of `found` is shown at `now`, if `may_show` allows it.
     fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
         let Some(found) = found else {
             self.held.clear();
@@ -268,14 +268,14 @@ impl<T: Moves> Jumps<T> {
     }
 }
 
-/// How far one angle is from another on the circle, rad.
+/// Returns how far one angle is from another on the circle, rad.
 fn turn(from: f64, to: f64) -> f64 {
     let (sine, cosine) = (to - from).sin_cos();
     sine.atan2(cosine)
 }
 
-/// The median of three numbers each, if at least `least` have them and no two differ by more than `limits`, each by
-/// itself; `difference` is from one to the other.
+/// Returns the median of each of three numbers, if at least `least` receivers have them and no two differ by more than
+/// `limits`; `difference` is the difference from one number to the other.
 fn agreed(
     of: &[[f32; 3]],
     least: usize,
@@ -388,7 +388,7 @@ impl Oracle {
             members.clear();
         }
 
-        // What this tick says of those who were excluded.
+        // This is what the tick says of the receivers that were excluded.
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
         let mut next = Vec::new();
         for (who, since) in &self.excluded {
@@ -431,8 +431,9 @@ impl Oracle {
     }
 }
 
-/// How old each position is at the tick, s: 50 ms at the candidate whose message came in the middle after its time of
-/// week, as much more or less at another as it came later or sooner, and 50 ms again where that is more than 50 ms.
+/// Returns the age of each position at the tick, s: 50 ms for the candidate whose message came in the middle after its
+/// time of week, as much more or less for another as its message came later or sooner, and 50 ms again where the
+/// difference is above 50 ms.
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {
@@ -442,7 +443,7 @@ fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
     let latency = |i: usize| {
         let off = middle.map_or(0.0, |middle| lag(i) - middle);
-        // Half milliseconds, to which float64 is exact enough.
+        // The ages are half milliseconds, for which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
     report
@@ -458,12 +459,12 @@ fn middle(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[half] } else { f64::midpoint(values[half - 1], values[half]) }
 }
 
-/// The receivers of a mask.
+/// Returns the receivers of a mask.
 pub(crate) fn listed(mask: u8) -> Vec<usize> {
     (0..8).filter(|i| mask >> i & 1 == 1).collect()
 }
 
-/// How far apart two results are over ground, m, each in degrees.
+/// Returns how far apart two results are over ground, m; each is given in degrees.
 pub(crate) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
     Place::new(a.0, a.1, 0.0).to(Place::new(b.0, b.1, 0.0).at).2
 }
