@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_frame_of_a_cycle_shares_the_verdict_on_the_first_and_each_counts_only_once() {
+    fn the_second_frame_of_a_cycle_shares_the_verdict_on_the_first() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 0, 50_000).accepted, Objects(0b00_0111));
         let second = judge(&mut acceptance, 50, 1, 50_010);
@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_frame_of_a_cycle_out_of_sequence_is_not_accepted_either() {
+    fn the_second_frame_of_a_cycle_out_of_sequence_is_rejected_too() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 57, 0, 57_000).accepted, Objects::NONE);
         let verdict = judge(&mut acceptance, 57, 1, 57_000);
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_without_an_intact_object_is_unknown_and_leaves_the_sequence_as_it_is() {
+    fn a_frame_without_an_intact_object_leaves_the_sequence_unchanged() {
         for fill in [0x00, 0xFF] {
             let mut acceptance = in_sequence::<3>();
             let before = *acceptance.sequence();
@@ -538,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_behind_the_length_that_len_announces_are_no_objects_of_the_frame() {
+    fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
         // GPS3 follows, intact and in its place in the profile, behind the last object of a cycle's first frame.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];

@@ -122,14 +122,14 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_revision_3_whose_uicr_is_erased_or_says_locked_stays_locked() {
+    fn a_revision_3_part_stays_locked_unless_uicr_opens_it() {
         for uicr in [0xFFFF_FFFF, 0, 0xFFFF_FF00, 0x5A00, 0x5B, 0xA5] {
             assert_eq!(opened(b"AAF0", uicr), (DebugPort::Locked, 0), "{uicr:#x}");
         }
     }
 
     #[test]
-    fn on_an_older_part_nothing_is_written_because_it_has_no_such_register() {
+    fn on_an_older_part_the_debug_port_is_left_to_the_hardware() {
         for variant in [b"AAAA", b"BAAA", b"AACA", b"AAC0", b"AAD0", b"AAD1", b"AAE0"] {
             for uicr in [0xFFFF_FFFF, 0, 0x5A] {
                 assert_eq!(opened(variant, uicr), (DebugPort::ByHardware, 0), "{variant:?} {uicr:#x}");

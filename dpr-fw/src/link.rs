@@ -388,7 +388,7 @@ mod tests {
         }
 
         #[test]
-        fn however_late_the_deadline_is_noticed_the_count_and_the_next_are_the_same(
+        fn a_late_check_of_the_deadline_counts_the_same_missed_frames(
             first: bool, ended_us: u32, late_us in 0_u32..500_000,
         ) {
             let mut at_once = Monitor::<5>::new();
@@ -471,7 +471,7 @@ mod tests {
 
     /// A first frame ends at 0, then none comes: the second (3.9 ms) is lost, and both of every later cycle.
     #[test]
-    fn two_frames_a_cycle_every_lost_frame_is_counted_once_its_time_has_passed() {
+    fn each_lost_frame_is_counted_when_its_time_has_passed() {
         let mut monitor = Monitor::<5>::new();
         monitor.frame(0, 0, 0);
         assert_eq!(monitor.deadline_us(), SECOND_FRAME_US);
@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn the_age_is_that_of_the_sample_starts_saturated_counts_in_100_us_and_saturates_again() {
+    fn the_age_is_that_of_the_sample_and_saturates() {
         let mut link = Link::new();
         let sequence = Sequence::new();
         link.advance(50_000);
@@ -536,7 +536,7 @@ mod tests {
     }
 
     #[test]
-    fn the_link_is_out_of_sequence_until_the_sequence_is_found_and_once_it_is_lost() {
+    fn the_link_is_out_of_sequence_until_the_sequence_is_found() {
         let mut link = Link::new();
         assert_eq!(values(&link).status, LinkStatusBits::new().with_out_of_sequence(true));
         let mut sequence = Sequence::new();

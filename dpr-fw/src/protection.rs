@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn all_ram_but_that_of_the_code_is_data_and_nothing_of_it_can_be_executed() {
+    fn all_ram_except_that_of_the_code_is_data_and_never_executed() {
         for address in [0x2001_0000, 0x2003_FFFF] {
             assert!(TASKS.allows(address, Read) && TASKS.allows(address, Write) && !TASKS.allows(address, Execute));
         }
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_reach_the_peripherals_of_the_board_and_two_beside_them_in_an_eighth() {
+    fn tasks_reach_only_the_boards_peripherals_and_two_neighbours() {
         let of_the_board = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000, 0x1_A000];
         // The neighbours are RTC1 and TIMER4.
         let beside = [0x1_1000, 0x1_B000];

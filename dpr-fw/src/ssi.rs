@@ -171,7 +171,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_transaction_brings_in_a_request_an_object_and_what_is_driven_beyond_it() {
+    fn a_receive_area_holds_a_request_an_object_and_eight_bytes_more() {
         assert_eq!(RECEIVE_BYTES, 8 + 64 + 8);
     }
 
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_nobody_drives_asks_for_nothing_and_takes_a_window_back() {
+    fn an_undriven_line_asks_for_nothing_and_ends_the_window() {
         for idle in [0x00, 0xFF] {
             let mut windows = Windows::<276>::new();
             assert_eq!(windows.transaction(&encode(Request { offset: 96, length: 60 })), Asked::Window);

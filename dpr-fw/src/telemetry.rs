@@ -102,7 +102,7 @@ mod tests {
     use firmware_common::counter::Counter;
 
     #[test]
-    fn scrubbed_buffers_stuck_bits_and_buffers_out_of_use_add_up_each_in_its_counter() {
+    fn the_results_of_scrubs_add_up_each_in_its_counter() {
         let telemetry = Telemetry::new();
         telemetry.scrubbed(Scrubbed { buffers: 2, stuck_bits: 0, out_of_use: 0 });
         telemetry.scrubbed(Scrubbed { buffers: 3, stuck_bits: 7, out_of_use: 1 });

@@ -461,7 +461,7 @@ fn profiles_arrive_by_store_and_forward() {
 }
 
 #[test]
-fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
+fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
     let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
     let end = dpr.send_cycle(4);
     dpr.run_to(end);
@@ -481,7 +481,7 @@ fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
 }
 
 #[test]
-fn a_receive_buffer_holds_the_longest_frame_and_less_than_a_word_more() {
+fn a_receive_buffer_just_holds_the_longest_frame() {
     // The frame has LEN, payload and CRC-16, behind the bytes that align the payload.
     let longest = LEAD + 1 + air::MAX_PAYLOAD + 2;
     assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
@@ -509,7 +509,7 @@ fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
 }
 
 #[test]
-fn all_but_the_last_bytes_of_a_frame_are_verified_while_it_arrives() {
+fn all_but_a_frames_last_bytes_are_verified_while_it_arrives() {
     // The bytes after the third read's begin are left for the end, and two of them are the frame's CRC-16.
     assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(TAIL - 2));
     assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(TAIL - 2));
@@ -530,7 +530,7 @@ fn the_age_at_publication_is_the_samples() {
 }
 
 #[test]
-fn a_damaged_byte_costs_its_object_and_is_seen_by_the_chip_too() {
+fn a_damaged_byte_costs_only_the_object_it_lies_in() {
     let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
     let sent = profile_at::<3>(timestamp(4));
     // Byte 70 of the payload lies in GPS1.
@@ -568,7 +568,7 @@ enum Lost {
 }
 
 #[test]
-fn a_buffer_in_which_a_frame_was_lost_is_scrubbed_before_another_is_received() {
+fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
     for lost in [Lost::WithTheField, Lost::WithTheSpi] {
         let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
         let tick = FIRST_TICK_NS + 4 * CYCLE_NS;
@@ -652,7 +652,7 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 }
 
 #[test]
-fn the_end_of_a_frame_that_comes_during_a_status_read_is_its_own_instant() {
+fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
     // A LEN that was damaged on the air moves the listener's timed status reads by whole bytes, and a bit rate that is
     // off moves the frame's end between them: some reads meet the end, which then ends no wait for the IRQ pin.
     let mut met = 0;
@@ -686,7 +686,7 @@ fn the_end_of_a_frame_that_comes_during_a_status_read_is_its_own_instant() {
 }
 
 #[test]
-fn a_register_that_loses_a_bit_is_named_before_the_next_bring_up() {
+fn a_register_that_loses_a_bit_is_reported_before_a_bring_up() {
     let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
     dpr.world.borrow_mut().chip.flip(Space::B, 0x0C, 6);
     for cycle in 4..40 {

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_watchdog_may_be_fed_only_when_every_task_has_checked_in_since_the_last_time() {
+    fn the_watchdog_may_be_fed_only_after_every_task_checked_in() {
         let tasks = [Three::First, Three::Second, Three::Third];
         for missing in tasks {
             let list = CheckIn::new();

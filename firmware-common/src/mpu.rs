@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn an_eighth_that_is_shut_is_left_to_the_regions_of_lower_numbers() {
+    fn a_subregion_that_is_shut_is_left_to_regions_of_lower_numbers() {
         let alone = Table::new([UARTS]);
         let open: Vec<bool> = (0..8).map(|eighth| alone.allows(0x4000_4000 + 0x800 * eighth, Access::Write)).collect();
         assert_eq!(open, [true, true, false, false, false, false, false, true]);

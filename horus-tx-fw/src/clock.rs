@@ -86,14 +86,14 @@ mod tests {
     }
 
     #[test]
-    fn without_an_external_clock_the_start_goes_on_after_ten_milliseconds_of_pauses() {
+    fn the_start_goes_on_after_10_ms_without_an_external_clock() {
         assert_eq!(chosen(u32::MAX), (Source::Internal, POLLS));
         let cycles = u64::from(POLLS) * u64::from(PAUSE_CYCLES);
         assert_eq!(cycles * 1_000 / u64::from(INTERNAL_HZ), u64::from(START_MS));
     }
 
     #[test]
-    fn the_longest_start_has_room_for_a_slow_oscillator_and_a_slow_delay_loop_and_not_for_twice_that() {
+    fn the_bound_of_the_start_allows_a_slow_oscillator_and_delay_loop() {
         let cycles = 2 * u64::from(POLLS) * u64::from(PAUSE_CYCLES);
         let slow_hz = u64::from(INTERNAL_HZ) * 92 / 100;
         let longest_ms = (cycles * 1_000).div_ceil(slow_hz);

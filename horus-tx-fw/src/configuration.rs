@@ -561,7 +561,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_talks_and_does_not_answer_is_asked_three_times_and_at_the_usual_rate_alone() {
+    fn a_receiver_that_sends_but_never_answers_is_asked_three_times() {
         for interface in [Interface::Uart, Interface::Ddc, Interface::Spi] {
             let mut talk = Talk::new(interface);
             talk.pass(60_000, true);
@@ -582,7 +582,7 @@ mod tests {
     }
 
     #[test]
-    fn a_uart_without_a_word_is_tried_at_the_factorys_rate_after_its_own_and_in_turn() {
+    fn a_silent_uart_is_tried_at_both_baud_rates_in_turn() {
         let mut talk = Talk::new(Interface::Uart);
         talk.pass(3_000, false);
         let rates: Vec<Rate> = talk.sent.iter().map(|(_, message)| message.rate()).collect();
@@ -608,7 +608,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_used_as_it_is_may_be_silent_for_so_long_to_the_millisecond() {
+    fn an_unconfigured_receiver_may_be_silent_for_a_limited_time() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         let mut last = NOW;
         // The receiver sends messages and never answers.
@@ -624,7 +624,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_fell_silent_a_turn_of_the_clock_ago_is_not_taken_for_one_that_talks() {
+    fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
@@ -666,7 +666,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_a_receiver_does_messages_are_bounded_and_a_talking_one_hears_the_usual_rate_alone(
+        fn configuration_messages_are_bounded_whatever_a_receiver_does(
             interface in prop_oneof![Just(Interface::Uart), Just(Interface::Ddc), Just(Interface::Spi)],
             steps in proptest::collection::vec((any::<bool>(), proptest::option::of(any::<bool>())), 1..2_000),
         ) {

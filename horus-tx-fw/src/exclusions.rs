@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_whose_first_word_is_the_flags_of_power_on_is_none() {
+    fn a_record_that_begins_with_the_flags_of_power_on_is_invalid() {
         for excluded in 0..=u8::MAX {
             for flags in [0x0E00_0000, 0x0E00_0003, 0xFF00_0003] {
                 assert_eq!(from_words([flags, to_words(excluded)[1]], ResetReason::Watchdog), 0, "{flags:#x}");

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slices_that_find_no_quiet_are_made_up_for_up_to_a_limit() {
+    fn missed_slices_are_made_up_for_up_to_a_limit() {
         let mut slices = Slices::new(0);
         assert!(!slices.are_due(2_499) && !slices.take(|| panic!("nothing is due")));
         assert!(slices.are_due(5_000) && !slices.take(|| false));

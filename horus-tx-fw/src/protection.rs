@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_reach_the_peripherals_of_the_board_and_those_beside_them_in_an_eighth() {
+    fn tasks_reach_only_the_boards_peripherals_and_their_neighbours() {
         // The addresses are those of RM0090, table 1.
         let used = [
             0x4000_0000,

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_reset_is_told_from_the_flags_that_it_sets_together_with_others() {
+    fn each_reset_reason_follows_from_its_combination_of_flags() {
         // The manual says that the flags come in this way: every reset from inside also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");

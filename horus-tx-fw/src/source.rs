@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_pushed_is_read_once_and_in_order_across_the_rings_end() {
+    fn pushed_bytes_are_read_once_and_in_order_across_the_rings_end() {
         let (ring, mut reader) = (Ring::new(), Reader::new());
         let mut expected = 0_u8;
         for round in 0..40_u32 {
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_dma_stream_has_written_is_read_from_when_it_is_told() {
+    fn bytes_of_a_dma_stream_are_read_once_its_position_is_set() {
         let ring = Ring::new();
         let mut reader = Reader::new();
         ring.memory().iter().zip(1..).take(3).for_each(|(byte, value)| byte.store(value, Ordering::Relaxed));

@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn wherever_it_hangs_the_next_tick_ends_it_and_the_one_after_begins_anew() {
+    fn the_next_tick_aborts_a_transfer_that_hangs_anywhere() {
         for calls in 0..3 {
             let mut polling = Polling::new();
             polling.poll();
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn four_bytes_of_filler_outside_of_messages_say_that_there_is_no_more() {
+    fn four_bytes_of_filler_outside_a_message_end_the_stream() {
         let ends = |filter: &mut Filter, count: usize| {
             (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
         };
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn what_had_waited_before_the_first_transfer_is_old_until_the_receiver_is_empty() {
+    fn bytes_that_waited_before_the_first_transfer_are_old() {
         let mut polling = Polling::new();
         for (is_empty, is_old) in [(false, true), (true, false), (false, false), (false, true), (true, false)] {
             polling.read(true, is_empty);
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn what_had_waited_stays_old_while_nothing_but_filler_comes_as_from_a_line_that_is_stuck_high() {
+    fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
         // The line is stuck and then mended; the backlog comes in two transfers; silence, a message and silence follow.
         for (brought, is_empty, is_old) in [

@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn until_each_pair_has_settled_the_state_is_starting_unless_a_severe_one_is_known() {
+    fn the_state_is_starting_until_each_pair_of_inputs_has_settled() {
         assert_eq!(StateInputs::new().state(true, true), Starting);
         assert_eq!(StateInputs::new().state(true, false), Starting);
         let mut inputs = StateInputs::new();

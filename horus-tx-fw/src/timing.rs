@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_slot_is_that_of_the_profile_and_leaves_room_for_the_work_before_it() {
+    fn every_slot_is_that_of_the_profile() {
         for (frame, slot) in SLOT_US.into_iter().enumerate() {
             assert_eq!(Some(slot), air::send_slot_us::<RECEIVERS>(frame));
             assert_eq!(air::age_at_end_us::<RECEIVERS>(frame), Some(slot + air_us(frame)));
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn logging_is_allowed_only_after_the_last_slot_and_before_the_next_tick() {
+    fn logging_is_allowed_only_between_the_last_slot_and_the_next_tick() {
         assert!(!quiet(0));
         assert!(!quiet(SLOT_TICKS[FRAMES - 1]));
         assert!(quiet(SLOT_TICKS[FRAMES - 1] + 400 * TICKS_PER_US));

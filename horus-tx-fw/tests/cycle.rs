@@ -91,7 +91,7 @@ fn a_silent_receiver_is_absent_from_its_object() {
 }
 
 #[test]
-fn reported_position_is_what_the_majority_says_and_who_is_outvoted_says_so() {
+fn reported_position_is_the_majoritys_and_the_outvoted_is_excluded() {
     let elsewhere = heard(&[NavPvt { latitude: 1, longitude: 2, ..NavPvt::GOOD }.bytes()], 70);
     let (reported, gps) = read(&Cycle::new().voted_and_filled(7, &[elsewhere, all(70), all(70)]));
     assert_eq!(reported.timestamp, 70);
@@ -111,7 +111,7 @@ fn reported_position_is_what_the_majority_says_and_who_is_outvoted_says_so() {
 }
 
 #[test]
-fn three_that_agree_are_not_degraded_and_one_of_three_is_no_result() {
+fn one_receiver_of_three_gives_no_position() {
     let other = heard(&[NavPvt { longitude: 87_291_334, ..NavPvt::GOOD }.bytes()], 70);
     let (reported, gps) = read(&Cycle::new().voted_and_filled(7, &[all(70), other, other]));
     assert_eq!(reported.status.receivers_agreeing(), 3);
@@ -253,7 +253,7 @@ fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, Gp
 }
 
 #[test]
-fn a_position_is_valid_for_one_period_and_150_ms_to_the_millisecond_and_reported_position_with_it() {
+fn a_position_is_valid_for_one_period_and_150_ms() {
     // After one message the period is not known yet: one second is assumed, as at 1 Hz.
     for (age, valid) in
         [(0, true), (1_050, true), (1_149, true), (1_150, true), (1_151, false), (1_152, false), (9_000, false)]
@@ -268,7 +268,7 @@ fn a_position_is_valid_for_one_period_and_150_ms_to_the_millisecond_and_reported
 }
 
 #[test]
-fn a_solution_is_stale_from_one_period_and_50_ms_on_to_the_millisecond() {
+fn a_solution_is_stale_after_one_period_and_50_ms() {
     for (age, stale) in [(0, false), (1_000, false), (1_049, false), (1_050, true), (1_051, true), (5_000, true)] {
         assert_eq!(status_at(all, age).1.stale(), stale, "at {age} ms");
     }
@@ -355,7 +355,7 @@ fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u
 }
 
 #[test]
-fn reported_position_turns_invalid_one_period_and_150_ms_after_the_last_solution_of_a_log_that_ends() {
+fn reported_position_turns_invalid_in_time_after_the_last_solution() {
     // The ticks are 10 ms apart, so the last valid one is at the limit itself.
     assert_eq!(valid_after_the_end(1_000, 5, false), 1_150, "1 Hz");
     assert_eq!(valid_after_the_end(200, 20, false), 350, "5 Hz");
@@ -363,7 +363,7 @@ fn reported_position_turns_invalid_one_period_and_150_ms_after_the_last_solution
 }
 
 #[test]
-fn reported_position_turns_invalid_when_gps1_goes_on_sending_but_says_nothing_new() {
+fn reported_position_turns_invalid_if_gps1_repeats_its_last_solution() {
     assert_eq!(valid_after_the_end(1_000, 5, true), 1_150);
     assert_eq!(valid_after_the_end(100, 40, true), 250);
 }
@@ -382,7 +382,7 @@ fn a_2d_fix_gives_latitude_and_longitude_but_no_altitude() {
 }
 
 #[test]
-fn without_a_crystal_reported_position_says_so_in_every_cycle_and_nothing_else_changes() {
+fn without_a_crystal_only_its_flag_in_reported_position_changes() {
     let start = Start { clock: Source::Internal, ..Start::default() };
     let (mut with, mut without) = (Cycle::new(), Cycle::after(start));
     for (tick, solution) in [(1, Solution::default()), (2, all(20)), (3, all(20)), (4_000, all(20))] {
@@ -480,7 +480,7 @@ fn a_repeated_time_of_week_makes_no_solution_younger() {
 }
 
 #[test]
-fn a_message_that_came_between_the_tick_and_its_cycle_is_not_old() {
+fn a_message_between_a_tick_and_its_cycle_is_not_old() {
     let (_, [gps]) = read(&Cycle::new().voted_and_filled(7, &[all(75)]));
     assert!(gps.status.heard() && gps.status.position_valid() && !gps.status.stale());
 }

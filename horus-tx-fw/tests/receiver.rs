@@ -85,7 +85,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_times_of_week_come_no_position_is_valid_longer_than_1150_ms_after_its_arrival(
+    fn no_position_is_valid_longer_than_1150_ms_after_its_arrival(
         messages in proptest::collection::vec((any::<u32>(), 0u32..3_000), 1..60),
     ) {
         let mut receiver = Receiver::new();
@@ -308,7 +308,7 @@ fn no_byte_of_the_messages_that_are_used_counts_as_skipped() {
 }
 
 #[test]
-fn accelerations_are_in_metres_per_second_squared_and_each_axis_has_its_own_validity() {
+fn each_axis_of_the_acceleration_has_its_own_validity() {
     let receiver = fed(&esf_ins(0, [true; 3], [123, -456, 7]));
     let acceleration = &receiver.solution().acceleration;
     assert!(acceleration.valid);
@@ -344,7 +344,7 @@ fn a_receiver_slower_than_one_hertz_counts_as_one_of_one_hertz() {
 }
 
 #[test]
-fn a_shorter_period_is_believed_at_once_and_a_longer_one_at_the_fourth_step() {
+fn a_longer_period_is_adopted_only_at_the_fourth_step() {
     let mut receiver = Receiver::new();
     let mut period_after = |itow| {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
@@ -357,7 +357,7 @@ fn a_shorter_period_is_believed_at_once_and_a_longer_one_at_the_fourth_step() {
 }
 
 #[test]
-fn the_first_fix_between_two_epochs_shortens_the_period_only_for_four_messages() {
+fn a_first_fix_between_two_epochs_shortens_the_period_for_four_messages() {
     let mut receiver = Receiver::new();
     let periods = [456, 1_000, 2_000, 3_000, 4_000, 5_000].map(|itow| {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
@@ -367,7 +367,7 @@ fn the_first_fix_between_two_epochs_shortens_the_period_only_for_four_messages()
 }
 
 #[test]
-fn a_receiver_that_starts_again_with_an_earlier_time_is_believed_at_once() {
+fn a_receiver_that_restarts_at_an_earlier_time_is_accepted_at_once() {
     let mut receiver = Receiver::new();
     for itow in [100_000, 100_100, 100_200] {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
@@ -397,7 +397,7 @@ fn the_period_survives_the_end_of_the_week() {
 }
 
 #[test]
-fn the_lag_is_from_the_time_of_week_to_the_arrival_over_the_ends_of_weeks_and_stays_while_nothing_is_new() {
+fn the_lag_is_the_arrival_less_the_time_of_week() {
     let week = 604_800_000;
     let mut receiver = Receiver::new();
     for (now, itow, lag) in [
@@ -417,7 +417,7 @@ fn the_lag_is_from_the_time_of_week_to_the_arrival_over_the_ends_of_weeks_and_st
 }
 
 #[test]
-fn the_step_over_the_end_of_the_week_tells_the_period_like_any_other() {
+fn a_step_over_the_weeks_end_gives_the_period_as_any_other() {
     let mut receiver = Receiver::new();
     for (now, itow) in [(0, 604_800_000 - 60), (100, 40)] {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
@@ -438,7 +438,7 @@ fn a_receiver_that_repeats_itself_ages_like_a_silent_one() {
 }
 
 #[test]
-fn a_receiver_silent_for_as_long_as_the_clock_takes_to_wrap_is_still_silent() {
+fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     let mut receiver = Receiver::new();
     feed(&mut receiver, &NavPvt::GOOD.bytes(), 100);
     for minute in 1..80_000u32 {
@@ -487,7 +487,7 @@ fn recordings_of_real_receivers_are_read_in_full() {
 }
 
 #[test]
-fn an_answer_to_a_configuration_message_is_given_once_and_one_to_another_message_is_none() {
+fn an_answer_to_a_configuration_message_is_given_once() {
     use horus_tx_fw::configuration::Answer;
     let mut receiver = Receiver::new();
     for (kind, answered, answer) in [

@@ -310,7 +310,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 }
 
 #[test]
-fn the_rest_of_a_frame_may_be_as_late_as_the_driver_says_and_later_the_fifo_runs_dry_which_is_counted() {
+fn a_frame_is_whole_if_its_rest_is_loaded_in_time() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
     // The model's air begins a few µs after the command; the driver does not rely on that time.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
@@ -328,7 +328,7 @@ fn the_rest_of_a_frame_may_be_as_late_as_the_driver_says_and_later_the_fifo_runs
 }
 
 #[test]
-fn a_chip_that_loses_its_supply_costs_the_frames_of_the_meantime_and_comes_back() {
+fn a_chip_that_loses_its_supply_sends_again_once_it_is_back() {
     let telemetry = Telemetry::new();
     let (sent, _) = run(80, &telemetry, |tick, bench| {
         match tick {

@@ -478,7 +478,7 @@ fn two_of_three_failing_show_no_wrong_position_unless_they_agree() {
 }
 
 #[test]
-fn without_a_failure_all_three_agree_and_the_result_is_as_good_as_they_are() {
+fn without_a_failure_the_voted_position_is_as_accurate_as_its_receivers() {
     let (mut oriented, mut worst_heading) = (0, 0.0_f64);
     for seed in 0..40 {
         let outcome = run(seed, &mut []);

@@ -141,7 +141,7 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
 }
 
 #[test]
-fn from_the_start_there_is_an_image_that_says_the_link_is_down() {
+fn the_first_image_shows_the_link_as_down() {
     let mut bench = Bench::<3>::new();
     bench.commit.begin(2_000, &Health::default(), &mut bench.album);
     assert_eq!(bench.album.shown::<3>(), []);
@@ -172,7 +172,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
 }
 
 #[test]
-fn what_must_not_be_shown_is_replaced_at_once_by_an_image_without_objects() {
+fn an_image_that_must_not_be_shown_is_replaced_at_once() {
     let mut bench = Bench::<3>::in_sequence();
     let deadline_us = bench.commit.deadline_us();
     let now_us = end::<3>(40_000, 0) + 4_000;
@@ -206,7 +206,7 @@ fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
 }
 
 #[test]
-fn an_image_is_not_withdrawn_while_a_frame_is_due_that_would_have_to_wait() {
+fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
@@ -220,7 +220,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due_that_would_have_to_wait() {
 }
 
 #[test]
-fn an_image_that_already_holds_objects_of_a_newer_cycle_is_not_withdrawn_with_the_one_that_is_shown() {
+fn an_image_that_holds_a_newer_cycle_is_not_withdrawn() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
     let before = bench.album.published.len();
@@ -264,7 +264,7 @@ fn a_deadline_that_passed_long_ago_is_one_image_without_objects() {
 }
 
 #[test]
-fn a_frame_of_wrong_length_that_waits_at_the_deadline_does_not_postpone_the_image_without_objects() {
+fn a_frame_of_wrong_length_does_not_postpone_the_deadline() {
     let mut bench = Bench::<3>::in_sequence();
     let deadline_us = bench.commit.deadline_us();
     let wrong = profile::<2>(50);
@@ -278,7 +278,7 @@ fn a_frame_of_wrong_length_that_waits_at_the_deadline_does_not_postpone_the_imag
 }
 
 #[test]
-fn the_deadline_counts_from_the_end_of_the_frame_and_not_from_its_commit() {
+fn the_deadline_counts_from_the_end_of_the_frame() {
     let mut bench = Bench::<1>::in_sequence();
     let sent = profile::<1>(50);
     let ended_us = end::<1>(50_000, 0);
@@ -288,7 +288,7 @@ fn the_deadline_counts_from_the_end_of_the_frame_and_not_from_its_commit() {
 }
 
 #[test]
-fn a_frame_and_a_deadline_give_the_same_images_whichever_task_comes_first() {
+fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
     // The frame ends this much after the deadline: at the deadline or later, it is late, and what was valid was taken
     // out before.
     for after_us in [-1_i32, 0, 1, 150] {
@@ -341,7 +341,7 @@ fn shows_again_after_a_restart<const N: usize>() {
 }
 
 #[test]
-fn a_restart_of_horus_is_shown_for_a_second_and_its_data_from_the_fourth_cycle_on() {
+fn data_are_shown_from_the_fourth_cycle_after_a_restart_of_horus() {
     shows_again_after_a_restart::<1>();
     shows_again_after_a_restart::<3>();
     shows_again_after_a_restart::<5>();
@@ -389,7 +389,7 @@ fn five_receivers_are_published_with_the_second_frame() {
 }
 
 #[test]
-fn five_receivers_a_damaged_first_frame_waits_for_its_second_and_none_is_missed() {
+fn a_damaged_first_frame_waits_for_its_second() {
     let mut bench = Bench::<5>::in_sequence();
     assert_eq!(bench.frame(50, 0, 50_000, true), 0);
     assert_eq!(bench.frame(50, 1, 50_000, false), 1);
@@ -411,7 +411,7 @@ fn five_receivers_a_damaged_second_frame_goes_out_with_its_first() {
 }
 
 #[test]
-fn five_receivers_a_damaged_first_frame_whose_second_is_lost_shows_nothing_and_misses_one() {
+fn a_damaged_first_frame_whose_second_is_lost_shows_nothing() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, true);
     assert!(bench.check(end::<5>(50_000, 0) + SECOND_FRAME_US));
@@ -421,7 +421,7 @@ fn five_receivers_a_damaged_first_frame_whose_second_is_lost_shows_nothing_and_m
 }
 
 #[test]
-fn five_receivers_a_damaged_first_frame_and_the_second_of_the_next_cycle_are_not_one_cycle() {
+fn a_damaged_first_frame_is_not_joined_with_another_cycles_second() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, true);
     // No deadline was checked between these frames.
@@ -442,7 +442,7 @@ fn five_receivers_a_lost_second_frame_costs_its_own_objects_only() {
 }
 
 #[test]
-fn five_receivers_a_first_frame_that_waited_too_long_is_not_shown_any_more() {
+fn a_first_frame_that_waited_too_long_is_not_shown() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
     let too_late_us = end::<5>(50_000, 0) + FRAME_DEADLINE_US;
@@ -475,7 +475,7 @@ fn five_receivers_the_halves_of_two_cycles_are_never_shown_together() {
 }
 
 #[test]
-fn five_receivers_a_second_frame_of_another_cycle_in_the_right_slot_is_not_shown_with_the_first() {
+fn a_second_frame_of_another_cycle_is_not_shown_with_the_first() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.frame(40, 1, 50_000, false), 2);
@@ -498,7 +498,7 @@ fn five_receivers_a_first_frame_soon_after_another_closes_its_cycle() {
 }
 
 #[test]
-fn five_receivers_a_repeated_first_frame_closes_the_cycle_of_the_one_before_and_costs_its_second() {
+fn a_repeated_first_frame_closes_its_cycle() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.frame(50, 0, 52_000, false), 1);
@@ -698,7 +698,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(192))]
     #[test]
-    fn any_sequence_of_frames_damage_and_silence_is_shown_as_the_definition_says(
+    fn any_sequence_of_frames_gives_the_images_of_the_definition(
         start_us: u32, steps in prop::collection::vec((0_u8..30, any::<u32>(), any::<u8>()), 1..50),
     ) {
         images_are_as_the_definition_says::<1>(start_us, &steps)?;

@@ -132,7 +132,7 @@ fn the_times_to_detect_are_those_that_are_stated() {
 
 proptest! {
     #[test]
-    fn a_flip_of_any_bit_of_the_image_is_found_within_one_round_and_names_the_generation(
+    fn any_bit_of_the_image_that_flips_is_found_within_one_round(
         byte in 0..Map::<N>::LEN, bit in 0_u32..8, shown: bool,
     ) {
         let mut image = image(if shown { 5 } else { 1 });
@@ -172,7 +172,7 @@ fn before_the_first_image_there_is_nothing_to_verify() {
 }
 
 #[test]
-fn link_status_and_port_status_of_zeros_are_damaged_and_any_other_object_of_zeros_is_not_there() {
+fn only_link_status_and_port_status_of_zeros_count_as_damaged() {
     let board = board([0; IMAGE_WORDS]);
     assert_eq!(round(&mut ImageCheck::new(), &board), [0, N + 2]);
 }
@@ -195,7 +195,7 @@ fn a_damaged_image_is_withdrawn_once_and_only_while_it_is_shown() {
 }
 
 #[test]
-fn changed_flash_withdraws_what_is_shown_once_and_stands_until_a_pass_finds_it_intact() {
+fn changed_flash_withdraws_the_shown_image_once() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
     let mut pass = |flash| judge.judge(&Slice { flash: Some(flash), ..Slice::default() }, None, &integrity, &telemetry);
     assert_eq!(pass(INTACT), Consequence::None);
@@ -212,7 +212,7 @@ fn changed_flash_withdraws_what_is_shown_once_and_stands_until_a_pass_finds_it_i
 }
 
 #[test]
-fn changed_code_and_guard_words_stop_the_board_but_faulty_ram_does_not() {
+fn changed_code_or_guard_words_stop_the_board() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
     let mut of = |slice| judge.judge(&slice, Some(1), &integrity, &telemetry);
     let code = Slice { code: Some(0x0080_0010), ..Slice::default() };
@@ -224,7 +224,7 @@ fn changed_code_and_guard_words_stop_the_board_but_faulty_ram_does_not() {
 }
 
 #[test]
-fn a_self_test_ends_with_a_whole_pass_of_both_and_tells_its_result_once() {
+fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
     for (flash, ram, passed) in
         [(INTACT, true, true), (CHANGED, true, false), (INTACT, false, false), (CHANGED, false, false)]
     {
@@ -257,7 +257,7 @@ fn a_self_test_ends_with_a_whole_pass_of_both_and_tells_its_result_once() {
 }
 
 #[test]
-fn a_self_test_that_is_wanted_is_asked_for_once_and_its_result_is_given_once() {
+fn a_requested_self_test_runs_once_and_gives_its_result_once() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
     assert_eq!(integrity.serve_self_test(false), None);
     assert!(!integrity.is_self_test_running());

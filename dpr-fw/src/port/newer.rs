@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_and_each_later_one_is_accepted_and_a_repeated_or_earlier_one_is_not() {
+    fn only_a_newer_timestamp_is_accepted() {
         assert_eq!(accepted(&[700, 701, 701, 700, 690, 9_000]), [true, true, false, false, false, true]);
     }
 
@@ -64,12 +64,12 @@ mod tests {
     }
 
     #[test]
-    fn a_writer_that_has_restarted_is_believed_with_its_third_in_a_row() {
+    fn a_restarted_writer_is_accepted_at_its_third_object_in_a_row() {
         assert_eq!(accepted(&[9_000, 10, 20, 30, 40, 30]), [true, false, false, true, true, false]);
     }
 
     #[test]
-    fn a_row_begins_anew_with_one_that_is_not_newer_than_the_one_before_and_ends_with_an_accepted_one() {
+    fn an_object_that_is_not_newer_begins_the_row_anew() {
         assert_eq!(accepted(&[9_000, 10, 20, 20, 30, 40]), [true, false, false, false, false, true]);
         assert_eq!(accepted(&[9_000, 10, 20, 9_001, 30, 40]), [true, false, false, true, false, false]);
         assert_eq!(accepted(&[9_000, 30, 20, 10, 5, 4]), [true, false, false, false, false, false]);
@@ -77,7 +77,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_accepted_is_never_accepted_again_at_once_and_a_replay_of_one_never_is(
+        fn a_replayed_timestamp_is_never_accepted(
             timestamps in prop::collection::vec(any::<u32>(), 1..30), replayed: prop::sample::Index,
         ) {
             let mut known = Timestamps::new();

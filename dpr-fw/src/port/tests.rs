@@ -88,7 +88,7 @@ impl Bench {
 }
 
 #[test]
-fn an_uplink_is_shown_as_it_was_written_in_its_writers_place_until_500_ms_have_passed() {
+fn an_uplink_is_shown_in_its_writers_place_for_500_ms() {
     let mut bench = Bench::new();
     bench.wait_ms(1_000);
     let (base, own) = (uplink(BASE, 17), uplink(FC, 4_000_000_000));
@@ -120,7 +120,7 @@ fn an_uplink_is_shown_as_it_was_written_in_its_writers_place_until_500_ms_have_p
 }
 
 #[test]
-fn what_the_port_task_has_ready_is_the_newest_and_it_gets_the_one_before_back() {
+fn the_port_task_exchanges_its_newest_area_for_the_one_before() {
     let mut bench = Bench::new();
     bench.wait_ms(30);
     let (first, second) = (PortArea::EMPTY, bench.area());
@@ -132,7 +132,7 @@ fn what_the_port_task_has_ready_is_the_newest_and_it_gets_the_one_before_back() 
 }
 
 #[test]
-fn from_the_start_port_status_is_intact_and_says_that_nothing_came_in() {
+fn port_status_is_intact_and_empty_at_the_start() {
     let mut bench = Bench::new();
     let area = bench.area();
     assert_eq!((area.uplink::<BaseStation>(), area.uplink::<FlightController>()), (&Uplink::EMPTY, &Uplink::EMPTY));
@@ -160,7 +160,7 @@ fn an_idle_line_of_any_length_is_no_violation_and_changes_nothing() {
 }
 
 #[test]
-fn each_kind_of_violation_counts_in_its_own_place_and_once_for_each_transaction() {
+fn each_kind_of_violation_counts_once_for_each_transaction() {
     let good = uplink(BASE, 900);
     let damaged = {
         let mut bytes = *good.as_bytes();
@@ -261,7 +261,7 @@ fn a_repeated_or_older_uplink_is_refused_and_the_newest_stays() {
 }
 
 #[test]
-fn the_writers_timestamps_are_judged_apart_from_each_other_and_from_the_commands() {
+fn the_timestamps_of_each_writer_and_of_commands_are_judged_apart() {
     let mut bench = Bench::new();
     for object in
         [*uplink(FC, 900).as_bytes(), *uplink(BASE, 5).as_bytes(), *command(2, Command::ClearCounters).as_bytes()]
@@ -338,7 +338,7 @@ fn a_repeated_command_is_not_carried_out_again() {
 }
 
 #[test]
-fn a_self_test_runs_until_its_result_comes_and_a_second_one_is_refused_meanwhile() {
+fn a_second_self_test_is_refused_while_the_first_runs() {
     let mut bench = Bench::new();
     assert!(!bench.port.self_test_requested());
     bench.port.self_test_done(false);
@@ -546,7 +546,7 @@ impl core::borrow::BorrowMut<ReceiveArea> for Stuck {
 }
 
 #[test]
-fn an_area_with_a_stuck_bit_is_taken_out_of_use_while_two_are_left_and_the_others_go_on() {
+fn an_area_with_a_stuck_bit_leaves_use_while_two_are_left() {
     let mut areas = Areas::new();
     let all = [1, 0, 4].map(|mask| Stuck { area: ReceiveArea::default(), mask });
     let (mut area, mut ssi, mut port, found) = areas.split(all);

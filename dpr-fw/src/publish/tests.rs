@@ -424,7 +424,7 @@ fn fresh_rises_before_the_image_is_released() {
 }
 
 #[test]
-fn an_image_that_is_published_during_a_transaction_is_announced_at_once_and_read_next() {
+fn an_image_published_during_a_transaction_is_read_next() {
     let board = Board::new();
     let mut filling = None;
     board.publish(1, &mut filling);
@@ -453,7 +453,7 @@ fn images_that_nobody_streams_any_more_are_scrubbed_by_the_scrub_task() {
 }
 
 #[test]
-fn the_next_image_is_prepared_ahead_so_that_no_frame_waits_for_a_scrub() {
+fn the_next_image_is_scrubbed_before_its_frame_comes() {
     let board = Board::new();
     let mut filling = None;
     board.publish(1, &mut filling);
@@ -499,7 +499,7 @@ fn time_that_runs_out_during_a_transaction_ends_the_image_with_it() {
 }
 
 #[test]
-fn an_image_that_expires_during_the_transaction_in_which_it_was_announced_is_never_released() {
+fn an_image_announced_and_expired_within_a_transaction_is_never_read() {
     let board = Board::new();
     let mut filling = None;
     board.publish(1, &mut filling);
@@ -514,7 +514,7 @@ fn an_image_that_expires_during_the_transaction_in_which_it_was_announced_is_nev
 }
 
 #[test]
-fn the_same_image_is_released_again_until_the_budget_is_spent_and_the_next_brings_a_new_budget() {
+fn an_image_is_read_until_its_budget_of_transactions_is_spent() {
     let board = Board::new();
     let mut filling = None;
     for generation in 1..=2 {
@@ -575,7 +575,7 @@ fn what_a_transaction_asked_for_is_handed_over_with_what_it_brought() {
 }
 
 #[test]
-fn an_object_that_is_dropped_is_counted_and_an_idle_one_is_not() {
+fn only_a_dropped_object_that_is_not_idle_is_counted() {
     for (handed_over, count) in
         [(HandedOver::Waits, 0), (HandedOver::Empty, 0), (HandedOver::Dropped, 1), (HandedOver::DroppedIdle, 0)]
     {
@@ -588,7 +588,7 @@ fn an_object_that_is_dropped_is_counted_and_an_idle_one_is_not() {
 }
 
 #[test]
-fn port_status_and_uplinks_lie_behind_the_image_in_the_buffer_that_is_filled() {
+fn port_status_and_uplinks_lie_behind_the_image_in_the_buffer() {
     let board = Board::new();
     let mut port = PortArea::EMPTY;
     let values = PortValues { timestamp: 77, ..PortValues::default() };

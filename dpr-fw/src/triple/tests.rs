@@ -65,7 +65,7 @@ fn a_scrub_of_sound_memory_ends_in_zeros_and_finds_nothing() {
 }
 
 #[test]
-fn memory_behind_a_reference_the_form_that_the_firmware_uses_is_scrubbed_alike() {
+fn memory_behind_a_reference_is_scrubbed_as_well() {
     let mut ram = [0x1234_5678_u32; 7];
     assert!(Dirty::new(&mut ram).scrub().is_ok());
     assert_eq!(ram, [0; 7]);
@@ -106,7 +106,7 @@ fn reading_back_counts_every_bit_that_differs() {
 }
 
 #[test]
-fn a_frame_that_is_given_up_leaves_its_buffer_to_the_scrub_and_a_clean_one_is_written() {
+fn a_frame_that_is_given_up_leaves_its_buffer_to_the_scrub() {
     let (mut filling, mut rotation, _) = Rotation::<Ram, u32>::new([0, 1, 2].map(Ram::sound));
     for _ in 0..2 {
         filling.memory().write(1);
@@ -141,7 +141,7 @@ fn the_scrub_task_cleans_all_that_waits_and_tells_what_it_found() {
 }
 
 #[test]
-fn an_image_that_is_replaced_unread_is_scrubbed_like_one_that_was_streamed() {
+fn an_image_that_is_replaced_unread_is_scrubbed() {
     let mut exchange = Exchange::new([0, 1, 2, 3].map(Ram::sound));
     scrub_waiting(Own(&mut exchange));
     let fill = |exchange: &mut Exchange<Ram>, what| {
@@ -174,7 +174,7 @@ proptest! {
     /// The tasks run in any order and any of them may be late. The model is a queue of frames: what is read was
     /// received exactly once, in order, out of a buffer that was clean when it began to be written.
     #[test]
-    fn no_order_of_the_tasks_reads_a_frame_twice_or_writes_over_an_old_one(
+    fn no_order_of_the_tasks_reads_a_frame_twice_or_overwrites_one(
         steps in prop::collection::vec(0_u8..7, 0..400),
     ) {
         let (mut filling, mut rotation, found) = Rotation::<Ram, u32>::new([0, 1, 2].map(Ram::sound));
@@ -262,7 +262,7 @@ fn rams<const OF: usize>(stuck: &[usize]) -> [Ram; OF] {
 }
 
 #[test]
-fn a_receive_buffer_with_a_stuck_bit_at_start_is_never_written_and_the_other_two_take_turns() {
+fn a_receive_buffer_with_a_stuck_bit_at_start_is_never_written() {
     for stuck in 0..3 {
         let (mut filling, mut rotation, found) = Rotation::<Ram, u32>::new(rams(&[stuck]));
         assert_eq!(found, Scrubbed { buffers: 3, stuck_bits: 1, out_of_use: 1 });
@@ -280,7 +280,7 @@ fn a_receive_buffer_with_a_stuck_bit_at_start_is_never_written_and_the_other_two
 }
 
 #[test]
-fn a_receive_buffer_in_which_a_bit_gets_stuck_is_taken_out_of_use_once_it_was_read() {
+fn a_receive_buffer_whose_bit_gets_stuck_leaves_use_once_read() {
     let (mut filling, mut rotation, found) = Rotation::<Ram, u32>::new(rams(&[]));
     assert_eq!((found, rotation.out_of_use()), (sound(3), 0));
     filling.memory().stuck = Some((1, 3, false));
@@ -297,7 +297,7 @@ fn a_receive_buffer_in_which_a_bit_gets_stuck_is_taken_out_of_use_once_it_was_re
 }
 
 #[test]
-fn the_last_two_receive_buffers_stay_in_use_and_their_stuck_bits_are_reported_at_every_scrub() {
+fn the_last_two_receive_buffers_stay_in_use_despite_stuck_bits() {
     let (mut filling, mut rotation, found) = Rotation::<Ram, u32>::new(rams(&[0, 1, 2]));
     assert_eq!(found, Scrubbed { buffers: 3, stuck_bits: 3, out_of_use: 1 });
     for frame in 1..=4 {
@@ -309,7 +309,7 @@ fn the_last_two_receive_buffers_stay_in_use_and_their_stuck_bits_are_reported_at
 }
 
 #[test]
-fn with_two_receive_buffers_a_frame_that_comes_while_the_other_is_read_is_given_up_and_what_is_read_stands() {
+fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     let (mut filling, mut rotation, _) = Rotation::<Ram, u32>::new(rams(&[1]));
     filling.memory().write(1);
     let (filling, rotated) = rotation.rotate(filling, 1);
@@ -340,7 +340,7 @@ fn with_two_receive_buffers_a_frame_that_comes_while_the_other_is_read_is_given_
 }
 
 #[test]
-fn of_the_images_one_with_a_stuck_bit_is_taken_out_of_use_and_the_last_three_stay() {
+fn the_last_three_images_stay_in_use_despite_stuck_bits() {
     for stuck in [&[1][..], &[0, 3], &[0, 1, 2, 3]] {
         let mut exchange = Exchange::new(rams(stuck));
         assert_eq!(exchange.out_of_use(), 0, "nothing is known yet");
@@ -368,7 +368,7 @@ fn of_the_images_one_with_a_stuck_bit_is_taken_out_of_use_and_the_last_three_sta
 }
 
 #[test]
-fn with_three_images_there_is_one_to_fill_while_one_is_streamed_and_one_waits() {
+fn with_three_images_one_can_always_be_filled() {
     let mut exchange = Exchange::new(rams(&[2]));
     scrub_waiting(Own(&mut exchange));
     let mut streamed = None;
@@ -386,7 +386,7 @@ fn with_three_images_there_is_one_to_fill_while_one_is_streamed_and_one_waits() 
 }
 
 #[test]
-fn an_image_scrubbed_by_who_fills_it_stays_in_use_until_the_scrub_task_finds_its_fault() {
+fn a_stuck_bit_found_while_filling_an_image_leaves_it_in_use() {
     let mut exchange = Exchange::new(rams(&[0]));
     let (filling, found) = exchange.begin().expect("one is free").fill();
     assert_eq!(found, Scrubbed { buffers: 1, stuck_bits: 1, out_of_use: 0 });
@@ -400,7 +400,7 @@ fn an_image_scrubbed_by_who_fills_it_stays_in_use_until_the_scrub_task_finds_its
 }
 
 #[test]
-fn with_nobody_reading_the_third_frame_is_an_overrun_and_the_first_two_are_kept() {
+fn the_third_frame_that_nobody_reads_is_an_overrun() {
     let (mut filling, mut rotation, _) = Rotation::<Ram, u32>::new([0, 1, 2].map(Ram::sound));
     let mut results = Vec::new();
     for frame in 1..=3 {
@@ -419,7 +419,7 @@ proptest! {
     /// The commit task, SSI and scrub run in any order: the streamed image is whole, was the newest when it was taken,
     /// and never goes back, and there is always a buffer to fill.
     #[test]
-    fn the_image_that_is_streamed_is_never_the_one_being_filled_and_never_older_than_the_last(
+    fn the_streamed_image_is_whole_and_never_older_than_the_last(
         steps in prop::collection::vec(0_u8..5, 0..400),
     ) {
         let mut exchange = Exchange::new([0, 1, 2, 3].map(Ram::sound));

@@ -151,7 +151,7 @@ fn three_transactions_each_show_what_the_one_before_has_asked_for() {
 }
 
 #[test]
-fn an_image_in_which_a_bit_gets_stuck_is_not_filled_again_and_the_other_three_do() {
+fn an_image_whose_bit_gets_stuck_is_not_filled_again() {
     has_no_counterexample(Bounds { transactions: 1, expiries: 0, sticks: 1, ..HAND_OVER }, 76_398);
 }
 
@@ -161,7 +161,7 @@ fn every_frame_is_received_into_zeros_and_read_once_in_order() {
 }
 
 #[test]
-fn a_receive_buffer_in_which_a_bit_gets_stuck_is_not_written_again_and_the_other_two_do() {
+fn a_receive_buffer_whose_bit_gets_stuck_is_not_written_again() {
     has_no_counterexample(Bounds { frames: 4, sticks: 1, stick_from: 0, ..ROTATION }, 33_992);
 }
 
@@ -217,7 +217,7 @@ fn to_ask_for_the_end_before_the_semaphore_is_found() {
 }
 
 #[test]
-fn an_image_announced_during_a_transaction_whose_expiry_is_not_asked_for_is_found() {
+fn an_expiry_that_is_not_checked_again_after_a_transaction_is_found() {
     breaks(Mutation::ExpiryNotAskedAgain, HAND_OVER, "an expired image is readable");
 }
 

@@ -55,7 +55,7 @@ fn memory_without_a_stop_is_no_record_whether_zero_or_ones() {
 }
 
 #[test]
-fn the_code_is_the_cause_the_exception_and_the_half_word_that_belongs_to_the_cause() {
+fn the_code_of_a_stop_has_its_cause_exception_and_detail() {
     let code = |cfsr, exception| Stop::of_fault(status(cfsr), None, exception).code();
     assert_eq!(code(DACCVIOL | 1 << 7, 20), 0x0114_0002);
     assert_eq!(code(PRECISERR | 1 << 15, 0), 0x0200_0002);
@@ -69,7 +69,7 @@ fn the_code_is_the_cause_the_exception_and_the_half_word_that_belongs_to_the_cau
 }
 
 #[test]
-fn a_fault_is_of_the_unit_that_refused_and_memory_protection_comes_first() {
+fn a_fault_with_several_causes_is_reported_as_memory_protection_first() {
     let of = |cfsr| Stop::of_fault(status(cfsr), Some((1, 2)), 0);
     assert_eq!(of(DACCVIOL).cause, Cause::MemoryProtection);
     assert_eq!(of(MSTKERR | PRECISERR | UNDEFINSTR).cause, Cause::MemoryProtection);
@@ -120,7 +120,7 @@ fn of_a_long_path_the_end_is_kept() {
 
 /// One test covers the statics, which all tests of this process share.
 #[test]
-fn the_first_stop_since_the_start_is_the_one_that_is_taken_and_it_is_taken_once() {
+fn only_the_first_stop_since_the_start_is_kept_and_taken_once() {
     assert_eq!((take(), code()), (None, 0));
     let first = Stop::new(Cause::GuardWord, 0, 1);
     note(&first);

@@ -185,7 +185,7 @@ fn a_pass_tests_every_word_in_use_but_those_left_out() {
 
 proptest! {
     #[test]
-    fn a_bit_of_flash_is_found_in_time_wherever_and_whenever_it_flips(
+    fn a_bit_of_flash_that_flips_is_found_in_time(
         word in 0..=PROGRAM_WORDS, bit in 0_u32..32, after in 0_u32..40,
     ) {
         let (mut patrol, mut ram) = board();
@@ -199,7 +199,7 @@ proptest! {
     }
 
     #[test]
-    fn a_bit_of_code_in_ram_is_found_in_time_with_its_address(
+    fn a_bit_of_code_in_ram_that_flips_is_found_in_time(
         word in 0..CODE_WORDS, bit in 0_u32..32, after in 0_u32..40,
     ) {
         let (mut patrol, mut ram) = board();
@@ -220,7 +220,7 @@ proptest! {
     }
 
     #[test]
-    fn a_stuck_bit_or_one_that_does_not_change_is_found_within_a_pass(
+    fn a_faulty_bit_of_ram_is_found_within_a_pass(
         word in prop::sample::select(tested()), bit in 0_u32..32, level: bool, stuck: bool, after in 0_u32..40,
     ) {
         let (mut patrol, mut ram) = board();
@@ -300,7 +300,7 @@ fn the_patrol_checks_the_rest_without_code_in_ram() {
 }
 
 #[test]
-fn slices_come_at_their_rate_however_often_idle_asks_and_what_was_missed_is_made_up_for_within_bounds() {
+fn slices_keep_their_rate_and_missed_ones_are_made_up_for() {
     let start = u32::MAX - 3_000;
     let mut pace = Pace::new(start);
     let mut done = 0;

@@ -212,7 +212,7 @@ fn a_count_of_all_ones_is_none() {
 }
 
 #[test]
-fn a_receiver_that_is_not_there_costs_one_start_a_cycle_and_no_recovery() {
+fn an_absent_receiver_costs_one_start_a_cycle_and_no_recovery() {
     let mut rig = Rig::new();
     rig.is_there = false;
     for _ in 0..100 {
@@ -236,7 +236,7 @@ fn a_recovery_is_nine_clocks_and_a_stop() {
 }
 
 #[test]
-fn a_bus_that_stays_stuck_is_tried_ten_times_a_second_and_a_free_one_at_once() {
+fn a_bus_that_stays_stuck_is_recovered_ten_times_a_second() {
     let mut rig = Rig::new();
     rig.waiting.extend([1, 2, 3]);
     rig.bus.scl = false;
@@ -254,7 +254,7 @@ fn a_bus_that_stays_stuck_is_tried_ten_times_a_second_and_a_free_one_at_once() {
 }
 
 #[test]
-fn what_had_waited_before_the_first_read_is_dropped_until_the_receiver_is_empty() {
+fn bytes_that_waited_before_the_first_read_are_dropped() {
     let mut rig = Rig::with_backlog();
     rig.waiting.extend(std::iter::repeat_n(1, MOST + 44));
     rig.cycle(None);
@@ -292,7 +292,7 @@ fn one_count_that_reads_too_low_lets_nothing_old_through() {
 }
 
 #[test]
-fn what_is_read_after_one_failed_cycle_is_kept_and_after_two_it_is_dropped() {
+fn bytes_are_dropped_after_two_failed_cycles_but_not_after_one() {
     for (failures, kept) in [(1, true), (2, false)] {
         let mut rig = Rig::new();
         rig.waiting.extend([1, 2, 3]);
@@ -307,7 +307,7 @@ fn what_is_read_after_one_failed_cycle_is_kept_and_after_two_it_is_dropped() {
 }
 
 #[test]
-fn a_receiver_that_says_more_than_is_read_is_believed_again_when_it_has_been_read_empty() {
+fn a_backlog_is_dropped_until_the_receiver_was_read_empty() {
     let mut rig = Rig::new();
     rig.waiting.extend(std::iter::repeat_n(1, 3 * MOST));
     rig.cycle(None);
@@ -323,7 +323,7 @@ fn a_receiver_that_says_more_than_is_read_is_believed_again_when_it_has_been_rea
 }
 
 #[test]
-fn bytes_of_a_transaction_that_is_given_up_are_not_kept_while_they_are_old() {
+fn old_bytes_of_an_abandoned_transaction_are_dropped() {
     for (ddc, kept) in [(Rig::new().ddc, Some(7)), (Ddc::new(), None)] {
         let mut ddc = ddc;
         ddc.state = State::Receiving(Phase::Stream(7));
@@ -332,7 +332,7 @@ fn bytes_of_a_transaction_that_is_given_up_are_not_kept_while_they_are_old() {
 }
 
 #[test]
-fn one_that_lets_go_of_the_clock_but_not_of_data_is_freed_in_the_next_cycle() {
+fn a_data_line_that_stays_stuck_is_recovered_in_the_next_cycle() {
     let mut rig = Rig::new();
     rig.bus.scl = false;
     rig.cycle(None);
@@ -417,7 +417,7 @@ fn a_single_byte_that_has_gone_when_it_is_read_is_none() {
 }
 
 #[test]
-fn a_stream_that_fails_leads_to_a_recovery_and_one_that_is_not_under_way_to_nothing() {
+fn only_a_failed_stream_that_is_under_way_causes_a_recovery() {
     let mut ddc = Rig::new().ddc;
     assert_eq!(ddc.stream_failed(), Order::Nothing);
     assert_eq!(asked(&mut ddc), 2);
@@ -427,7 +427,7 @@ fn a_stream_that_fails_leads_to_a_recovery_and_one_that_is_not_under_way_to_noth
 }
 
 #[test]
-fn a_refusal_that_nobody_asked_for_is_not_counted_and_ends_no_recovery() {
+fn an_unexpected_refusal_is_not_counted_and_ends_no_recovery() {
     let refused = Events { refused: true, ..Events::default() };
     let mut ddc = Rig::new().ddc;
     assert_eq!(ddc.event(refused), Order::Mute, "idle");

@@ -263,7 +263,7 @@ mod tests {
 
         /// These are the errors that the module states, also for the height, which shows the earth's curvature.
         #[test]
-        fn the_way_to_a_place_is_right_within_5_mm_at_1_km_and_a_tenth_of_a_mm_at_30_m(
+        fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
             way in (-700.0..=700.0_f64, -700.0..=700.0_f64),
             step in prop_oneof![Just([0.0, 0.0]), [-10.0..=10.0_f32, -10.0..=10.0_f32]],

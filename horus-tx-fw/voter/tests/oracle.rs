@@ -163,7 +163,7 @@ proptest! {
     /// Except for ties, which the lower numbers win, nothing depends on the order of the receivers: accuracies that are
     /// drawn like these have no equal sums.
     #[test]
-    fn the_order_of_the_receivers_is_the_order_of_the_verdict_and_nothing_else(
+    fn the_verdict_does_not_depend_on_the_order_of_the_receivers(
         ticks in ticks(),
         order in Just([0_usize, 1, 2, 3, 4]).prop_shuffle(),
     ) {

@@ -125,7 +125,7 @@ fn brought(lags: [u32; 3]) -> [f64; 3] {
 }
 
 #[test]
-fn a_message_that_came_later_after_its_time_of_week_is_older_and_one_in_the_middle_is_50_ms_old() {
+fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
     const LAST: u32 = WEEK_MS - 1;
     for (lags, latencies) in [
         ([100, 100, 100], [50, 50, 50]),
@@ -187,7 +187,7 @@ fn climb(one: Report, other: Report) -> f64 {
 }
 
 #[test]
-fn two_agree_within_three_standard_deviations_at_least_5_and_8_m_and_at_most_30_and_50_m() {
+fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
     // The age of 50 ms alone adds 5 mm to an accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
@@ -238,7 +238,7 @@ fn without_an_altitude_a_receiver_agrees_horizontally() {
 }
 
 #[test]
-fn two_of_two_that_disagree_and_two_pairs_of_five_are_no_result_and_nobody_is_excluded() {
+fn without_a_majority_there_is_no_position_and_no_exclusion() {
     let far = GOOD.moved(500.0, 0.0);
     let verdict = once([GOOD, far]);
     assert_eq!((verdict.members, verdict.excluded, verdict.position), (0, 0, None));
@@ -277,7 +277,7 @@ fn two_that_agree_on_a_wrong_place_are_believed() {
 }
 
 #[test]
-fn of_two_pairs_that_share_a_receiver_the_last_then_the_more_accurate_then_the_lower_numbers_win() {
+fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     // Receiver 2 agrees with both others, which do not agree with each other.
     let row = |accuracies: [u32; 3]| {
         let mut north = -4.0;
@@ -329,7 +329,7 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 }
 
 #[test]
-fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecond() {
+fn an_excluded_receiver_returns_after_agreeing_for_1000_ms() {
     // The receiver agrees from 10 ms on; at 1010 ms it has for 1000 ms, so it takes part at the next tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
@@ -415,7 +415,7 @@ fn who_is_no_candidate_is_neither_excluded_nor_forgiven() {
 }
 
 #[test]
-fn the_median_follows_no_single_outlier_and_of_an_even_number_is_the_mean_of_the_middle_two() {
+fn the_median_follows_no_single_outlier() {
     let at = |north: f64, east: f64, up: f64| GOOD.stating(4_000, 4_000).moved(north, east).raised(up);
     let check = |verdict: Verdict, north, east, up: f64| {
         assert!(distance(place(&verdict), degrees(&GOOD.moved(north, east))) < 0.02);
@@ -797,7 +797,7 @@ fn places_far_apart_never_agree_not_even_opposite_ones() {
 }
 
 #[test]
-fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
+fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     let mut report = GOOD;
     // The receiver is 11.2 m before the pole at 8.7° and flies north at 100 m/s for 0.55 s: it is then 43.8 m beyond
     // the pole, at -171.3°.
@@ -865,7 +865,7 @@ proptest! {
 
     /// The result lies between the two right ones, or as far from one of them as two that agree can be apart.
     #[test]
-    fn one_receiver_of_three_moves_the_result_by_less_than_two_can_differ(
+    fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
         wrongs in prop::collection::vec(wrong(), 1..6),
         north in 0.0..4.0,
         which in 0_usize..3,
