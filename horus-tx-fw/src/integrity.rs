@@ -32,7 +32,7 @@ use crate::telemetry::Telemetry;
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
 /// The most bytes of flash that the program may take: those of `memory.x`. The next constant is that of RAM.
-const FLASH_BYTES: u32 = 112 * 1024;
+pub(crate) const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
 /// The longest that a slice may have to wait for the quiet part of the next cycle, µs.

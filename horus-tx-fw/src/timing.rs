@@ -175,10 +175,10 @@ pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
 /// 0.33 ms at 17 kHz, with margin 0.5 ms. A watchdog that is not fed after that goes on with [`FIRST_WATCHDOG_MS`].
 pub const WATCHDOG_UPDATE_CYCLES: u32 = clock::INTERNAL_HZ / 2_000;
 
-/// The longest that the comparison of 96 KiB of program with their CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a
-/// byte, and 20 when each read of the CRC's table waits for the flash. A program of 45 KB takes 4.4 to 6.3 ms. On the
-/// internal oscillator's 16 MHz, before the PLL is on, it would take 40 ms.
-pub const PROGRAM_CHECK_MAX_MS: u32 = (96 * 1024 * 20_u32).div_ceil(CORE_HZ / 1_000);
+/// The longest that the comparison of the program with its CRC takes, ms, at [`CORE_HZ`], if it fills its flash: about
+/// 14 cycles a byte, and 20 when each read of the CRC's table waits for the flash. A program of 45 KB takes 4.4 to 6.3
+/// ms. On the internal oscillator's 16 MHz, before the PLL is on, it would take 46 ms.
+pub const PROGRAM_CHECK_MAX_MS: u32 = (crate::integrity::FLASH_BYTES * 20).div_ceil(CORE_HZ / 1_000);
 
 // The waits of the start take at most two thirds of the watchdog's shortest time: a missing external clock, then the
 // comparison of the program. The PLL's lock time, 0.3 ms, and the rest of the start are negligible beside them.

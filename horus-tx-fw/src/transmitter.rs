@@ -7,7 +7,7 @@
 //! [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame the machine prepares and loads, and
 //! when. No task ever waits for the SPI.
 //!
-//! As soon as a frame was sent, the chip is prepared for the next one, long before there is anything to send. So only
+//! When a frame was sent, the chip is prepared at once for the next one, long before there is anything to send. So only
 //! the load of the frame's head is left between the tick and the slot.
 //!
 //! The command that starts a frame is the one transfer that must happen at an exact instant. When the head is loaded,
