@@ -1,6 +1,6 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting, then runs clippy with warnings as errors, for the host
-//! and for the target, builds the crates' documentation likewise, and checks the dependencies where cargo-deny is
-//! installed.
+//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting, then runs clippy
+//! with warnings as errors, for the host and for the target, builds the crates' documentation likewise, and checks the
+//! dependencies where cargo-deny is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 

@@ -51,7 +51,7 @@ fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
         let begins = comment.filter(|_| !goes_on);
         goes_on = comment.is_some_and(|text| !text.is_empty());
         let begins_with = |opening: &&str| begins.is_some_and(|text| text.starts_with(&format!("{opening} ")));
-        OPENINGS.iter().any(|opening| begins_with(&opening)).then_some(index + 1)
+        OPENINGS.iter().any(begins_with).then_some(index + 1)
     })
 }
 
@@ -123,9 +123,18 @@ mod tests {
 
     #[test]
     fn a_comment_does_not_begin_with_a_torn_word() {
-        let text = "/// Of this.\n/// Of that.\nfn f() {} // Of it\n    // So many of them.\n\n//! It.\n//!\n//! As it is.\n\
-                    // Often so.\n";
-        assert_eq!(torn_openings(text).collect::<Vec<_>>(), [1, 4, 8]);
+        let text = [
+            "/// Of this.",
+            "/// Of that.",
+            "fn f() {} // Of it",
+            "    // So many.",
+            "",
+            "//! It.",
+            "//!",
+            "//! As it.",
+        ];
+        let text = format!("{}\n// Often so.\n", text.join("\n"));
+        assert_eq!(torn_openings(&text).collect::<Vec<_>>(), [1, 4, 8]);
     }
 
     #[test]

@@ -331,7 +331,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(found, sound(1));
     filling = next;
 
-    // As soon as the buffer was read and scrubbed, the two take turns again.
+    // When the buffer was read and scrubbed, the two take turns again.
     rotation.done(read);
     assert_eq!(scrub_waiting(Own(&mut rotation)), sound(1));
     let (filling, name, _) = cycle(&mut rotation, filling, 4);

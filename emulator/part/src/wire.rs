@@ -80,8 +80,8 @@ impl SpiFrame {
         (0..2 * u64::from(self.bits)).map(move |half| (half, (half % 2 == 0) != idle))
     }
 
-    /// The levels that MOSI takes, each with its beginning in half bits after the first clock edge. Where the first edge
-    /// samples, the first bit begins half a bit earlier.
+    /// The levels that MOSI takes, each with its beginning in half bits after the first clock edge. The first bit
+    /// begins half a bit earlier where the first edge samples.
     pub fn mosi_levels(&self) -> impl Iterator<Item = (i64, bool)> {
         let early = i64::from(matches!(self.mode, SpiMode::Mode0 | SpiMode::Mode2));
         let (bits, data) = (self.bits, self.data);
@@ -128,10 +128,10 @@ impl UartFrame {
         }
     }
 
-    /// The levels that the line takes: the start bit, the data, the parity and the stop bits, each with its beginning in
-    /// picoseconds after the beginning of the frame. The line rests high before the frame and after it.
+    /// The levels that the line takes for the start bit, the data, the parity and the stop bits, each with its
+    /// beginning in picoseconds after that of the frame. The line rests high before the frame and after it.
     pub fn levels(&self) -> impl Iterator<Item = (u64, bool)> {
-        let data = self.data & (1 << self.bits) - 1;
+        let data = self.data & ((1 << self.bits) - 1);
         let odd = data.count_ones() % 2 == 1;
         let parity = match self.parity {
             UartParity::None => None,

@@ -59,8 +59,8 @@ const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
 /// The number of bytes that the receiver can hold without a buffer.
 const FIFO: usize = 6;
-/// The room, in bytes, at which RTS goes high: with flow control, it is low only while the FIFO can hold more bytes than
-/// these (PS 6.34).
+/// The room, in bytes, at which RTS goes high: with flow control, RTS is low only while the FIFO can hold more bytes
+/// (PS 6.34).
 const ROOM: usize = 4;
 /// The byte times from STOPRX to RXTO, in which the far end may finish what it has begun.
 const RX_TIMEOUT_BYTES: u64 = 4;
