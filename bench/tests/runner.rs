@@ -8,7 +8,7 @@ mod thumb;
 
 use elf::{EM_ARM, ET_EXEC, elf};
 use emulator_node::{
-    Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Heard, Limits, Node, Outcome, Sending, Target,
+    Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Limits, Node, Outcome, Sending, SentByte, Target,
 };
 use emulator_part::Pin;
 use stm32f429::{Oscillators, Stm32f429};
@@ -176,10 +176,10 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     handler.branch(end);
     let image = with_exception(&main, 3, (thumb::HANDLER, &handler));
     let heard = |virtual_time: u64| {
-        let connected = Connected { heard: vec![Pin::new(0, 2)], ..Connected::default() };
+        let connected = Connected { listened: vec![Pin::new(0, 2)], ..Connected::default() };
         let limits = Limits { virtual_time, ..Limits::default() };
         let mut bytes = 0;
-        let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(Heard { byte: b'x', .. })));
+        let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(SentByte { byte: b'x', .. })));
         let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, count).unwrap();
         assert_eq!((kinds(&outcome), outcome.status()), (vec![FindingKind::HardFault], 101), "{outcome:?}");
         (bytes, outcome.virtual_time)
@@ -462,11 +462,11 @@ fn a_uart_of_a_board_receives_and_sends_bytes() {
     main.wait_for(USART2, 5).mov(0, USART2).ldr(1, 0, 4).raw(&[0x3101]).str(1, 0, 4).branch(again);
     let [transmits, receives] = [2, 3].map(|number| Pin::new(0, number));
     let sent = Sending { at: 5 * MS, pin: receives, baud: 115_200, bytes: b"HAL".to_vec() };
-    let connected = Connected { heard: vec![transmits], sent: vec![sent], ..Connected::default() };
+    let connected = Connected { listened: vec![transmits], sent: vec![sent], ..Connected::default() };
     let limits = Limits { virtual_time: 10 * MS, ..Limits::default() };
     let mut heard = vec![];
     let event = |event: Event<'_>| {
-        if let Event::Byte(Heard { pin, byte, .. }) = event {
+        if let Event::Byte(SentByte { pin, byte, .. }) = event {
             heard.push((pin, byte));
         }
     };

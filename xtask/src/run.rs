@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use bench::gdb::{Alone, Ended, serve_alone};
 use clap::{Args, ValueEnum};
-use emulator_node::{Clock, Connected, Drive, Event, Firmware, Heard, Limits, LogLine, Outcome, Sending};
+use emulator_node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending, SentByte};
 use emulator_part::{Pad, Pin};
 
 use crate::{Board, ProbeArgs, gdb};
@@ -249,7 +249,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     for text in &args.uart {
         let (name, path) = text.split_once('=').with_context(|| format!("--uart {text}: expected PIN=FILE"))?;
         let pin = pin("uart", name)?;
-        connected.heard.push(pin);
+        connected.listened.push(pin);
         if path != "-" {
             let file = File::create(path).with_context(|| format!("--uart: could not write {path}"))?;
             files.insert(pin, (path.to_owned(), BufWriter::new(file)));
@@ -341,7 +341,7 @@ impl<W: Write> Output<W> {
     }
 
     /// A UART sent a byte: lines are shown when they end.
-    fn byte(&mut self, Heard { at, pin, byte }: Heard) {
+    fn byte(&mut self, SentByte { at, pin, byte }: SentByte) {
         let (_, bytes) = self.half.entry(pin).or_insert((at, vec![]));
         if byte != b'\n' {
             bytes.push(byte);
@@ -498,9 +498,9 @@ mod tests {
         let mut output = Output { stdout: vec![], closed: false, half: BTreeMap::new() };
         let (one, other) = (Pin::new(0, 6), Pin::new(0, 8));
         for (at, pin, byte) in [(1, one, b'a'), (2, other, b'x'), (3, one, b'b'), (4, one, b'\r'), (5, one, b'\n')] {
-            output.byte(Heard { at: at * 1_000_000, pin, byte });
+            output.byte(SentByte { at: at * 1_000_000, pin, byte });
         }
-        output.byte(Heard { at: 6_000_000, pin: one, byte: b'\n' });
+        output.byte(SentByte { at: 6_000_000, pin: one, byte: b'\n' });
         output.finish();
         let text = String::from_utf8(output.stdout).unwrap();
         assert_eq!(text, "      1.000000 ms  ab\n      6.000000 ms  \n      2.000000 ms  x\n");

@@ -159,7 +159,7 @@ impl Inlet {
 
 /// The state of a station.
 #[derive(Debug, Default)]
-pub struct Known {
+pub struct StationData {
     /// All drones.
     pub intake: Intake,
     /// Their last minutes.
@@ -178,7 +178,7 @@ pub struct Known {
     pub now_us: u64,
 }
 
-impl Known {
+impl StationData {
     /// Keeps a change of an alarm.
     fn note(&mut self, drone: DroneId, change: Change) {
         if self.alarms.len() == KEPT_CHANGES {
@@ -196,7 +196,7 @@ impl Known {
 /// A running station, for its readers.
 #[derive(Clone, Debug)]
 pub struct Station {
-    known: Arc<Mutex<Known>>,
+    known: Arc<Mutex<StationData>>,
     changes: watch::Receiver<u64>,
     dropped: Arc<AtomicU64>,
     mouths: Mouths,
@@ -209,7 +209,7 @@ impl Station {
     }
 
     /// The present state. Holding the guard stops the station.
-    pub fn known(&self) -> MutexGuard<'_, Known> {
+    pub fn known(&self) -> MutexGuard<'_, StationData> {
         // A reader that panicked has changed nothing.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -269,7 +269,7 @@ pub fn start_publishing(
     let (to, from) = sync_channel(WAITING);
     let dropped = Arc::new(AtomicU64::new(0));
     let recording = files.as_ref().map(Files::made);
-    let known = Known { intake: Intake::new(verifier), recording, ..Known::default() };
+    let known = StationData { intake: Intake::new(verifier), recording, ..StationData::default() };
     let known = Arc::new(Mutex::new(known));
     let (changed, changes) = watch::channel(0);
     let mouths = Mouths::default();
@@ -291,7 +291,7 @@ struct Unpublished {
 }
 
 impl Unpublished {
-    fn tell(&mut self, known: &mut Known, count: u64) {
+    fn tell(&mut self, known: &mut StationData, count: u64) {
         const NAME: &str = "publishing";
         if count > self.count {
             *self = Self { count, since_us: known.now_us };
@@ -346,7 +346,7 @@ fn run(
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
                     // The time is the recording's, because the playback's own is ahead of it during a jump.
-                    let Known { history, intake, .. } = &mut *known;
+                    let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }
                 Event::Line { name, why } => {
@@ -376,7 +376,7 @@ fn run(
             if matches!(time, Time::Clock(_)) {
                 known.look();
             }
-            let Known { voice, intake, .. } = &mut *known;
+            let StationData { voice, intake, .. } = &mut *known;
             for (to, bytes) in voice.as_mut().map(|voice| voice.tick(now_us, intake.fleet())).unwrap_or_default() {
                 station.mouths.send(to, &bytes);
             }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::carrier::mavlink::voice::Told;
+use crate::carrier::mavlink::voice::UplinkChange;
 use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
@@ -16,7 +16,7 @@ const WAITING: usize = 65_536;
 enum What {
     Carried(Carried, Vec<Judged>, Vec<Sample>),
     Alarm(DroneId, Change),
-    Uplink(u64, Told),
+    Uplink(u64, UplinkChange),
 }
 
 /// A recorder on a thread of its own.
@@ -45,7 +45,7 @@ impl Recording {
     }
 
     /// Records the state of an uplink since `at_us`.
-    pub fn uplink(&self, at_us: u64, told: Told) {
+    pub fn uplink(&self, at_us: u64, told: UplinkChange) {
         self.offer(at_us, What::Uplink(at_us, told));
     }
 

@@ -36,7 +36,7 @@ use mcap::{WriteOptions, Writer};
 
 use profile::{LinkValues, ReportedValues};
 
-use crate::carrier::mavlink::voice::Told;
+use crate::carrier::mavlink::voice::UplinkChange;
 use crate::intake::{Carried, Judged};
 use crate::{Change, DroneId, Fleet, Place, Verdict};
 
@@ -228,7 +228,7 @@ impl<P: Parts> Recorder<P> {
     }
 
     /// Records the state of an uplink that this station sends.
-    pub fn uplink(&mut self, at_us: u64, told: &Told) {
+    pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }
 

@@ -3,7 +3,7 @@
 
 use profile::{LinkValues, ReportedValues};
 
-use crate::carrier::mavlink::voice::Told;
+use crate::carrier::mavlink::voice::UplinkChange;
 use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
 use crate::{Alarm, DroneId, Place, Verdict};
@@ -179,7 +179,7 @@ pub(super) fn link(values: &LinkValues) -> Vec<u8> {
     out
 }
 
-pub(super) fn uplink(told: &Told) -> Vec<u8> {
+pub(super) fn uplink(told: &UplinkChange) -> Vec<u8> {
     let mut out = vec![];
     let values = told.uplink.values();
     put(&mut out, told.drone.to_string().as_bytes());
@@ -341,7 +341,7 @@ mod tests {
         assert_eq!((&made[19..23], &made[25..]), (&[7, 0, 0, 0][..], &5.5_f32.to_le_bytes()[..]));
         let uplink_object = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default());
         let (drone, why) = (Who::System(7).first(), "why".to_owned());
-        let made = uplink(&Told { drone, uplink: uplink_object, state: State::Refused(why) });
+        let made = uplink(&UplinkChange { drone, uplink: uplink_object, state: State::Refused(why) });
         assert_eq!(made.len(), length(UPLINK, "7".len() + 52 + "refused".len() + "why".len()));
     }
 

@@ -352,7 +352,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
     let heard = peer.ask(&is_active(20.0));
     let who = (&heard["system"], &heard["signed"], &heard["version"], &heard["fields"]["type"]);
     assert_eq!(who, (&json!(SYSTEM), &json!(true), &json!(2), &json!(18)), "{heard}");
-    let wait = |what: &str, is_so: &dyn Fn(&live::Known) -> bool| {
+    let wait = |what: &str, is_so: &dyn Fn(&live::StationData) -> bool| {
         let began = Instant::now();
         while !is_so(&station.known()) {
             assert!(began.elapsed() < Duration::from_secs(20), "never {what}");
@@ -365,7 +365,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
     let (status, payload) = (UplinkStatus::from_bits(0x1234), std::array::from_fn(|at| at as u8));
     let sent = {
         let mut known = station.known();
-        let live::Known { voice, intake, .. } = &mut *known;
+        let live::StationData { voice, intake, .. } = &mut *known;
         voice.as_mut().unwrap().send(clock.now_us(), intake.fleet(), drone, status, payload).unwrap()
     };
     let answer = PortStatus::seal(Writer::<Dpr>::claim(), &PortValues { timestamp: 70_100, ..PortValues::default() });

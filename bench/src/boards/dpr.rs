@@ -1,15 +1,15 @@
 //! The DPR: nRF52840-DK with its front end and the SSI.
 
 use emulator_part::{Pad, Pin, SpiFrame};
-use nrf52840::{Nrf52840, SsiWires};
+use nrf52840::{Nrf52840, SpisWires};
 use st25r3916_model::Chip;
 
 use super::front_end::{FrontEnd, Wires};
 use emulator_node::{Board, Input};
 
 /// The SSI's wires at the DPR.
-pub const SSI: SsiWires =
-    SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
+pub const SSI: SpisWires =
+    SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
 /// The pin on which the DPR announces a new image.
 pub const FRESH: Pin = Pin::new(1, 5);
 /// The front end's wires at the DPR.

@@ -170,6 +170,6 @@ impl Board for Horus {
     }
 
     fn outgoing(&self) -> bool {
-        self.front_end.has_air() || self.receivers.has_heard()
+        self.front_end.has_air() || self.receivers.has_sent()
     }
 }

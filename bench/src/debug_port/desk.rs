@@ -31,7 +31,7 @@ pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
     Some(match desk {
         Desk::Dpr => {
             let mut part = Nrf52840::new(Settings::default());
-            part.wire_ssi(SSI);
+            part.wire_spis(SSI);
             Box::new(port(part, Dpr::new(chip, false), kept)?)
         }
         Desk::Horus => {

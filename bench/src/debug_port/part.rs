@@ -118,6 +118,6 @@ impl Alone for Dpr {
 impl Alone for Horus {
     fn forget_outgoing(&mut self) {
         drop(self.front_end.take_air());
-        drop(self.receivers.take_heard());
+        drop(self.receivers.take_sent());
     }
 }

@@ -3,7 +3,7 @@
 use cortex_m4::Cost;
 use st25r3916_model::AirEvent;
 
-use super::{Bench, Error, Kept, Observer, Outcome, STEP, Setup};
+use super::{Bench, Error, Observer, Outcome, Outputs, STEP, Setup};
 use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
@@ -13,7 +13,7 @@ use emulator_node::{Course, Node, Way};
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
-    kept: Kept,
+    kept: Outputs,
     end: u64,
 }
 
@@ -26,7 +26,7 @@ impl<C: Cost> Debugged<C> {
     /// The errors are those of [`super::run`].
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         let mut bench = Bench::new(setup)?;
-        let kept = Kept::begin(setup, &mut bench)?;
+        let kept = Outputs::begin(setup, &mut bench)?;
         let course = Course::new(bench.relay.b.now(), setup.duration_ns, STEP);
         Ok(Self { bench, course, kept, end: setup.duration_ns })
     }

@@ -345,7 +345,7 @@ impl<C: Cost> Bench<C> {
         let flashed = |part: fn(&Flashed) -> &Vec<u8>| setup.flashed.as_ref().map(part);
         let a = switched_on(stm32, horus, &setup.images.horus, flashed(|flashed| &flashed.horus))?;
         let mut b = switched_on(nrf, dpr, &setup.images.dpr, flashed(|flashed| &flashed.dpr))?;
-        b.input(|part, _, _| part.wire_ssi(boards::SSI));
+        b.input(|part, _, _| part.wire_spis(boards::SSI));
         let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
         let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
         Ok(Self { relay })
@@ -522,7 +522,7 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let mut bench = Bench::<C>::new(setup)?;
-    let mut kept = Kept::begin(setup, &mut bench)?;
+    let mut kept = Outputs::begin(setup, &mut bench)?;
     let mut end = 0;
     while end < setup.duration_ns {
         end = end.saturating_add(observer.piece_ns().max(STEP)).min(setup.duration_ns);
@@ -536,7 +536,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
 }
 
 /// The outputs of a run that are written as it goes: logs, trace, event log, picture.
-struct Kept {
+struct Outputs {
     setup: Setup,
     trace: Option<Trace>,
     stored: Option<LogWriter<BufWriter<File>>>,
@@ -544,7 +544,7 @@ struct Kept {
     logs: Vec<(&'static str, String)>,
 }
 
-impl Kept {
+impl Outputs {
     /// Opens the outputs that `setup` requests, for a bench at power-on.
     fn begin<C: Cost>(setup: &Setup, bench: &mut Bench<C>) -> Result<Self, Error> {
         let trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;

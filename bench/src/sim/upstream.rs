@@ -12,7 +12,7 @@ use st25r3916_model::AirEvent;
 
 use super::board_events::BoardEvents;
 use crate::boards::front_end::Crossing;
-use crate::boards::receivers::{Given, Heard};
+use crate::boards::receivers::{ReadBytes, SentByte};
 use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
 use crate::faults::{Fault, Faults, Timeline, Turn, WireFault, Wires};
@@ -171,9 +171,8 @@ impl Receivers {
     /// Logs the traffic of the buses.
     fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let now = node.now();
-        let (given, misuses) =
-            node.board_mut(|board| (board.receivers.take_given(now), board.receivers.take_misuses()));
-        for Given { receiver, at, byte_ns, bytes, clean, since } in given {
+        let (given, misuses) = node.board_mut(|board| (board.receivers.take_read(now), board.receivers.take_misuses()));
+        for ReadBytes { receiver, at, byte_ns, bytes, clean, since } in given {
             self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, since: Some(since) });
         }
         for (at, text) in misuses {
@@ -235,7 +234,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
         let Self { feeds, .. } = self;
         node.board_mut(|board| {
             sent.extend(board.front_end.take_air());
-            for Heard { at, receiver, byte } in board.receivers.take_heard() {
+            for SentByte { at, receiver, byte } in board.receivers.take_sent() {
                 let Some(feed) = feeds.get_mut(receiver) else { continue };
                 feed.hear(at, byte);
                 board.receivers.listen_at(receiver, feed.receiver.bit_rate());

@@ -92,7 +92,7 @@ pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
 pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
     let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();
-    node.input(|part, _, _| part.wire_ssi(SSI));
+    node.input(|part, _, _| part.wire_spis(SSI));
     Some(node)
 }
 

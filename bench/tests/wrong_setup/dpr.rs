@@ -153,130 +153,141 @@ const _: () = assert!(PAUSE_US <= 0xFF);
 
 const DPR_ROWS: &[Row<Shows>] = &[
     // ---- the front end's SPI
-    row("SCK: input", &[bits(P1_CNF + 0x3C, 3, 0)], Told::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
-    row("MOSI: input", &[bits(P1_CNF + 0x34, 3, 0)], Told::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
-    row("chip select: input", &[bits(P1_CNF + 0x30, 3, 0)], Told::Nothing, |seen| deaf_for(seen, "Absent")),
-    row("MISO: disconnected", &[bits(P1_CNF + 0x38, 3, 2)], Told::Finding(NO_INPUT), |seen| deaf_for(seen, "Absent")),
-    row("SPIM0: SCK on P1.11", &[bits(SPIM0 + 0x508, 0x3F, 0x2B)], Told::Finding(NO_OUTPUT), |seen| {
+    row("SCK: input", &[bits(P1_CNF + 0x3C, 3, 0)], Expected::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
+    row("MOSI: input", &[bits(P1_CNF + 0x34, 3, 0)], Expected::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
+    row("chip select: input", &[bits(P1_CNF + 0x30, 3, 0)], Expected::Nothing, |seen| deaf_for(seen, "Absent")),
+    row("MISO: disconnected", &[bits(P1_CNF + 0x38, 3, 2)], Expected::Finding(NO_INPUT), |seen| {
         deaf_for(seen, "Absent")
     }),
-    row("SPIM0: MISO on P1.11", &[bits(SPIM0 + 0x510, 0x3F, 0x2B)], Told::Finding(NO_INPUT), |seen| {
+    row("SPIM0: SCK on P1.11", &[bits(SPIM0 + 0x508, 0x3F, 0x2B)], Expected::Finding(NO_OUTPUT), |seen| {
         deaf_for(seen, "Absent")
     }),
-    row("SPIM0: mode 0", &[bits(SPIM0 + 0x554, 7, 0)], Told::Finding("SPI mode 0"), |seen| deaf_for(seen, "Identity")),
-    row("SPIM0: mode 3", &[bits(SPIM0 + 0x554, 7, 6)], Told::Finding("SPI mode 3"), |seen| deaf_for(seen, "Absent")),
-    row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Told::Finding("chip:"), |seen| {
+    row("SPIM0: MISO on P1.11", &[bits(SPIM0 + 0x510, 0x3F, 0x2B)], Expected::Finding(NO_INPUT), |seen| {
+        deaf_for(seen, "Absent")
+    }),
+    row("SPIM0: mode 0", &[bits(SPIM0 + 0x554, 7, 0)], Expected::Finding("SPI mode 0"), |seen| {
+        deaf_for(seen, "Identity")
+    }),
+    row("SPIM0: mode 3", &[bits(SPIM0 + 0x554, 7, 6)], Expected::Finding("SPI mode 3"), |seen| {
+        deaf_for(seen, "Absent")
+    }),
+    row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Expected::Finding("chip:"), |seen| {
         deaf_for(seen, "Absent")
     }),
     // The chip is set up, but its FIFO is read more slowly than the air fills it.
-    row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Told::Nothing, |seen| {
+    row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Expected::Nothing, |seen| {
         seen.received == 0 && seen.valid == 0 && seen.faults >= 3 && seen.log.contains("Lost(Bus)")
     }),
-    row("SPIM0: no interrupt", &[bits(SPIM0 + 0x304, !0, 0)], Told::Nothing, publishes_late),
+    row("SPIM0: no interrupt", &[bits(SPIM0 + 0x304, !0, 0)], Expected::Nothing, publishes_late),
     row(
         "SPIM0: not enabled",
         &[bits(SPIM0 + 0x500, !0, 0)],
-        Told::Finding("START while SPIM is not enabled"),
+        Expected::Finding("START while SPIM is not enabled"),
         |seen| seen.log.contains("SPIM0 does not stop") && seen.valid == 0 && restarts_by_watchdog(seen),
     ),
     row(
         "SPIM0: sends from flash",
         &[bits(SPIM0 + 0x544, !0, 0x1000)],
-        Told::Finding("reads outside data RAM"),
+        Expected::Finding("reads outside data RAM"),
         |seen| deaf_for(seen, "Absent"),
     ),
     row(
         "SPIM0: receives to flash",
         &[bits(SPIM0 + 0x534, !0, 0x1000)],
-        Told::Finding("writes outside data RAM"),
+        Expected::Finding("writes outside data RAM"),
         |seen| deaf_for(seen, "Absent"),
     ),
     // ---- the SSI
-    row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Told::Finding("another SPI mode"), mute),
-    row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Told::Finding("another SPI mode"), mute),
-    row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Told::Nothing, |seen| {
+    row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Expected::Finding("another SPI mode"), mute),
+    row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Expected::Finding("another SPI mode"), mute),
+    row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Expected::Nothing, |seen| {
         // A run of 0xFF reads the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
-    row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Told::Nothing, mute_and_silent),
-    row("SPIS1: CSN on P1.06", &[bits(SPIS1 + 0x514, 0x3F, 0x26)], Told::Nothing, mute_and_silent),
-    row("SPIS1: SCK on P1.07", &[bits(SPIS1 + 0x508, 0x3F, 0x27)], Told::Finding(NO_SPIS_INPUT), mute),
-    row("CSN: disconnected", &[bits(P1_CNF + 0x10, 2, 2)], Told::Finding(NO_SPIS_INPUT), mute_and_silent),
-    row("SPIS1: image in flash", &[bits(SPIS1 + 0x544, !0, 0x1000)], Told::Finding("outside data RAM"), mute),
-    row("SPIS1: window of no bytes", &[bits(SPIS1 + 0x548, !0, 0)], Told::Nothing, mute_and_silent),
-    row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Told::Finding("while SPIS is not enabled"), |seen| {
+    row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Expected::Nothing, mute_and_silent),
+    row("SPIS1: CSN on P1.06", &[bits(SPIS1 + 0x514, 0x3F, 0x26)], Expected::Nothing, mute_and_silent),
+    row("SPIS1: SCK on P1.07", &[bits(SPIS1 + 0x508, 0x3F, 0x27)], Expected::Finding(NO_SPIS_INPUT), mute),
+    row("CSN: disconnected", &[bits(P1_CNF + 0x10, 2, 2)], Expected::Finding(NO_SPIS_INPUT), mute_and_silent),
+    row("SPIS1: image in flash", &[bits(SPIS1 + 0x544, !0, 0x1000)], Expected::Finding("outside data RAM"), mute),
+    row("SPIS1: window of no bytes", &[bits(SPIS1 + 0x548, !0, 0)], Expected::Nothing, mute_and_silent),
+    row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Expected::Finding("while SPIS is not enabled"), |seen| {
         seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
     }),
     // The task runs only when the scrub requests a check-in, so most transactions find no image.
-    row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Told::Nothing, rarely_shows),
-    row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Told::Nothing, |seen| {
+    row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Expected::Nothing, rarely_shows),
+    row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Expected::Nothing, |seen| {
         seen.silent == seen.all && seen.fresh.0 <= 1
     }),
     // ---- FRESH and the expiry
-    row("PPI 3: FRESH is never cleared", &[instead(PPI_CHENSET, 8, 0)], Told::Nothing, |seen| {
+    row("PPI 3: FRESH is never cleared", &[instead(PPI_CHENSET, 8, 0)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (1, 0)
     }),
-    row("FRESH: channel on P1.06", &[bits(GPIOTE + 0x514, 0x1F00, 0x600)], Told::Nothing, |seen| {
+    row("FRESH: channel on P1.06", &[bits(GPIOTE + 0x514, 0x1F00, 0x600)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Told::Nothing, |seen| {
+    row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
     // One more transaction reads the image; at its end the SSI's task finds it expired.
-    row("PPI 1 and 2: no expiry", &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)], Told::Nothing, |seen| {
-        shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
-    }),
+    row(
+        "PPI 1 and 2: no expiry",
+        &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],
+        Expected::Nothing,
+        |seen| shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale),
+    ),
     // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up.
-    row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
+    row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
     // ---- the pause after a transaction
     // The timer's mode is missing here, because the image leaves it at its reset value, and so is its bit mode: the
     // pause is as long with eight bits, which suffice for it.
-    row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
+    row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
-    row("TIMER3: no prescaler", &[bits(TIMER3 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
+    row("TIMER3: no prescaler", &[bits(TIMER3 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.hasty > 0
     }),
-    row("TIMER3: not started", &[never(TIMER3)], Told::Nothing, is_bitten),
-    row("TIMER3: compares with 0", &[bits(TIMER3 + 0x540, !0, 0)], Told::Nothing, is_bitten),
-    row("TIMER3: no interrupt", &[bits(TIMER3 + 0x304, !0, 0)], Told::Nothing, is_bitten),
-    row("TIMER3: interrupt not enabled", &[never_iser(0, 0x400_0000)], Told::Nothing, is_bitten),
+    row("TIMER3: not started", &[never(TIMER3)], Expected::Nothing, is_bitten),
+    row("TIMER3: compares with 0", &[bits(TIMER3 + 0x540, !0, 0)], Expected::Nothing, is_bitten),
+    row("TIMER3: no interrupt", &[bits(TIMER3 + 0x304, !0, 0)], Expected::Nothing, is_bitten),
+    row("TIMER3: interrupt not enabled", &[never_iser(0, 0x400_0000)], Expected::Nothing, is_bitten),
     // ---- the interrupt of the front end, and time
-    row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Told::Nothing, |seen| {
+    row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid == 0 && seen.publish_us > 50_000
     }),
-    row("IRQ: falling edge", &[bits(GPIOTE + 0x510, 0x3_0000, 0x2_0000)], Told::Nothing, |seen| {
+    row("IRQ: falling edge", &[bits(GPIOTE + 0x510, 0x3_0000, 0x2_0000)], Expected::Nothing, |seen| {
         seen.valid == 0 && seen.received < 8 && seen.intact >= 60
     }),
-    row("IRQ: P0.04", &[bits(GPIOTE + 0x510, 0x1F00, 0x400)], Told::Nothing, |seen| {
+    row("IRQ: P0.04", &[bits(GPIOTE + 0x510, 0x1F00, 0x400)], Expected::Nothing, |seen| {
         seen.valid == 0 && seen.publish_us > 50_000 && seen.intact >= 60
     }),
-    row("IRQ: no interrupt", &[bits(GPIOTE + 0x304, !0, 0)], Told::Nothing, |seen| {
+    row("IRQ: no interrupt", &[bits(GPIOTE + 0x304, !0, 0)], Expected::Nothing, |seen| {
         seen.valid == 0 && seen.publish_us > 1_000 && seen.intact >= 60
     }),
-    row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Told::Nothing, |seen| seen.valid == 0),
-    row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Told::Nothing, is_bitten),
+    row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
+    row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
     // A second of the DPR is over after 63 ms.
-    row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
+    row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
     // Without time the idle loop has nothing to do and does not feed the watchdog either.
-    row("TIMER0: not started", &[never(TIMER0)], Told::Nothing, |seen| seen.valid == 0 && restarts_by_watchdog(seen)),
-    row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Told::Nothing, |seen| {
+    row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
+        seen.valid == 0 && restarts_by_watchdog(seen)
+    }),
+    row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Expected::Nothing, |seen| {
         // There is no image while no frame comes: the earlier one expires.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
     }),
-    row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, is_bitten),
+    row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, is_bitten),
     // ---- clock and watchdog
-    row("HFXO: not started", &[never(CLOCK)], Told::Nothing, |seen| {
+    row("HFXO: not started", &[never(CLOCK)], Expected::Nothing, |seen| {
         seen.silent == seen.all
             && seen.log.lines().all(|line| line.ends_with("the 32 MHz crystal does not start"))
             && seen.restarts.contains(&Reset::Watchdog("WDT"))
     }),
-    row("WDT: never reloaded", &[never(WDT + 0x600)], Told::Nothing, |seen| {
+    row("WDT: never reloaded", &[never(WDT + 0x600)], Expected::Nothing, |seen| {
         seen.valid > 0 && seen.restarts.contains(&Reset::Watchdog("WDT")) && seen.log.contains("last reset: Watchdog")
     }),
 ];

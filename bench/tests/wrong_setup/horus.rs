@@ -172,193 +172,205 @@ const I2C_FREQUENCY: &str = "CR2.FREQ is not PCLK1's frequency";
 
 const HORUS_ROWS: &[Row<Sends>] = &[
     // ---- the first receiver's line
-    row("USART2: half the baud rate", &[bits(USART2 + 8, 0xFFFF, 0x9C)], Told::Nothing, |seen| {
+    row("USART2: half the baud rate", &[bits(USART2 + 8, 0xFFFF, 0x9C)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
-    row("USART2: OVER8 with a divider for 16 samples", &[bits(USART2 + 0xC, 0x8000, 0x8000)], Told::Nothing, |seen| {
-        first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
-    }),
+    row(
+        "USART2: OVER8 with a divider for 16 samples",
+        &[bits(USART2 + 0xC, 0x8000, 0x8000)],
+        Expected::Nothing,
+        |seen| first_receiver_alone_is_lost(seen) && seen.errors[0] > 100,
+    ),
     // With nine bits the UART reads the stop bit as parity and the next start bit as a stop bit.
-    row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Told::Nothing, |seen| {
+    row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
-    row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Told::Nothing, |seen| {
+    row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
     // EIE reports nothing without DMAR (RM0090 30.6.6). The counted error is the overrun that comes with each idle
     // line, and the check-in of the task finds it.
-    row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Told::Nothing, |seen| {
+    row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
-    row("USART2: no clock", &[gate(0x40, 17)], Told::Finding(REFUSED), |seen| {
+    row("USART2: no clock", &[gate(0x40, 17)], Expected::Finding(REFUSED), |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
     row(
         "PD6: alternate function 8",
         &[bits(GPIOD + 0x20, 0xF00_0000, 0x800_0000)],
-        Told::Finding("this pin has no such alternate function"),
+        Expected::Finding("this pin has no such alternate function"),
         |seen| first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0,
     ),
-    row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Told::Nothing, |seen| {
+    row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
     }),
     // RXNE stays, and with it the request: the ring fills with zeros as fast as the controller runs.
-    row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Told::Nothing, |seen| {
+    row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Told::Nothing, |seen| {
+    row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
     // The first byte ends in a transfer error; the firmware restarts the ring by code that is not changed.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
-        Told::Finding("does not reach 0x10000000"),
+        Expected::Finding("does not reach 0x10000000"),
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 11, 11] && on_time(seen),
     ),
-    row("DMA1: no clock", &[gate(0x30, 21)], Told::Finding(REFUSED), |seen| {
+    row("DMA1: no clock", &[gate(0x30, 21)], Expected::Finding(REFUSED), |seen| {
         // Receivers 1 and 2 use DMA1.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
     }),
     // ---- the buses of receivers 2 and 3
-    row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Told::Finding("more than 400 kHz"), |seen| {
+    row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Expected::Finding("more than 400 kHz"), |seen| {
         seen.valid[1] == 0 && seen.messages == [12, 0, 11] && on_time(seen)
     }),
-    row("SPI5: clock divided by 16", &[bits(SPI5, 0x38, 0x18)], Told::Finding("more than 125 kB/s"), |seen| {
+    row("SPI5: clock divided by 16", &[bits(SPI5, 0x38, 0x18)], Expected::Finding("more than 125 kB/s"), |seen| {
         seen.valid[2] == 0 && seen.messages == [12, 11, 0] && on_time(seen)
     }),
-    row("SPI5: mode 3", &[bits(SPI5, 3, 3)], Told::Finding("not mode 0"), |seen| {
+    row("SPI5: mode 3", &[bits(SPI5, 3, 3)], Expected::Finding("not mode 0"), |seen| {
         seen.valid[2] == 0 && seen.messages == [12, 11, 0] && on_time(seen)
     }),
     // ---- the front end's SPI
-    row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Told::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
-    row("SPI1: mode 2", &[bits(SPI1, 3, 2)], Told::Finding("SPI mode 2"), |seen| off_air_for(seen, "Identity")),
-    row("SPI1: mode 3", &[bits(SPI1, 3, 3)], Told::Finding("SPI mode 3"), |seen| off_air_for(seen, "Absent")),
-    row("SPI1: least significant bit first", &[bits(SPI1, 0x80, 0x80)], Told::Finding("chip:"), |seen| {
+    row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Expected::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
+    row("SPI1: mode 2", &[bits(SPI1, 3, 2)], Expected::Finding("SPI mode 2"), |seen| off_air_for(seen, "Identity")),
+    row("SPI1: mode 3", &[bits(SPI1, 3, 3)], Expected::Finding("SPI mode 3"), |seen| off_air_for(seen, "Absent")),
+    row("SPI1: least significant bit first", &[bits(SPI1, 0x80, 0x80)], Expected::Finding("chip:"), |seen| {
         off_air_for(seen, "Absent")
     }),
-    row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Told::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
+    row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
     // At 281 kHz loading a frame takes 7 ms, and the slot passes. The chip answers, so no fault is reported.
-    row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Told::Nothing, |seen| {
+    row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
-    row("SPI1: slave", &[bits(SPI1, 4, 0)], Told::Finding("slave mode"), |seen| off_air_for(seen, "Bus")),
+    row("SPI1: slave", &[bits(SPI1, 4, 0)], Expected::Finding("slave mode"), |seen| off_air_for(seen, "Bus")),
     // A mode fault switches master mode and the SPI off (RM0090 28.3.10).
-    row("SPI1: not selected by software", &[bits(SPI1, 0x100, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
-    row("SPI1: not enabled", &[bits(SPI1, 0x40, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
-    row("SPI1: no clock", &[gate(0x44, 12)], Told::Finding(REFUSED), |seen| off_air_for(seen, "Bus")),
-    row("SCK: alternate function 0", &[bits(GPIOA + 0x20, 0xF0_0000, 0)], Told::Nothing, |seen| {
+    row("SPI1: not selected by software", &[bits(SPI1, 0x100, 0)], Expected::Nothing, |seen| off_air_for(seen, "Bus")),
+    row("SPI1: not enabled", &[bits(SPI1, 0x40, 0)], Expected::Nothing, |seen| off_air_for(seen, "Bus")),
+    row("SPI1: no clock", &[gate(0x44, 12)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Bus")),
+    row("SCK: alternate function 0", &[bits(GPIOA + 0x20, 0xF0_0000, 0)], Expected::Nothing, |seen| {
         off_air_for(seen, "Absent")
     }),
-    row("MOSI: input", &[bits(GPIOA, 0xC000, 0)], Told::Finding("chip:"), |seen| off_air_for(seen, "Absent")),
-    row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Told::Nothing, |seen| off_air_for(seen, "Absent")),
-    row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Told::Nothing, |seen| off_air_for(seen, "Absent")),
-    row("GPIOA: no clock", &[gate(0x30, 0)], Told::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
+    row("MOSI: input", &[bits(GPIOA, 0xC000, 0)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Absent")),
+    row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
+    row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
+    row("GPIOA: no clock", &[gate(0x30, 0)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
     // Port D has chip select and the first receiver's line.
-    row("GPIOD: no clock", &[gate(0x30, 3)], Told::Finding(REFUSED), |seen| {
+    row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
     // The firmware's time limit ends a transfer that never completes.
-    row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Told::Nothing, |seen| {
+    row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
     row(
         "DMA2 stream 3: channel 4",
         &[bits(DMA2_STREAM3, 7 << 25, 4 << 25)],
-        Told::Finding("a stream's channel has no request"),
+        Expected::Finding("a stream's channel has no request"),
         |seen| off_air_for(seen, "Bus"),
     ),
-    row("DMA2 stream 3: from the SPI", &[bits(DMA2_STREAM3, 0xC0, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
-    row("DMA2 stream 0: memory does not advance", &[bits(DMA2_STREAM0, 0x400, 0)], Told::Nothing, |seen| {
+    row("DMA2 stream 3: from the SPI", &[bits(DMA2_STREAM3, 0xC0, 0)], Expected::Nothing, |seen| {
+        off_air_for(seen, "Bus")
+    }),
+    row("DMA2 stream 0: memory does not advance", &[bits(DMA2_STREAM0, 0x400, 0)], Expected::Nothing, |seen| {
         off_air_for(seen, "Absent")
     }),
     row(
         "DMA2 stream 3: sends from CCM RAM",
         &[bits(DMA2_STREAM3 + 0xC, !0, 0x1000_0000)],
-        Told::Finding("does not reach 0x10000000"),
+        Expected::Finding("does not reach 0x10000000"),
         |seen| off_air_for(seen, "Bus"),
     ),
     // DMA2 also serves the receiver on SPI.
-    row("DMA2: no clock", &[gate(0x30, 22)], Told::Finding(REFUSED), |seen| {
+    row("DMA2: no clock", &[gate(0x30, 22)], Expected::Finding(REFUSED), |seen| {
         off_air(seen, "Bus") && seen.messages == [12, 11, 0]
     }),
-    row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Told::Nothing, |seen| {
+    row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
     // ---- the front end's interrupt and timer
     // Without the edge the firmware detects the oscillator and the first frames only when its waits are over.
-    row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Told::Nothing, late_on_air),
-    row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Told::Nothing, late_on_air),
-    row("EXTI3: masked", &[bits(EXTI, 8, 0)], Told::Nothing, late_on_air),
-    row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Told::Nothing, Sends::watchdog),
+    row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Expected::Nothing, late_on_air),
+    row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Expected::Nothing, late_on_air),
+    row("EXTI3: masked", &[bits(EXTI, 8, 0)], Expected::Nothing, late_on_air),
+    row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Expected::Nothing, Sends::watchdog),
     // The pin's level is read once per cycle, at the check-in of the tasks: half of the frames are sent.
-    row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Told::Finding(REFUSED), |seen| {
+    row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Expected::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
-    row("TIM5: no prescaler", &[bits(TIM5 + 0x28, 0xFFFF, 0)], Told::Nothing, |seen| off_air_for(seen, "Oscillator")),
+    row("TIM5: no prescaler", &[bits(TIM5 + 0x28, 0xFFFF, 0)], Expected::Nothing, |seen| {
+        off_air_for(seen, "Oscillator")
+    }),
     // ---- the cycle
-    row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Told::Nothing, |seen| {
+    row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Expected::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
     // CC1IF comes with the overflow where the compare value is beyond it (RM0090 18.4.5).
-    row("TIM2: slot beyond the period", &[bits(TIM2 + 0x34, !0, 0xF_FFFF)], Told::Nothing, fires_at_every_second_tick),
-    row("TIM2: no compare interrupt", &[bits(TIM2 + 0xC, 2, 0)], Told::Nothing, fires_at_every_second_tick),
-    row("TIM2: no clock", &[gate(0x40, 0)], Told::Finding(REFUSED), |seen| {
+    row(
+        "TIM2: slot beyond the period",
+        &[bits(TIM2 + 0x34, !0, 0xF_FFFF)],
+        Expected::Nothing,
+        fires_at_every_second_tick,
+    ),
+    row("TIM2: no compare interrupt", &[bits(TIM2 + 0xC, 2, 0)], Expected::Nothing, fires_at_every_second_tick),
+    row("TIM2: no clock", &[gate(0x40, 0)], Expected::Finding(REFUSED), |seen| {
         seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog()
     }),
-    row("TIM2: interrupt not enabled", &[never_iser(0, 0x1000_0000)], Told::Nothing, |seen| {
+    row("TIM2: interrupt not enabled", &[never_iser(0, 0x1000_0000)], Expected::Nothing, |seen| {
         !seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog() && seen.log.contains("reset: watchdog")
     }),
-    row("cycle's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, |seen| {
+    row("cycle's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, |seen| {
         !seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog() && seen.log.contains("reset: watchdog")
     }),
     // ---- clocks, flash, watchdog
-    row("FLASH: no wait states", &[bits(FLASH, 0xF, 0)], Told::Finding("too few wait states"), |seen| {
+    row("FLASH: no wait states", &[bits(FLASH, 0xF, 0)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Told::Finding("too few wait states"), |seen| {
+    row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
     // A UART is off its rate. I2C and SPI would only be slower, but I2C is configured for a wrong clock frequency.
-    row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Finding(I2C_FREQUENCY), |seen| {
+    row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
         // I2C and SPI have a clock wire, so the receivers' messages are still read; the last one may be on its way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
             && seen.errors[0] > 100
     }),
-    row("PLL: input above 2 MHz", &[bits(RCC + 4, 0x3F, 3)], Told::Finding("never locks"), |seen| {
+    row("PLL: input above 2 MHz", &[bits(RCC + 4, 0x3F, 3)], Expected::Finding("never locks"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    row("system clock left on HSI", &[bits(RCC + 8, 3, 0)], Told::Finding(I2C_FREQUENCY), |seen| {
+    row("system clock left on HSI", &[bits(RCC + 8, 3, 0)], Expected::Finding(I2C_FREQUENCY), |seen| {
         seen.period() == 90 * MS && seen.messages[0] == 0 && seen.messages.iter().all(|&messages| messages < 6)
     }),
-    row("HSE: not switched on", &[bits(RCC, 1 << 16, 0)], Told::Nothing, |seen| {
+    row("HSE: not switched on", &[bits(RCC, 1 << 16, 0)], Expected::Nothing, |seen| {
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
-    row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Told::Finding(I2C_FREQUENCY), |seen| {
+    row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Expected::Finding(I2C_FREQUENCY), |seen| {
         // I2C and SPI are polled every 20 ms.
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
-    row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Told::Finding("PCLK1 is faster"), |seen| {
+    row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {
         // TIM5 runs twice as fast, too: the wait for a frame's end is over before the frame is.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
         seen.period() == 5 * MS && seen.messages == [0, 0, 11] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),
-    row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
+    row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
     // Without ticks receivers 2 and 3 are not polled.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
-        Told::Finding("without the key 0x5555"),
+        Expected::Finding("without the key 0x5555"),
         |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12, 0, 0],
     ),
     row(
         "IWDG: not started, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0xCCCC, 0), never_iser(0, 0x1000_0000)],
-        Told::Nothing,
+        Expected::Nothing,
         |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12, 0, 0],
     ),
 ];

@@ -50,7 +50,7 @@ const fn gate(offset: u32, bit: u32) -> Change {
 
 /// The finding that a wrong setup must cause.
 #[derive(Clone, Copy, Debug)]
-enum Told {
+enum Expected {
     /// There is none, because silicon cannot detect it.
     Nothing,
     /// A finding whose text contains this.
@@ -62,10 +62,10 @@ struct Row<S> {
     what: &'static str,
     changes: &'static [Change],
     seen: fn(&S) -> bool,
-    told: Told,
+    told: Expected,
 }
 
-const fn row<S>(what: &'static str, changes: &'static [Change], told: Told, seen: fn(&S) -> bool) -> Row<S> {
+const fn row<S>(what: &'static str, changes: &'static [Change], told: Expected, seen: fn(&S) -> bool) -> Row<S> {
     Row { what, changes, seen, told }
 }
 
@@ -82,8 +82,8 @@ fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, 
             say("not seen");
         }
         match row.told {
-            Told::Nothing if !told.is_empty() => say("silicon would not tell"),
-            Told::Finding(words) if !told.iter().any(|text| text.contains(words)) => say("no such finding"),
+            Expected::Nothing if !told.is_empty() => say("silicon would not tell"),
+            Expected::Finding(words) if !told.iter().any(|text| text.contains(words)) => say("no such finding"),
             _ => {}
         }
     }

@@ -52,7 +52,7 @@ pub struct Connected {
     /// The levels that are driven onto pins.
     pub driven: Vec<Drive>,
     /// The pins whose UART frames are collected.
-    pub heard: Vec<Pin>,
+    pub listened: Vec<Pin>,
     /// The bytes that are sent.
     pub sent: Vec<Sending>,
     /// Pairs of pins with a wire between them: whatever the part drives on one, level or UART frame, arrives at the
@@ -62,7 +62,7 @@ pub struct Connected {
 
 /// A byte that the part sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Heard {
+pub struct SentByte {
     /// The instant at which the byte's stop bit ended, in virtual nanoseconds.
     pub at: u64,
     /// The pin on which the byte was sent.
@@ -78,7 +78,7 @@ pub struct Leads<P> {
     /// What the part does to each watched pin now.
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
-    heard: Vec<Heard>,
+    heard: Vec<SentByte>,
     /// The inputs that are left to be made, latest first, each with its instant.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
@@ -119,7 +119,7 @@ impl<P> Leads<P> {
     }
 
     /// Takes the bytes that the part sent since the last call, in order.
-    pub fn take_heard(&mut self) -> Vec<Heard> {
+    pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.heard)
     }
 
@@ -165,8 +165,8 @@ impl<P: Part> Board for Leads<P> {
         for (after_ps, level) in frame.levels() {
             self.watch(began + (after_ps + 500) / 1_000, pin, Pad::Driven(level));
         }
-        if self.connected.heard.contains(&pin) {
-            self.heard.push(Heard { at, pin, byte: (frame.data & 0xFF) as u8 });
+        if self.connected.listened.contains(&pin) {
+            self.heard.push(SentByte { at, pin, byte: (frame.data & 0xFF) as u8 });
         }
         self.carry(at, pin, |to| Input::Frame(to, at.saturating_sub(frame.ns()), *frame));
     }

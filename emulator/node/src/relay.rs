@@ -95,7 +95,7 @@ pub enum Threads {
 
 /// What the first board tells the second about a piece of time.
 #[derive(Debug)]
-struct Told<M, N> {
+struct Interval<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
     /// Everything that left the board before this instant has been sent.
@@ -217,7 +217,7 @@ impl<M> Lead<M> {
         node: &mut Node<A, C>,
         upstream: &mut U,
         end: u64,
-    ) -> Option<Told<M, U::Notes>> {
+    ) -> Option<Interval<M, U::Notes>> {
         let to = *self.to.get_or_insert(((node.now() / PIECE + 1) * PIECE).min(end));
         loop {
             if node.halted().is_some() {
@@ -233,7 +233,7 @@ impl<M> Lead<M> {
             } else if now >= to {
                 self.to = None;
                 let sent = std::mem::take(&mut self.sent);
-                return Some(Told { sent, notes: upstream.notes(node), reached: now, ended: now >= end });
+                return Some(Interval { sent, notes: upstream.notes(node), reached: now, ended: now >= end });
             } else {
                 node.advance(to.min(next));
             }
@@ -247,7 +247,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     downstream: &mut D,
     end: u64,
     step: u64,
-    mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
+    mut tell: impl FnMut() -> Option<Interval<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
     // Steps lie on one grid wherever runs end, even if a board has gone on to the end of an instruction.
@@ -285,7 +285,7 @@ impl<M> Follower<M> {
         downstream: &mut D,
         end: u64,
         step: u64,
-        mut tell: impl FnMut() -> Option<Told<M, D::Notes>>,
+        mut tell: impl FnMut() -> Option<Interval<M, D::Notes>>,
     ) -> Way {
         let to = (self.at + step).min(end);
         loop {
@@ -338,7 +338,7 @@ impl<M> Follower<M> {
     /// Takes in a report of the first board.
     fn hear<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
-        told: Told<M, D::Notes>,
+        told: Interval<M, D::Notes>,
         downstream: &mut D,
     ) {
         self.on_the_way.extend(told.sent);

@@ -310,20 +310,20 @@ pub(crate) struct Channels {
 }
 
 /// The result of reading the channels: log lines, and findings.
-pub(crate) type Heard = (Vec<LogLine>, Vec<(FindingKind, String)>);
+pub(crate) type ChannelOutput = (Vec<LogLine>, Vec<(FindingKind, String)>);
 
 impl Channels {
     /// Reads and empties all up channels of the control block at `block`. `at` is the instant of the lines.
-    pub(crate) fn probe<P: Part>(&mut self, part: &mut P, block: u64, firmware: &Firmware, at: u64) -> Heard {
-        let mut heard = (Vec::new(), Vec::new());
+    pub(crate) fn probe<P: Part>(&mut self, part: &mut P, block: u64, firmware: &Firmware, at: u64) -> ChannelOutput {
+        let mut output = (Vec::new(), Vec::new());
         let count = match count(part, block) {
             Ok(count) => usize::try_from(count).unwrap_or(0),
-            Err(RttFault::NotYet) => return heard,
+            Err(RttFault::NotYet) => return output,
             Err(RttFault::Corrupt(text)) => {
                 if !std::mem::replace(&mut self.told_corrupt, true) {
-                    heard.1.push((FindingKind::LogCorrupt, text));
+                    output.1.push((FindingKind::LogCorrupt, text));
                 }
-                return heard;
+                return output;
             }
         };
         if self.list.len() < count {
@@ -334,14 +334,14 @@ impl Channels {
             drained.push(match drain(part, block, number) {
                 Ok(drained) => drained,
                 Err(RttFault::Corrupt(text)) if !std::mem::replace(&mut channel.told_corrupt, true) => {
-                    heard.1.push((FindingKind::LogCorrupt, text));
+                    output.1.push((FindingKind::LogCorrupt, text));
                     Drained::default()
                 }
                 Err(_) => Drained::default(),
             });
         }
         if drained.iter().all(|drained| drained.bytes.is_empty()) {
-            return heard;
+            return output;
         }
         let several = drained.iter().filter(|drained| drained.in_use).count() > 1;
         let names: Vec<String> = (0..).zip(&drained).map(|(number, _)| name(part, block, number)).collect();
@@ -361,11 +361,11 @@ impl Channels {
                     "RTT channel {title} was full when the probe looked: the firmware logs faster than it is read, and \
                      some of it is lost"
                 );
-                heard.1.push((FindingKind::LogOverrun, text));
+                output.1.push((FindingKind::LogOverrun, text));
             }
-            channel.take(firmware, name == DEFMT, decoded, &title, at, &drained.bytes, &mut heard);
+            channel.take(firmware, name == DEFMT, decoded, &title, at, &drained.bytes, &mut output);
         }
-        heard
+        output
     }
 
     /// Takes what came over up channel `channel` since the last call, up to its latest 64 KiB.
@@ -398,10 +398,10 @@ impl Channel {
         title: &str,
         at: u64,
         bytes: &[u8],
-        heard: &mut Heard,
+        output: &mut ChannelOutput,
     ) {
         let Self { label, text, frames, told_encoding, told_malformed, .. } = self;
-        let (lines, troubles) = heard;
+        let (lines, troubles) = output;
         let table = firmware.log_table();
         match table {
             Some(table) if framed => {

@@ -15,7 +15,7 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Connected, Error, Firmware, Halt, Heard, Leads, Node, PinEdge, ResetAt, Stack};
+use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, SentByte, Stack};
 
 /// The clock of the core: what its instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -176,7 +176,7 @@ pub enum Event<'a> {
     /// A watched pin changed.
     Pin(&'a PinEdge),
     /// The part sent a byte from a pin whose UART frames are collected.
-    Byte(Heard),
+    Byte(SentByte),
 }
 
 /// How a run ended.
@@ -335,7 +335,7 @@ impl<P: Part, C: Cost> Running<P, C> {
 
     /// Reports what was logged and what the leads received.
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
-        let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_heard()));
+        let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_sent()));
         heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
         let mut edges = edges.into_iter().peekable();
         for line in if self.over { self.node.finish_log() } else { self.node.take_log() } {

@@ -6,7 +6,7 @@ mod thumb;
 
 use emulator_node::{Between, Board, Lookahead, Node, Pair, Sent};
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
-use nrf52840::{Nrf52840, Settings, SsiWires};
+use nrf52840::{Nrf52840, Settings, SpisWires};
 use stm32f429::{Oscillators, Stm32f429, pin};
 use thumb::{COUNTER, EXTI, GPIOA, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, firmware_at};
 
@@ -59,7 +59,8 @@ struct Receiver {
     changes: Vec<(u64, bool)>,
 }
 
-const SSI: SsiWires = SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
+const SSI: SpisWires =
+    SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
 const ANSWER: Pin = Pin::new(1, 5);
 
 impl Board for Receiver {
@@ -116,11 +117,11 @@ impl Between<Sender, Receiver> for Wires {
     fn arrive_b(&mut self, _at: u64, clocked: Clocked, node: &mut Node<Receiver>) {
         let bytes = &mut self.bytes;
         node.input(|part, view, at| match clocked {
-            Clocked::Select => part.ssi_select(at, SSI.csn, view),
-            Clocked::Deselect => part.ssi_deselect(at, SSI.csn, view),
+            Clocked::Select => part.spis_select(at, SSI.csn, view),
+            Clocked::Deselect => part.spis_deselect(at, SSI.csn, view),
             Clocked::Byte(mosi, mode) => {
                 bytes.push(mosi);
-                part.ssi_clock(at, mosi, mode, view);
+                part.spis_clock(at, mosi, mode, view);
             }
         });
     }
@@ -192,7 +193,7 @@ fn receiving() -> emulator_node::Firmware {
 fn after(end: u64) -> (Pair<Sender, Receiver, Wires>, [u64; 2]) {
     let sender = Node::new(Stm32f429::new(Oscillators::default()), Sender::default(), &sending()).unwrap();
     let mut receiver = Node::new(Nrf52840::new(Settings::default()), Receiver::default(), &receiving()).unwrap();
-    receiver.input(|part, _, _| part.wire_ssi(SSI));
+    receiver.input(|part, _, _| part.wire_spis(SSI));
     receiver.drive(SSI.csn, Some(true));
     let mut pair = Pair::new(sender, receiver, Wires::default());
     pair.run_until(end);

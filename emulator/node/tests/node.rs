@@ -7,7 +7,7 @@ mod thumb;
 use cortex_m4::Fast;
 use emulator_node::{Bare, Between, Board, FindingKind, FromOutside, Limits, Lookahead, Node, Pair, Sent, run};
 use emulator_part::{Pin, SpiMode};
-use nrf52840::{Nrf52840, Settings, SsiWires};
+use nrf52840::{Nrf52840, Settings, SpisWires};
 use player::{IN, Player};
 use stm32f429::{Oscillators, Stm32f429, TIM2_INTERRUPT};
 use thumb::{COUNTER, EXTI, FLASH, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
@@ -442,18 +442,18 @@ fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
 fn nrf(settings: Settings, firmware: &emulator_node::Firmware) -> Node<Bare<Nrf52840>> {
     let pin = |number| Pin::new(1, number);
     let mut node = Node::new(Nrf52840::new(settings), Bare::new(), firmware).unwrap();
-    node.input(|part, _, _| part.wire_ssi(SsiWires { sck: pin(1), mosi: pin(2), miso: pin(3), csn: pin(4) }));
+    node.input(|part, _, _| part.wire_spis(SpisWires { sck: pin(1), mosi: pin(2), miso: pin(3), csn: pin(4) }));
     node
 }
 
 fn transact(node: &mut Node<Bare<Nrf52840>>) -> [u8; 2] {
-    node.input(|part, view, at| part.ssi_select(at, Pin::new(1, 4), view));
+    node.input(|part, view, at| part.spis_select(at, Pin::new(1, 4), view));
     node.advance(node.now() + 3_000);
     let read = [(); 2].map(|()| {
         node.advance(node.now() + 1_100);
-        node.input(|part, view, at| part.ssi_clock(at, 0, SpiMode::Mode0, view)).unwrap()
+        node.input(|part, view, at| part.spis_clock(at, 0, SpiMode::Mode0, view)).unwrap()
     });
-    node.input(|part, view, at| part.ssi_deselect(at, Pin::new(1, 4), view));
+    node.input(|part, view, at| part.spis_deselect(at, Pin::new(1, 4), view));
     node.advance(node.now() + 3_000);
     read
 }

@@ -2,7 +2,7 @@
 //! bytes of an SPIS.
 use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, SpiMode, UartFrame};
-use nrf52840::{Nrf52840, Settings, SsiWires};
+use nrf52840::{Nrf52840, Settings, SpisWires};
 use std::time::Instant;
 
 const SPIM0: u32 = 0x4000_3000;
@@ -97,7 +97,7 @@ fn main() {
     report("SPIM byte", N, since);
 
     let csn = Pin::new(1, 4);
-    part.wire_ssi(SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn });
+    part.wire_spis(SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn });
     for (offset, value) in [(0x508, 33), (0x50C, 34), (0x510, 35), (0x514, 36), (0x500, 2)] {
         write(part, cycle, SPIS1 + offset, value);
     }
@@ -108,11 +108,11 @@ fn main() {
     let since = Instant::now();
     for _ in 0..N / 255 {
         cycle += 640;
-        part.ssi_select(cycle, csn, &mut Echo);
+        part.spis_select(cycle, csn, &mut Echo);
         cycle += 128;
-        part.ssi_exchange(cycle, 64 << 16, SpiMode::Mode0, &mosi, &mut miso, &mut Echo);
+        part.spis_exchange(cycle, 64 << 16, SpiMode::Mode0, &mosi, &mut miso, &mut Echo);
         cycle += 64 * 255;
-        part.ssi_deselect(cycle, csn, &mut Echo);
+        part.spis_deselect(cycle, csn, &mut Echo);
     }
     report("SPIS byte, together", N, since);
     assert!(part.findings().is_empty(), "{:?}", part.findings());

@@ -138,7 +138,7 @@ impl Default for Settings {
 
 /// The part's pins to which an outside SPI controller is wired, for an SPIS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SsiWires {
+pub struct SpisWires {
     /// The clock.
     pub sck: Pin,
     /// The output of the controller.
@@ -197,37 +197,37 @@ impl Nrf52840 {
 
     /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes with it over those of them that its PSEL
     /// registers select.
-    pub fn wire_ssi(&mut self, wires: SsiWires) {
-        self.soc.ssi = Some(wires);
+    pub fn wire_spis(&mut self, wires: SpisWires) {
+        self.soc.spis_wires = Some(wires);
     }
 
-    /// Makes the SSI's controller pull the chip select `csn` low. The SPIS on that pin arbitrates its semaphore at this
+    /// Makes an SPI controller pull the chip select `csn` low. The SPIS on that pin arbitrates its semaphore at this
     /// falling edge, for the whole transaction. A pin that nobody has driven yet is high, as if pulled up.
-    pub fn ssi_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
+    pub fn spis_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         if let Some(pin) = pin::Pin::outside(csn) {
-            self.soc.ssi_select(at, pin, outside);
+            self.soc.spis_select(at, pin, outside);
         }
     }
 
-    /// Makes the SSI's controller clock one byte into the selected SPIS, in `mode`, and returns the byte that came
+    /// Makes an SPI controller clock one byte into the selected SPIS, in `mode`, and returns the byte that came
     /// back. `at` is the byte's last edge, at which `mosi` is complete. The byte on MISO was loaded at the end of the
     /// byte before. Returns `None` if no selected SPIS drives MISO.
-    pub fn ssi_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
-        self.soc.ssi_clock(at, mosi, mode, outside)
+    pub fn spis_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
+        self.soc.spis_clock(at, mosi, mode, outside)
     }
 
-    /// How many bytes the SSI's controller may clock before the selected SPIS raises an event; `usize::MAX` for any
+    /// How many bytes an SPI controller may clock before the selected SPIS raises an event; `usize::MAX` for any
     /// number.
     #[must_use]
-    pub fn ssi_quiet(&self) -> usize {
-        self.soc.ssi_quiet()
+    pub fn spis_quiet(&self) -> usize {
+        self.soc.spis_quiet()
     }
 
-    /// Does what [`Nrf52840::ssi_clock`] does, for several bytes that were clocked one after the other. It is called
+    /// Does what [`Nrf52840::spis_clock`] does, for several bytes that were clocked one after the other. It is called
     /// when the last of them has ended. The first ended at `first`, and each further byte `byte_time` 2⁻¹⁶ cycles
-    /// later. Memory is used in its present state. There must be no more bytes than [`Nrf52840::ssi_quiet`], or an
+    /// later. Memory is used in its present state. There must be no more bytes than [`Nrf52840::spis_quiet`], or an
     /// event comes late. Returns `false` if no selected SPIS drove MISO: `miso` then holds 0xFF.
-    pub fn ssi_exchange<O: Outside>(
+    pub fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,
         byte_time: u64,
@@ -236,11 +236,11 @@ impl Nrf52840 {
         miso: &mut [u8],
         outside: &mut O,
     ) -> bool {
-        self.soc.ssi_exchange(first, byte_time, mode, mosi, miso, outside)
+        self.soc.spis_exchange(first, byte_time, mode, mosi, miso, outside)
     }
 
-    /// Makes the SSI's controller raise the chip select `csn`, which ends the transaction.
-    pub fn ssi_deselect<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
+    /// Makes an SPI controller raise the chip select `csn`, which ends the transaction.
+    pub fn spis_deselect<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         self.drive(at, csn, Some(true), outside);
     }
 

@@ -15,7 +15,7 @@ use profile::{
 };
 
 use super::reference;
-use super::tape::{self, Told};
+use super::tape::{self, TransactionData};
 
 /// The invariant of a parser for an input; panics if it does not hold.
 pub(crate) type Invariant = fn(&[u8]);
@@ -36,8 +36,8 @@ pub(crate) const ALL: [(&str, Invariant); 11] = [
 ];
 
 /// The invariants of every report of the flight controller's client.
-pub(crate) fn report(told: &Told<'_>) {
-    let Told { began_us: _, config, report } = told;
+pub(crate) fn report(told: &TransactionData<'_>) {
+    let TransactionData { began_us: _, config, report } = told;
     if let Some(position) = &report.position {
         assert!(report.age_us <= config.age_limit_us, "an old position is not shown");
         assert!(report.age_us != AGE_UNKNOWN, "nor one whose age cannot be told");

@@ -207,14 +207,14 @@ fn view(view: &View<'_>) -> String {
 }
 
 /// The data of each transaction for checks.
-pub(crate) struct Told<'a> {
+pub(crate) struct TransactionData<'a> {
     pub(crate) began_us: u64,
     pub(crate) config: Config,
     pub(crate) report: &'a Report,
 }
 
 /// Plays a tape to the Rust client and returns its output, line by line; `told` gets each transaction.
-pub(crate) fn play(tape: &[u8], mut told: impl FnMut(Told<'_>)) -> String {
+pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> String {
     let mut rest = Rest(tape);
     let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");
     let mut miso: &[u8] = &[];
@@ -277,7 +277,7 @@ fn transaction<'a>(
     rest: &mut Rest<'a>,
     client: &mut Client,
     miso: &mut &'a [u8],
-    told: &mut impl FnMut(Told<'_>),
+    told: &mut impl FnMut(TransactionData<'_>),
 ) -> Option<String> {
     *miso = &[];
     let head = rest.array::<18>()?;
@@ -295,6 +295,6 @@ fn transaction<'a>(
     assert!(mosi[bytes.min(MAX_WRITE)..bytes].iter().all(|byte| *byte == 0), "nothing is driven behind an object");
     let said = client.end(brought, began_us, Some(fresh_us));
     *miso = brought;
-    told(Told { began_us, config: *client.config(), report: &said });
+    told(TransactionData { began_us, config: *client.config(), report: &said });
     Some(format!("begin {bytes} {}\n{}\n", hex(&mosi[..bytes.min(MAX_WRITE)]), report(&said)))
 }

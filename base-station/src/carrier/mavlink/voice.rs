@@ -99,7 +99,7 @@ impl State {
 
 /// A change of an uplink's state.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct UplinkChange {
     /// The target drone.
     pub drone: DroneId,
     /// The object.
@@ -179,7 +179,7 @@ pub struct Voice {
     /// The timestamp of the last sealed uplink, ms.
     sealed: Option<u32>,
     /// Changes of uplinks' states that were not taken yet.
-    told: Vec<Told>,
+    told: Vec<UplinkChange>,
 }
 
 impl Voice {
@@ -250,7 +250,7 @@ impl Voice {
         self.sealed = Some(timestamp);
         let uplink = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues { timestamp, status, payload });
         let (since_us, at_us) = (now_us, now_us);
-        self.told.push(Told { drone, uplink, state: State::Sent });
+        self.told.push(UplinkChange { drone, uplink, state: State::Sent });
         uplinks.insert(drone, Sending { uplink, since_us, times: 0, state: State::Sent, at_us, first: None });
         Ok(timestamp)
     }
@@ -262,7 +262,7 @@ impl Voice {
     }
 
     /// Takes the changes of uplinks' states since the last call, in order.
-    pub fn take_told(&mut self) -> Vec<Told> {
+    pub fn take_told(&mut self) -> Vec<UplinkChange> {
         std::mem::take(&mut self.told)
     }
 
@@ -278,7 +278,7 @@ impl Voice {
             let before = sending.state.clone();
             let is_due = sending.look(now_us, fleet, *drone);
             if sending.state != before {
-                self.told.push(Told { drone: *drone, uplink: sending.uplink, state: sending.state.clone() });
+                self.told.push(UplinkChange { drone: *drone, uplink: sending.uplink, state: sending.state.clone() });
             }
             if is_due && let Some((source, system)) = fleet.source(*drone).zip(system_of(*drone)) {
                 due.push((source, system, sending.uplink));

@@ -41,7 +41,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep};
 
 use super::playback::Player;
-use super::{Known, Station};
+use super::{Station, StationData};
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::NotSent;
 use state::With;
@@ -304,7 +304,7 @@ async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         return (StatusCode::BAD_REQUEST, words).into_response();
     };
     let mut known = page.station.known();
-    let Known { intake, voice, now_us, .. } = &mut *known;
+    let StationData { intake, voice, now_us, .. } = &mut *known;
     let id = intake.fleet().iter().map(|(id, _)| id).find(|id| id.to_string() == drone);
     let sent = match (voice, id) {
         (None, _) => Err(NotSent::NotAllowed),

@@ -4,7 +4,7 @@ use profile::ResetReason;
 use serde::Serialize;
 
 use super::super::playback::Player;
-use super::super::{Known, Station, history};
+use super::super::{Station, StationData, history};
 use crate::alarm::Alarms;
 use crate::carrier::mavlink::Voice;
 use crate::carrier::mavlink::voice::{Sending, State as Outcome};
@@ -244,7 +244,7 @@ pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&st
     serde_json::to_string(&state).unwrap_or_default()
 }
 
-fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&str>, with: With) -> State {
+fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Option<&str>, with: With) -> State {
     let now_us = player.map_or(known.now_us, |player| player.now_us().max(known.now_us));
     let fleet = known.intake.fleet();
     let line = |(id, drone): (DroneId, &Drone)| {
@@ -323,7 +323,7 @@ pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Dr
     })
 }
 
-fn detail(known: &Known, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+fn detail(known: &StationData, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
     let fleet = known.intake.fleet();
     let alarms = drone.alarms_at(now_us);
     let since = |alarm| drone.raised().find(|raised| raised.alarm == alarm).map_or(now_us, |raised| raised.since_us);

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 use tower::ServiceExt;
 
-use super::super::Known;
+use super::super::StationData;
 use super::super::mouths::Mouths;
 use super::super::playback::Contents;
 use super::*;
@@ -47,7 +47,7 @@ fn absent() -> ReportedValues {
 
 /// A station with data of drones 3 and 9, and the channel that signals a change.
 fn station() -> (Station, watch::Sender<u64>) {
-    let mut known = Known::default();
+    let mut known = StationData::default();
     for system in [3, 9] {
         let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
         forwarder.offer(&Bundle::datagram(profile().as_bytes()).unwrap());

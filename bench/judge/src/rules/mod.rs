@@ -90,7 +90,7 @@ rules! {
     ssi: ssi::Ssi,
     shown: shown::Shown,
     link_status: link_status::LinkStatus,
-    port: port::Port,
+    port: port::PortRule,
     integrity: integrity::Integrity,
     client: client::Client,
     base: base::Base,

@@ -5,11 +5,11 @@
 //! | `uart` | UART, both ways | GPS1, GPS4, GPS5 | ZED-F9R data sheet (UBX-22024085) 5.1 |
 //! | [`ddc`] | DDC: an I2C peripheral at address 0x42 with a stream in register 0xFF | GPS2 | 5.3, and see [`ddc`] |
 //! | [`spi`] | SPI: a stream in either direction, without registers | GPS3 | 5.2, and see [`spi`] |
-//! | `given` | bus traffic in the event log's form | | |
+//! | `read_bytes` | bus traffic in the event log's form | | |
 //!
-//! `gnss_sim` decides what a receiver sends and how it handles its configuration; this module does not. A port accepts
-//! whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and collects what the part sends
-//! ([`Receivers::take_heard`]).
+//! `gnss_sim` decides what a receiver sends and how it handles its configuration; this module does not. An interface
+//! accepts whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and collects what the
+//! part sends ([`Receivers::take_sent`]).
 //!
 //! # The output buffer
 //!
@@ -20,7 +20,7 @@
 //! messages that are up to 2 s old first.
 
 pub mod ddc;
-mod given;
+mod read_bytes;
 pub mod spi;
 #[cfg(test)]
 mod tests;
@@ -35,8 +35,8 @@ use stm32f429::pin;
 use crate::faults::{BusFault, Rng};
 use ddc::Ddc;
 use emulator_node::Input;
-use given::Crossings;
-pub use given::Given;
+use read_bytes::Crossings;
+pub use read_bytes::ReadBytes;
 use spi::Spi;
 use uart::Uart;
 
@@ -100,7 +100,7 @@ fn message_at_start_of(bytes: &[u8]) -> usize {
 
 /// A byte that the part sent to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Heard {
+pub struct SentByte {
     /// The instant at which it had arrived, ns.
     pub at: u64,
     /// The receiver's index, from 0.
@@ -111,7 +111,7 @@ pub struct Heard {
 
 /// One receiver's interface.
 #[derive(Clone, Debug)]
-enum Port {
+enum Interface {
     Uart(Uart),
     I2c(Ddc),
     Spi(Spi),
@@ -120,15 +120,15 @@ enum Port {
 /// All receivers' interfaces.
 #[derive(Clone, Debug)]
 pub struct Receivers {
-    ports: Vec<Port>,
-    /// Whether the part's bytes are kept for [`Receivers::take_heard`]; see [`Receivers::attend`].
+    interfaces: Vec<Interface>,
+    /// Whether the part's bytes are kept for [`Receivers::take_sent`]; see [`Receivers::attend`].
     attended: bool,
-    heard: Vec<Heard>,
-    given: Vec<Given>,
+    heard: Vec<SentByte>,
+    read: Vec<ReadBytes>,
     /// Uses of a receiver against its data sheet: the first of each kind, with its instant (ns).
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
-    /// The earliest of the ports' next instants, ns.
+    /// The earliest of the interfaces' next instants, ns.
     next: u64,
 }
 
@@ -136,18 +136,23 @@ impl Receivers {
     /// `number` receivers, none of which has sent a byte.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
-        let ports = [
-            Port::Uart(Uart::new(pin('D', 6), pin('D', 5))),
-            Port::I2c(Ddc::new(pin('F', 1), pin('F', 0))),
-            Port::Spi(Spi::new(spi::Wires { sck: pin('F', 7), miso: pin('F', 8), mosi: pin('F', 9), cs: pin('E', 3) })),
-            Port::Uart(Uart::new(pin('D', 2), pin('C', 12))),
-            Port::Uart(Uart::new(pin('E', 7), pin('E', 8))),
+        let interfaces = [
+            Interface::Uart(Uart::new(pin('D', 6), pin('D', 5))),
+            Interface::I2c(Ddc::new(pin('F', 1), pin('F', 0))),
+            Interface::Spi(Spi::new(spi::Wires {
+                sck: pin('F', 7),
+                miso: pin('F', 8),
+                mosi: pin('F', 9),
+                cs: pin('E', 3),
+            })),
+            Interface::Uart(Uart::new(pin('D', 2), pin('C', 12))),
+            Interface::Uart(Uart::new(pin('E', 7), pin('E', 8))),
         ];
         Self {
-            ports: ports.into_iter().take(receivers).collect(),
+            interfaces: interfaces.into_iter().take(receivers).collect(),
             attended: false,
             heard: vec![],
-            given: vec![],
+            read: vec![],
             misuses: vec![],
             told: vec![],
             next: u64::MAX,
@@ -157,7 +162,7 @@ impl Receivers {
     /// Queues these frames on a receiver's UART at `at` (ns). Returns the instant at which they begin: `at`, or the end
     /// of the frames before them.
     pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
-        let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) else { return at };
+        let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) else { return at };
         let begins = uart.send(at, frames);
         self.plan();
         begins
@@ -165,80 +170,82 @@ impl Receivers {
 
     /// Makes `messages` of a receiver on a bus readable from `at` (ns) on.
     pub fn offer(&mut self, at: u64, receiver: usize, messages: &[u8]) {
-        match self.ports.get_mut(receiver) {
-            Some(Port::I2c(ddc)) => ddc.outbox.put(at, messages),
-            Some(Port::Spi(spi)) => spi.outbox.put(at, messages),
-            Some(Port::Uart(_)) | None => {}
+        match self.interfaces.get_mut(receiver) {
+            Some(Interface::I2c(ddc)) => ddc.outbox.put(at, messages),
+            Some(Interface::Spi(spi)) => spi.outbox.put(at, messages),
+            Some(Interface::Uart(_)) | None => {}
         }
     }
 
     /// Begins `fault` of a receiver's bus at `now` (ns); `seed` decides everything random about it.
     pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
-        match self.ports.get_mut(receiver) {
-            Some(Port::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
-            Some(Port::Spi(spi)) => spi.begin_fault(fault, Rng::new(seed)),
-            Some(Port::Uart(_)) | None => {}
+        match self.interfaces.get_mut(receiver) {
+            Some(Interface::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
+            Some(Interface::Spi(spi)) => spi.begin_fault(fault, Rng::new(seed)),
+            Some(Interface::Uart(_)) | None => {}
         }
         self.plan();
     }
 
     /// Ends `fault` of a receiver's bus.
     pub fn end_fault(&mut self, receiver: usize, fault: BusFault) {
-        match self.ports.get_mut(receiver) {
-            Some(Port::I2c(ddc)) => ddc.end_fault(fault),
-            Some(Port::Spi(spi)) => spi.end_fault(fault),
-            Some(Port::Uart(_)) | None => {}
+        match self.interfaces.get_mut(receiver) {
+            Some(Interface::I2c(ddc)) => ddc.end_fault(fault),
+            Some(Interface::Spi(spi)) => spi.end_fault(fault),
+            Some(Interface::Uart(_)) | None => {}
         }
         self.plan();
     }
 
     /// Sets the rate at which a receiver's UART listens, in baud.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
-        if let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) {
+        if let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) {
             uart.listen_at(baud);
         }
     }
 
-    /// Keeps what the part sends from now on for [`Receivers::take_heard`] and stops the node after each byte, so that
+    /// Keeps what the part sends from now on for [`Receivers::take_sent`] and stops the node after each byte, so that
     /// it can be taken.
     pub fn attend(&mut self) {
         self.attended = true;
     }
 
     /// Takes what the part has sent to receivers since the last call; empty unless [`Receivers::attend`] was called.
-    pub fn take_heard(&mut self) -> Vec<Heard> {
+    pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.heard)
     }
 
     /// Whether the part has sent a byte that was not taken yet.
     #[must_use]
-    pub fn has_heard(&self) -> bool {
+    pub fn has_sent(&self) -> bool {
         !self.heard.is_empty()
     }
 
     /// Takes the bus traffic since the last call: transactions that are over, and those that have not ended within
     /// [`ABANDONED`]. `now` is the present, ns.
-    pub fn take_given(&mut self, now: u64) -> Vec<Given> {
-        for (receiver, port) in self.ports.iter_mut().enumerate() {
-            let (Port::I2c(Ddc { crossings, .. }) | Port::Spi(Spi { crossings, .. })) = port else { continue };
+    pub fn take_read(&mut self, now: u64) -> Vec<ReadBytes> {
+        for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
+            let (Interface::I2c(Ddc { crossings, .. }) | Interface::Spi(Spi { crossings, .. })) = interface else {
+                continue;
+            };
             if crossings.since().saturating_add(ABANDONED) <= now {
                 crossings.spoil();
                 crossings.end();
             }
-            self.given.extend(crossings.take(receiver));
+            self.read.extend(crossings.take(receiver));
         }
-        std::mem::take(&mut self.given)
+        std::mem::take(&mut self.read)
     }
 
     /// The instant since which a transaction is under way that was not reported yet, ns; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
-        let of = |port: &Port| match port {
-            Port::Uart(_) => u64::MAX,
-            Port::I2c(ddc) => ddc.crossings.since(),
-            Port::Spi(spi) => spi.crossings.since(),
+        let of = |interface: &Interface| match interface {
+            Interface::Uart(_) => u64::MAX,
+            Interface::I2c(ddc) => ddc.crossings.since(),
+            Interface::Spi(spi) => spi.crossings.since(),
         };
-        self.ports.iter().map(of).min().unwrap_or(u64::MAX)
+        self.interfaces.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
     /// Takes the violations of data sheets since the last call: each kind once in a run.
@@ -254,36 +261,36 @@ impl Receivers {
     }
 
     fn plan(&mut self) {
-        let of = |port: &Port| match port {
-            Port::Uart(uart) => uart.next_at(),
-            Port::I2c(ddc) => ddc.next_at(),
-            Port::Spi(_) => u64::MAX,
+        let of = |interface: &Interface| match interface {
+            Interface::Uart(uart) => uart.next_at(),
+            Interface::I2c(ddc) => ddc.next_at(),
+            Interface::Spi(_) => u64::MAX,
         };
-        self.next = self.ports.iter().map(of).min().unwrap_or(u64::MAX);
+        self.next = self.interfaces.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
     /// Drives the lines to their rest levels at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
-        for port in &self.ports {
-            match port {
-                Port::Uart(uart) => inputs.push(Input::Level(uart.to_part, Some(true))),
+        for interface in &self.interfaces {
+            match interface {
+                Interface::Uart(uart) => inputs.push(Input::Level(uart.to_part, Some(true))),
                 // The pull-ups hold the lines high.
-                Port::I2c(ddc) => inputs.extend([ddc.scl, ddc.sda].map(|pin| Input::Level(pin, Some(true)))),
-                Port::Spi(_) => {}
+                Interface::I2c(ddc) => inputs.extend([ddc.scl, ddc.sda].map(|pin| Input::Level(pin, Some(true)))),
+                Interface::Spi(_) => {}
             }
         }
     }
 
     /// Applies what the part drives on `pin` at `at` (ns).
     pub(super) fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
-        for (receiver, port) in self.ports.iter_mut().enumerate() {
-            match port {
-                Port::Uart(_) => {}
-                Port::I2c(ddc) => ddc.pin(pin, pad),
-                Port::Spi(spi) => {
+        for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
+            match interface {
+                Interface::Uart(_) => {}
+                Interface::I2c(ddc) => ddc.pin(pin, pad),
+                Interface::Spi(spi) => {
                     if pin == spi.wires.cs {
                         spi.select(at, pad == Pad::Driven(false));
-                        self.given.extend(spi.crossings.take(receiver));
+                        self.read.extend(spi.crossings.take(receiver));
                     }
                 }
             }
@@ -293,12 +300,13 @@ impl Receivers {
 
     /// Clocks a frame of an SPI from `begins` to `ends` (ns). Returns `None` where no receiver drives MISO.
     pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
-        let (receiver, spi) = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
-            Port::Spi(spi) if spi.is_clocked_by(frame) => Some((receiver, spi)),
-            _ => None,
-        })?;
+        let (receiver, spi) =
+            self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
+                Interface::Spi(spi) if spi.is_clocked_by(frame) => Some((receiver, spi)),
+                _ => None,
+            })?;
         let mut heard = vec![];
-        let (answer, misuse) = spi.clock(begins, ends, frame, |at, byte| heard.push(Heard { at, receiver, byte }));
+        let (answer, misuse) = spi.clock(begins, ends, frame, |at, byte| heard.push(SentByte { at, receiver, byte }));
         self.hears(heard);
         self.misused(begins, receiver, misuse);
         answer
@@ -306,8 +314,10 @@ impl Receivers {
 
     /// Passes on a UART frame that the part has sent on `pin` and that ended at `at` (ns).
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
-        let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
-            Port::Uart(uart) if uart.from_part == pin => Some(Heard { at, receiver, byte: uart.hears(at, frame)? }),
+        let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
+            Interface::Uart(uart) if uart.from_part == pin => {
+                Some(SentByte { at, receiver, byte: uart.hears(at, frame)? })
+            }
             _ => None,
         });
         self.hears(found);
@@ -315,21 +325,21 @@ impl Receivers {
 
     /// Passes on an event of the part's I2C on these pins, which ended at `at` (ns).
     pub(super) fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
-        let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
-            Port::I2c(ddc) if (ddc.scl, ddc.sda) == (scl, sda) => Some((receiver, ddc)),
+        let found = self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
+            Interface::I2c(ddc) if (ddc.scl, ddc.sda) == (scl, sda) => Some((receiver, ddc)),
             _ => None,
         });
         let Some((receiver, ddc)) = found else { return I2cAnswer::NOBODY };
         let mut heard = vec![];
-        let (answer, misuse) = ddc.act(at, event, |byte| heard.push(Heard { at, receiver, byte: Some(byte) }));
-        self.given.extend(ddc.crossings.take(receiver));
+        let (answer, misuse) = ddc.act(at, event, |byte| heard.push(SentByte { at, receiver, byte: Some(byte) }));
+        self.read.extend(ddc.crossings.take(receiver));
         self.hears(heard);
         self.misused(at, receiver, misuse);
         self.plan();
         answer
     }
 
-    fn hears(&mut self, heard: impl IntoIterator<Item = Heard>) {
+    fn hears(&mut self, heard: impl IntoIterator<Item = SentByte>) {
         if self.attended {
             self.heard.extend(heard);
         }
@@ -344,11 +354,11 @@ impl Receivers {
     /// Runs the receivers up to `at` (ns).
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let mut moved = at >= self.next;
-        for port in &mut self.ports {
-            match port {
-                Port::Uart(uart) if moved => uart.settle(at, inputs),
-                Port::I2c(ddc) => moved |= ddc.settle(at, inputs),
-                Port::Uart(_) | Port::Spi(_) => {}
+        for interface in &mut self.interfaces {
+            match interface {
+                Interface::Uart(uart) if moved => uart.settle(at, inputs),
+                Interface::I2c(ddc) => moved |= ddc.settle(at, inputs),
+                Interface::Uart(_) | Interface::Spi(_) => {}
             }
         }
         if moved {

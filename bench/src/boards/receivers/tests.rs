@@ -83,12 +83,12 @@ impl Script {
         miso
     }
 
-    fn given(&mut self) -> Vec<Given> {
-        self.receivers.take_given(self.now)
+    fn given(&mut self) -> Vec<ReadBytes> {
+        self.receivers.take_read(self.now)
     }
 
     fn heard(&mut self) -> Vec<u8> {
-        self.receivers.take_heard().into_iter().filter_map(|heard| heard.byte).collect()
+        self.receivers.take_sent().into_iter().filter_map(|heard| heard.byte).collect()
     }
 }
 
@@ -135,7 +135,7 @@ fn more_than_a_byte_written_over_i2c_is_for_the_receiver() {
     for byte in [0xB5, 0x62, 0xFF] {
         assert!(script.i2c(I2cEvent::Write(byte)).acknowledged);
     }
-    assert!(!script.receivers.has_heard());
+    assert!(!script.receivers.has_sent());
     script.i2c(I2cEvent::Stop);
     assert_eq!(script.heard(), [0xB5, 0x62, 0xFF]);
     script.receivers.offer(script.now, 1, b"\xB5");
@@ -198,10 +198,10 @@ fn over_spi_a_receiver_sends_its_stream_and_then_filler() {
     assert_eq!(miso, [&message()[..], &[0xFF; 20]].concat());
     assert_eq!(
         script.given(),
-        [Given { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true, since: begins }],
+        [ReadBytes { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true, since: begins }],
         "and no filler"
     );
-    assert!(!script.receivers.has_heard());
+    assert!(!script.receivers.has_sent());
 }
 
 #[test]
@@ -324,7 +324,7 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     let send = |script: &mut Script, baud| {
         script.now += MS;
         script.receivers.uart(script.now, pin('D', 5), &UartFrame::eight_n_one(0xB5, baud));
-        script.receivers.take_heard().into_iter().map(|heard| heard.byte).collect::<Vec<_>>()
+        script.receivers.take_sent().into_iter().map(|heard| heard.byte).collect::<Vec<_>>()
     };
     assert_eq!(send(&mut script, 460_800), [Some(0xB5)]);
     assert_eq!(send(&mut script, 466_667), [Some(0xB5)], "1.3 % off");

@@ -54,7 +54,7 @@ impl<C: Cost> SsiPort for Node<Dpr, C> {
     }
 
     fn select(&mut self) {
-        self.input(|part, view, at| part.ssi_select(at, SSI.csn, view));
+        self.input(|part, view, at| part.spis_select(at, SSI.csn, view));
     }
 
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8> {
@@ -62,17 +62,17 @@ impl<C: Cost> SsiPort for Node<Dpr, C> {
         let gaps = mosi.len().saturating_sub(1).max(1) as u64;
         let mut miso = vec![0xFF; mosi.len()];
         self.input(|part, view, _| {
-            part.ssi_exchange(first, ((last - first) << 16) / gaps, mode, mosi, &mut miso, view);
+            part.spis_exchange(first, ((last - first) << 16) / gaps, mode, mosi, &mut miso, view);
         });
         miso
     }
 
     fn deselect(&mut self) {
-        self.input(|part, view, at| part.ssi_deselect(at, SSI.csn, view));
+        self.input(|part, view, at| part.spis_deselect(at, SSI.csn, view));
     }
 
     fn quiet(&self) -> usize {
-        self.part().ssi_quiet()
+        self.part().spis_quiet()
     }
 }
 

@@ -29,7 +29,7 @@ mod twis;
 use crate::clocks::{CYCLES_PER_TICK, Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, address_of};
 use crate::pin::Pin;
-use crate::{SpisEvent, SsiWires};
+use crate::{SpisEvent, SpisWires};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, SpiMode};
 use twim::TwoWire;
 use twis::Target;

@@ -124,7 +124,7 @@ impl Serial {
 
     /// Clocks one byte from the controller at the far end of `wires`, which is in the mode `controller`. Returns what
     /// the controller's MISO carried meanwhile, `None` if this block does not drive it.
-    pub(crate) fn clock(&mut self, wires: &SsiWires, mosi: u8, controller: SpiMode, cx: &mut Cx<'_>) -> Option<u8> {
+    pub(crate) fn clock(&mut self, wires: &SpisWires, mosi: u8, controller: SpiMode, cx: &mut Cx<'_>) -> Option<u8> {
         let [sck, mosi_pin, miso, _] = self.spis_pins();
         let is = |pin: Option<Pin>, wire| pin.is_some_and(|pin| pin.named() == wire);
         let drives = is(miso, wires.miso);

@@ -38,7 +38,7 @@ use crate::memory::{FLASH_BYTES, Memory, RAM_BASE, RAM_BYTES, identification};
 use crate::memory::{Place, place};
 use crate::pin::Pin;
 use crate::serial::Serial;
-use crate::{Settings, SpisEvent, SsiWires, WatchdogReset};
+use crate::{Settings, SpisEvent, SpisWires, WatchdogReset};
 use cortex_m4::{Access, BusError, Purpose, Signals, Width};
 pub use ctrl_ap::CtrlRequest;
 use emulator_part::{
@@ -82,7 +82,7 @@ pub(crate) struct Soc {
     /// For each [`SpisEvent::Ready`], the data that a transaction would read.
     pub(crate) spis_offers: Vec<(Cycle, Vec<u8>)>,
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
-    pub(crate) ssi: Option<SsiWires>,
+    pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
     /// Whether nothing happens in the part since it waits for its restart, and whether it is in System OFF.
     halted: bool,
@@ -112,7 +112,7 @@ impl Soc {
             spis_events: Vec::new(),
             spis_offers: Vec::new(),
             watchdog_resets: Vec::new(),
-            ssi: None,
+            spis_wires: None,
             restarting: None,
             halted: false,
             off: false,

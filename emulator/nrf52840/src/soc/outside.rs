@@ -97,17 +97,17 @@ impl Soc {
         parts.serial[number].exchanged(miso, &mut cx);
     }
 
-    pub(crate) fn ssi_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
+    pub(crate) fn spis_select<O: Outside>(&mut self, at: Cycle, csn: Pin, outside: &mut O) {
         if !self.gpio.is_driven_from_outside(csn) {
             self.drive(at, csn, Some(true), outside);
         }
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Handles a byte that the SSI's controller clocked and that ended at `at`. The caller carries out what it sets
+    /// Handles a byte that an SPI controller clocked and that ended at `at`. The caller carries out what it sets
     /// off.
-    fn ssi_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
-        let wires = self.ssi?;
+    fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
+        let wires = self.spis_wires?;
         let selected = |number: &usize| {
             let serial = &self.parts.serial[*number];
             serial.selected() && serial.csn().is_some_and(|csn| csn.named() == wires.csn)
@@ -120,16 +120,16 @@ impl Soc {
         parts.serial[number].clock(&wires, mosi, mode, &mut cx)
     }
 
-    pub(crate) fn ssi_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
+    pub(crate) fn spis_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
         self.come(at, outside);
-        let miso = self.ssi_byte(self.now, mosi, mode);
+        let miso = self.spis_byte(self.now, mosi, mode);
         self.carry(outside);
         miso
     }
 
     /// Exchanges several bytes. The first ended at `first`, and each further one `time` 2⁻¹⁶ cycles after the one
     /// before.
-    pub(crate) fn ssi_exchange<O: Outside>(
+    pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,
         time: u64,
@@ -143,7 +143,7 @@ impl Soc {
         let mut driven = true;
         let mut past = 0;
         for (&sent, got) in mosi.iter().zip(miso) {
-            let answer = self.ssi_byte(first + (past >> 16), sent, mode);
+            let answer = self.spis_byte(first + (past >> 16), sent, mode);
             driven &= answer.is_some();
             *got = answer.unwrap_or(0xFF);
             past += time;
@@ -152,7 +152,7 @@ impl Soc {
         driven
     }
 
-    pub(crate) fn ssi_quiet(&self) -> usize {
+    pub(crate) fn spis_quiet(&self) -> usize {
         let selected = self.parts.serial[..3].iter().filter(|serial| serial.selected());
         selected.map(Serial::quiet).min().unwrap_or(usize::MAX)
     }

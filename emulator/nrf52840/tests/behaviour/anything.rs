@@ -52,7 +52,7 @@ fn random_writes_and_inputs_never_panic_and_repeat_in_a_clone() {
                 }
                 2 => rig.select(pin),
                 3 => {
-                    rig.part.ssi_clock(rig.now, 0x55, SpiMode::Mode2, &mut rig.world);
+                    rig.part.spis_clock(rig.now, 0x55, SpiMode::Mode2, &mut rig.world);
                 }
                 _ => {}
             }

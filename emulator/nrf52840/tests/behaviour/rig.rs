@@ -4,7 +4,7 @@ use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{
     Cycle, Finding, FindingKind, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, Reset, SpiFrame, SpiMode, UartFrame,
 };
-use nrf52840::{Nrf52840, Settings, SsiWires};
+use nrf52840::{Nrf52840, Settings, SpisWires};
 use std::collections::BTreeMap;
 
 pub(crate) const POWER: u32 = 0x4000_0000;
@@ -119,7 +119,7 @@ impl Rig {
 
     pub(crate) fn with(settings: Settings) -> Self {
         let mut part = Nrf52840::new(settings);
-        part.wire_ssi(WIRES);
+        part.wire_spis(WIRES);
         Self { part, world: World::default(), now: 0, restarts: 0 }
     }
 
@@ -208,15 +208,15 @@ impl Rig {
     }
 
     pub(crate) fn select(&mut self, csn: Pin) {
-        self.part.ssi_select(self.now, csn, &mut self.world);
+        self.part.spis_select(self.now, csn, &mut self.world);
     }
 
     pub(crate) fn deselect(&mut self, csn: Pin) {
-        self.part.ssi_deselect(self.now, csn, &mut self.world);
+        self.part.spis_deselect(self.now, csn, &mut self.world);
     }
 
     pub(crate) fn clock(&mut self, byte: u8) -> Option<u8> {
-        self.part.ssi_clock(self.now, byte, SpiMode::Mode0, &mut self.world)
+        self.part.spis_clock(self.now, byte, SpiMode::Mode0, &mut self.world)
     }
 
     /// Resets the part for `cause`.
@@ -265,8 +265,8 @@ pub(crate) const MOSI: Pin = Pin::new(1, 13);
 pub(crate) const MISO: Pin = Pin::new(1, 14);
 pub(crate) const CS: Pin = Pin::new(1, 12);
 pub(crate) const CSN: Pin = Pin::new(1, 4);
-pub(crate) const WIRES: SsiWires =
-    SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 3), miso: Pin::new(1, 2), csn: CSN };
+pub(crate) const WIRES: SpisWires =
+    SpisWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 3), miso: Pin::new(1, 2), csn: CSN };
 
 /// Values of PIN_CNF for an output, an input, and an input with a pull-up.
 pub(crate) const OUTPUT: u32 = 1 | 1 << 1;

@@ -117,10 +117,10 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
         let (mut miso, mut runs) = (vec![0; mosi.len()], vec![]);
         let mut done = 0;
         while done < mosi.len() {
-            let run = (mosi.len() - done).min(together.part.ssi_quiet());
+            let run = (mosi.len() - done).min(together.part.spis_quiet());
             let first = began + US * (done as u64 + 1);
             let (sent, got) = (&mosi[done..done + run], &mut miso[done..done + run]);
-            let driven = together.part.ssi_exchange(first, US << 16, SpiMode::Mode0, sent, got, &mut together.world);
+            let driven = together.part.spis_exchange(first, US << 16, SpiMode::Mode0, sent, got, &mut together.world);
             assert!(driven);
             done += run;
             runs.push(run);
@@ -183,7 +183,7 @@ fn a_controller_in_another_mode_exchanges_shifted_bits() {
         rig.run_for(US);
         for (byte, wanted) in [0x81, 0x03].into_iter().zip(back) {
             rig.run_for(US);
-            assert_eq!(rig.part.ssi_clock(rig.now, byte, mode, &mut rig.world), Some(wanted), "{mode:?}");
+            assert_eq!(rig.part.spis_clock(rig.now, byte, mode, &mut rig.world), Some(wanted), "{mode:?}");
         }
         assert_eq!(rig.memory(RX, 2), received, "{mode:?}");
         assert_eq!(rig.findings(FindingKind::Misuse).len(), usize::from(mode != SpiMode::Mode0));

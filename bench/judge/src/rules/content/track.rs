@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use gnss_sim::ubx::WEEK_MS;
 
-use super::ubx::{Kind, Motion, STALE, Said};
+use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
 /// The number of steps of a receiver's time of week that determine its period, which lies between the shortest and the
@@ -59,7 +59,7 @@ impl Pace {
 /// A message that may be the last one that HORUS has taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Candidate {
-    said: Said,
+    said: MessageContent,
     time_of_week: u32,
     /// The two instants between which the message became new, ns. A message that repeats a time of week is as old as
     /// the first message with that time.
@@ -154,7 +154,7 @@ impl Track {
     }
 
     /// Records a message that HORUS has certainly taken, since it arrived long enough ago.
-    pub(super) fn taken(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+    pub(super) fn taken(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         let born = self.born(time_of_week, (arrived, arrived));
         self.candidates.clear();
         self.candidates.push(Candidate { said, time_of_week, born, arrived: (arrived, arrived) });
@@ -163,18 +163,18 @@ impl Track {
     }
 
     /// Records a message that HORUS may have taken, and otherwise will not take any more.
-    pub(super) fn doubted(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+    pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
     /// Records a message that HORUS may have taken by now. It does not count for the period until it is certain whether
     /// HORUS took it.
-    pub(super) fn arriving(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+    pub(super) fn arriving(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
 
-    fn possible(&mut self, time_of_week: u32, said: Said, arrived: (u64, u64)) {
+    fn possible(&mut self, time_of_week: u32, said: MessageContent, arrived: (u64, u64)) {
         let born = self.born(time_of_week, arrived);
         let same = |candidate: &&mut Candidate| candidate.said == said && candidate.time_of_week == time_of_week;
         if let Some(same) = self.candidates.iter_mut().find(same) {
@@ -246,8 +246,8 @@ impl Track {
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();
-        let mut allow = |said: &Said, current: bool, stale: bool| {
-            let nothing = Said::nothing(self.kind);
+        let mut allow = |said: &MessageContent, current: bool, stale: bool| {
+            let nothing = MessageContent::nothing(self.kind);
             let shown = if current { said } else { &nothing };
             let stale = if stale && self.kind == Kind::Position { STALE } else { 0 };
             let bits = stale | shown.status;
@@ -257,7 +257,7 @@ impl Track {
             agreement.raw |= said.raw == values;
         };
         if self.none {
-            allow(&Said::nothing(self.kind), false, true);
+            allow(&MessageContent::nothing(self.kind), false, true);
         }
         let (least, most) = self.pace.range();
         for candidate in &self.candidates {

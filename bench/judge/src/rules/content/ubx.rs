@@ -16,7 +16,7 @@ const LONGEST: usize = 256;
 
 /// The content of one kind of message: three numbers as their bits, and their effect on the status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Said {
+pub(super) struct MessageContent {
     /// The status bits while the message is young enough.
     pub(super) status: u16,
     /// The numbers while the message is young enough; NaN for a number that is not valid.
@@ -108,7 +108,7 @@ pub(super) struct Message {
     /// longer message.
     pub(super) sure: bool,
     /// The message's kind, its time of week (ms) and its content; `None` for a kind that HORUS does not read.
-    pub(super) said: Option<(Kind, u32, Said)>,
+    pub(super) said: Option<(Kind, u32, MessageContent)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -226,7 +226,7 @@ impl Claim {
 }
 
 /// Returns the content of a whole message, if HORUS reads its kind.
-fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
+fn said(message: &[u8]) -> Option<(Kind, u32, MessageContent)> {
     let (class, id) = (message[2], message[3]);
     let payload = &message[6..message.len() - 2];
     let unsigned = |at: usize| u32::from_le_bytes([payload[at], payload[at + 1], payload[at + 2], payload[at + 3]]);
@@ -253,7 +253,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };
             let status = u16::from(fix) | u16::from(valid) << 4;
-            Some((Kind::Position, unsigned(0), Said { status, values, raw, motion: valid.then_some(motion) }))
+            Some((Kind::Position, unsigned(0), MessageContent { status, values, raw, motion: valid.then_some(motion) }))
         }
         (CLASS_NAV, NavAtt::ID, NavAtt::PAYLOAD) => {
             // An accuracy of 0 means that the angle is not known.
@@ -262,20 +262,24 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
                 _ => (f64::from(signed(at)) * (PI / 180.0 / 1e5)) as f32,
             };
             let [roll, pitch, yaw] = [angle(8), angle(12), angle(16)];
-            Some((Kind::Attitude, unsigned(0), Said::of_f32([pitch, yaw, roll], Kind::Attitude)))
+            Some((Kind::Attitude, unsigned(0), MessageContent::of_f32([pitch, yaw, roll], Kind::Attitude)))
         }
         (CLASS_ESF, EsfIns::ID, EsfIns::PAYLOAD) => {
             let axis = |number: usize| match unsigned(0) >> (11 + number) & 1 {
                 0 => ABSENT_F32,
                 _ => (f64::from(signed(24 + 4 * number)) / 1e2) as f32,
             };
-            Some((Kind::Acceleration, unsigned(8), Said::of_f32([axis(0), axis(1), axis(2)], Kind::Acceleration)))
+            Some((
+                Kind::Acceleration,
+                unsigned(8),
+                MessageContent::of_f32([axis(0), axis(1), axis(2)], Kind::Acceleration),
+            ))
         }
         _ => None,
     }
 }
 
-impl Said {
+impl MessageContent {
     /// Returns the content of a message that states no number.
     pub(super) const fn nothing(kind: Kind) -> Self {
         let absent = [kind.absent(); 3];

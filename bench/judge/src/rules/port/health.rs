@@ -19,7 +19,7 @@ use crate::read::Reading;
 
 /// The state of the part of the rule that the [module](self) describes.
 #[derive(Clone, Debug)]
-pub(super) struct Health {
+pub(super) struct HealthFields {
     /// When the DPR last started, ns.
     since: u64,
     /// Whether the DPR may have stopped before its last start.
@@ -29,7 +29,7 @@ pub(super) struct Health {
     last: Option<PortValues>,
 }
 
-impl Health {
+impl HealthFields {
     /// Returns the state after the supply has come on at `at`, ns.
     pub(super) const fn powered(at: u64) -> Self {
         Self { since: at, stopped: false, slow: false, last: None }
@@ -125,12 +125,12 @@ mod tests {
         Reading::of(Layout::for_receivers(1).unwrap(), AT, AT, 0, LinkStatus::seal(&values).as_bytes())
     }
 
-    fn is_right(health: &mut Health, values: PortValues, at: u64) -> bool {
+    fn is_right(health: &mut HealthFields, values: PortValues, at: u64) -> bool {
         health.wrong(&values, &link(1_000), at, &Disturbances::default()).is_none()
     }
 
     fn once(values: PortValues) -> bool {
-        is_right(&mut Health::powered(0), values, AT)
+        is_right(&mut HealthFields::powered(0), values, AT)
     }
 
     #[test]
@@ -139,21 +139,22 @@ mod tests {
         for (timestamp, right) in [(1_000, true), (1_001, false), (earliest, true), (earliest - 1, false)] {
             assert_eq!(once(PortValues { timestamp, ..RIGHT }), right, "{timestamp}");
         }
-        let mut health = Health::powered(0);
+        let mut health = HealthFields::powered(0);
         assert!(is_right(&mut health, RIGHT, AT));
         assert!(!is_right(&mut health, PortValues { timestamp: 989, ..RIGHT }, AT));
     }
 
     #[test]
     fn passes_over_the_flash_are_as_many_as_there_was_time_for() {
-        let passes = |flash_passes, at| is_right(&mut Health::powered(0), PortValues { flash_passes, ..RIGHT }, at);
+        let passes =
+            |flash_passes, at| is_right(&mut HealthFields::powered(0), PortValues { flash_passes, ..RIGHT }, at);
         let (longest, shortest) = (bounds::FLASH_PASS_LONGEST, bounds::FLASH_PASS_SHORTEST);
         assert_eq!((passes(0, longest - 1), passes(0, longest), passes(1, longest)), (true, false, true));
         assert_eq!((passes(3, 3 * shortest), passes(3, 3 * shortest - 1)), (true, false));
-        let mut slow = Health::powered(0);
+        let mut slow = HealthFields::powered(0);
         slow.slowed();
         assert!(is_right(&mut slow, RIGHT, 9 * longest), "the flight controller took the time");
-        let mut health = Health::powered(0);
+        let mut health = HealthFields::powered(0);
         assert!(is_right(&mut health, PortValues { flash_passes: 2, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { flash_passes: 1, ..RIGHT }, AT));
     }
@@ -170,28 +171,28 @@ mod tests {
         hit.take(&Event { at: 5, what: injected(RECEIVE_BIT, 5) });
         for values in found {
             assert!(!once(values), "{values:?}");
-            let mut health = Health::powered(0);
+            let mut health = HealthFields::powered(0);
             let mut right = |values| health.wrong(&values, &link(1_000), AT, &hit).is_none();
             assert!(right(values) && right(values) && !right(RIGHT), "{values:?}");
         }
-        let right = |values| Health::powered(0).wrong(&values, &link(1_000), AT, &hit).is_none();
+        let right = |values| HealthFields::powered(0).wrong(&values, &link(1_000), AT, &hit).is_none();
         assert!(!right(PortValues { buffers_out_of_use: 1, ..RIGHT }), "bit 6 says otherwise");
         assert!(!right(PortValues { status: bits, ..RIGHT }));
     }
 
     #[test]
     fn a_safe_states_cause_appears_only_after_a_restart_and_stays() {
-        let stops = |mut health: Health, last_stop| is_right(&mut health, PortValues { last_stop, ..RIGHT }, AT);
+        let stops = |mut health: HealthFields, last_stop| is_right(&mut health, PortValues { last_stop, ..RIGHT }, AT);
         for (cause, right) in [(0, true), (1, true), (14, true), (15, false), (255, false)] {
-            assert_eq!(stops(Health::again(0), cause << 24), right, "{cause}");
-            assert_eq!(stops(Health::powered(0), cause << 24), cause == 0, "{cause}");
+            assert_eq!(stops(HealthFields::again(0), cause << 24), right, "{cause}");
+            assert_eq!(stops(HealthFields::powered(0), cause << 24), cause == 0, "{cause}");
         }
-        assert!(!stops(Health::again(0), 7), "no cause");
-        let mut health = Health::again(0);
+        assert!(!stops(HealthFields::again(0), 7), "no cause");
+        let mut health = HealthFields::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
         // The object with which the DPR starts does not have the reason yet.
-        let mut health = Health::again(0);
+        let mut health = HealthFields::again(0);
         let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
         assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));
         assert!(right(PortValues { last_stop: 1 << 24, ..RIGHT }, 1_000));

@@ -29,7 +29,7 @@ use super::shown::publication;
 use crate::disturbance::Excuse;
 use crate::read::{Reading, is_vacant};
 use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, What, bounds};
-use health::Health;
+use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
 /// The number of rises of FRESH that are remembered. It is large because a transaction may be long.
@@ -60,7 +60,7 @@ struct Entry {
 
 /// The rule that the [module](self) describes, with its state.
 #[derive(Clone, Debug)]
-pub struct Port {
+pub struct PortRule {
     layout: Layout,
     publication: u64,
     /// The entries, the oldest first; empty if, and only if, the DPR's state is not known.
@@ -74,12 +74,12 @@ pub struct Port {
     /// The access violations in Link-Status and in Port-Status, and the last command's timestamp, from when no written
     /// object was pending; `None` once Port-Status was wrong, which is another violation.
     counted: Option<(u32, u32, u32)>,
-    health: Health,
+    health: HealthFields,
     /// Whether Port-Status has said that its last self-test failed.
     failed: bool,
 }
 
-impl Rule for Port {
+impl Rule for PortRule {
     fn new(header: &Header) -> Self {
         let mut port = Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
@@ -89,7 +89,7 @@ impl Rule for Port {
             written: 0,
             known: (PortValues::default(), 0),
             counted: None,
-            health: Health::powered(0),
+            health: HealthFields::powered(0),
             failed: false,
         };
         port.start(0, true);
@@ -99,7 +99,7 @@ impl Rule for Port {
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
-                self.health = Health::again(event.at);
+                self.health = HealthFields::again(event.at);
                 self.start(event.at, !context.disturbances().excuse(Excuse::Service, event.at));
             }
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Service) => {
@@ -122,7 +122,7 @@ impl Rule for Port {
     }
 }
 
-impl Port {
+impl PortRule {
     /// Starts anew, because the DPR starts without having received anything. `known` says whether it is known what it
     /// will receive.
     fn start(&mut self, at: u64, known: bool) {

@@ -64,7 +64,7 @@ fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
 }
 
 fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
-    let found = crate::testing::found(Port::new(&log.header), log).0;
+    let found = crate::testing::found(PortRule::new(&log.header), log).0;
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 

@@ -80,7 +80,7 @@ struct Due {
 
 /// The object that the last reading showed in a place.
 #[derive(Clone, Debug)]
-struct Known {
+struct LastShown {
     bytes: Vec<u8>,
     /// From when on the object has expired, ns.
     expired: u64,
@@ -102,7 +102,7 @@ pub struct Shown {
     recovery: Recovery,
     deliveries: VecDeque<Delivery>,
     due: VecDeque<Due>,
-    known: Vec<Option<Known>>,
+    known: Vec<Option<LastShown>>,
     /// For each object, the serial number of the latest frame from which it was shown.
     youngest: Vec<u64>,
     stale: Option<Stale>,
@@ -313,7 +313,7 @@ impl Shown {
         let Some(expired) = self.expires(placed, selected) else {
             return Fate::Wrong(Violation::ShownOutOfSequence, serial, what());
         };
-        self.known[index] = Some(Known { bytes: placed.bytes.clone(), expired });
+        self.known[index] = Some(LastShown { bytes: placed.bytes.clone(), expired });
         if selected > expired {
             return Fate::Wrong(Violation::ShownExpired, serial, what());
         }

@@ -6,7 +6,7 @@ const ROUNDING: u64 = 40;
 
 /// Bytes of a receiver that the part read, back to back.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Given {
+pub struct ReadBytes {
     /// The receiver's index, from 0.
     pub receiver: usize,
     /// The instant at which the first byte began, ns.
@@ -64,14 +64,21 @@ impl Crossings {
     }
 
     /// Takes the traffic of the transactions that are over.
-    pub(super) fn take(&mut self, receiver: usize) -> Vec<Given> {
-        let mut given: Vec<Given> = vec![];
+    pub(super) fn take(&mut self, receiver: usize) -> Vec<ReadBytes> {
+        let mut given: Vec<ReadBytes> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {
             let first = given.len();
             for (from, to, byte, since) in bytes {
                 match given[first..].last_mut() {
                     Some(run) if run.since == since && run.continues(from, to) => run.bytes.push(byte),
-                    _ => given.push(Given { receiver, at: from, byte_ns: to - from, bytes: vec![byte], clean, since }),
+                    _ => given.push(ReadBytes {
+                        receiver,
+                        at: from,
+                        byte_ns: to - from,
+                        bytes: vec![byte],
+                        clean,
+                        since,
+                    }),
                 }
             }
         }
@@ -79,7 +86,7 @@ impl Crossings {
     }
 }
 
-impl Given {
+impl ReadBytes {
     /// Whether a byte from `from` to `to` (ns) follows without a gap and takes as long as the others.
     fn continues(&self, from: u64, to: u64) -> bool {
         let nth = |number: usize| self.at + number as u64 * self.byte_ns;
