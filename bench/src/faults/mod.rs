@@ -26,9 +26,12 @@
 //!
 //! # Where to add a fault
 //!
-//! A variant of [`Fault`] in one of the files above, its effect where it acts, what it disturbs ([`Fault::disturbs`]),
-//! which says what the judge excuses ([`bench_judge::disturbance`]), and a line in [`plan`] so that `--faults` can draw
-//! it.
+//! Most faults are a variant of the enumeration of their kind in one of the files above (`ReceiverFault`, `PowerFault`
+//! and so on), with its effect there and a line in [`plan`], so that `--faults` can draw it. A fault of a new kind is a
+//! variant of [`Fault`] with its name, its side of the link ([`Fault::is_upstream`]) and what it disturbs
+//! ([`Fault::disturbs`]), from which the judge knows what it excuses ([`bench_judge::disturbance`]). Episodes are
+//! applied in `sim/upstream.rs`, `sim/downstream.rs` and `sim/board_events.rs`. The panel of `cargo xtask live` offers
+//! what `xtask/src/live/panel.rs` lists.
 
 pub mod base;
 pub mod buffer;
