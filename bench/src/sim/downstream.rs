@@ -314,7 +314,7 @@ impl Link {
             };
             self.recorder.note(frame.ended_ns, what);
         }
-        for frame in self.air.take_sent() {
+        for frame in self.air.take_heard() {
             let what = What::Heard { started: frame.started_ns, bytes: Bytes(frame.bytes), whole: frame.whole };
             self.recorder.note(frame.ended_ns, what);
             if self.wires.answers() {
