@@ -1,6 +1,6 @@
 //! Tests the page with hostile readers and requests, over real sockets.
 
-mod common;
+use crate::common;
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};

@@ -1,7 +1,7 @@
 //! Tests an hour with a hostile neighbour: three true drones, and beside them messages that are forged, replayed,
 //! reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a seed.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Tests `horus-base record` in a separate process, which is killed, and on a full disk.
 
-mod common;
+use crate::common;
 
 use std::io::{BufRead, BufReader, Read};
 use std::net::{SocketAddr, UdpSocket};

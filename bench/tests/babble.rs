@@ -1,7 +1,7 @@
 //! A peripheral that sends too much, or nonsense: receivers to HORUS, the flight controller to the DPR. Neither may
 //! delay the cycle, cost a frame or disturb anything else.
 
-mod boards;
+use crate::boards;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::{Conduct, Episode, Fault, Faults, Timeline, Turn, Wires};

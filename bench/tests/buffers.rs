@@ -1,7 +1,7 @@
 //! Bits of the DPR's receive and image buffers that flip or are stuck: nothing wrong is shown as valid, and a scrub
 //! finds and reports a stuck bit.
 
-mod boards;
+use crate::boards;
 
 use std::fs::{self, File};
 use std::io::BufReader;

@@ -1,8 +1,7 @@
 //! HORUS's release image without its external clock: absent from the start, as on a NUCLEO whose ST-LINK has no power,
 //! or failing while it runs.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::Horus;
 use boards::{RAM_TEST, counter};

@@ -1,8 +1,7 @@
 //! Tests what the DPR's release image reports of itself and tolerates from its surroundings: the reason of its last
 //! reset, an undriven line, transactions that are too long, the debug port.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::Dpr;
 use bench::faults::ImageFault;

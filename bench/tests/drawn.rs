@@ -1,6 +1,6 @@
 //! Faults drawn from seeds, as `cargo xtask sim --faults` draws them: the link has no violation through any of them.
 
-mod boards;
+use crate::boards;
 
 use bench::faults::{Faults, Kind};
 use bench::sim::{Images, Setup, run};

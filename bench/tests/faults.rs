@@ -4,8 +4,7 @@
 //! Each image must enter its safe state by itself, be restarted by its watchdog, and work again once the damage is
 //! mended.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::Upset;

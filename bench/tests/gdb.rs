@@ -1,6 +1,6 @@
 //! Tests gdb at a board of the running link: what it reads, where it halts, and that the run stays unchanged.
 
-mod boards;
+use crate::boards;
 
 use std::fmt::Write as _;
 use std::fs::File;

@@ -3,12 +3,7 @@
 //! The judge's rules for hangs have their own tests. The table of violations checks that a watchdog which never started
 //! and an expiry that is disabled are found.
 
-mod boards;
-#[path = "../../emulator/node/tests/player/mod.rs"]
-mod player;
-mod reader;
-#[path = "../../emulator/node/tests/thumb/mod.rs"]
-mod thumb;
+use crate::{boards, player, reader, thumb};
 
 use bench::boards::Powered;
 use bench::faults::plan::WATCHDOG_STARTS;

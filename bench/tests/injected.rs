@@ -1,7 +1,7 @@
 //! Tests the effect of injected faults on the release images: each fault takes effect, and the board works again when
 //! it is over. The judge checks the boards' duties to the flight controller meanwhile.
 
-mod boards;
+use crate::boards;
 
 use bench::boards::Powered;
 use bench::boards::{Dpr, Horus};

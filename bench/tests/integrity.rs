@@ -4,8 +4,7 @@
 //! controller, at its antenna or in its log, and compares the time with the limits of the firmwares' modules
 //! `integrity`.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::Upset;

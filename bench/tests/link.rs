@@ -4,8 +4,7 @@
 //! `cargo xtask test` builds the images and gives their folder in `LINK_IMAGES`; without it no test is run, and each
 //! fails where `CI` is set. One run is a few hundred virtual milliseconds, and a function of its setup.
 
-mod boards;
-mod waves;
+use crate::{boards, waves};
 
 use std::path::PathBuf;
 

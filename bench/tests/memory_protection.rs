@@ -4,8 +4,7 @@
 //! its safe state at once, its watchdog must restart it, and the start after that must report the cause of the stop: in
 //! the log, and in the telemetry as the code of `firmware_common::last_stop`.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::image::ImageFault;

@@ -5,7 +5,7 @@
 //! and with 96 bytes that begin there after a long silence. The crystals of the boards are 200 ppm off, in opposite
 //! directions; the phases do not depend on them.
 
-mod boards;
+use crate::boards;
 
 use bench::sim::phases::{Edge, Phase, Placement, Sweep};
 use bench::sim::{Crystals, Images, Setup, run};

@@ -1,8 +1,7 @@
 //! Tests a flight controller's writes against the DPR's release image: uplinks and commands are read back, and
 //! forbidden writes are counted by kind.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::Dpr;
 use bench::world::ssi::Order;

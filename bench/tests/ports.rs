@@ -2,7 +2,7 @@
 //! accepted, and the time from each sample to its announcement differ by less than 1 % from those with a flight
 //! controller that keeps to the rules. The SSI's tasks delay a frame's image once, and in the call that publishes it.
 
-mod boards;
+use crate::boards;
 
 use bench::faults::{Conduct, Fault, Faults};
 use bench::sim::{Bench, Images, Setup, telemetry};

@@ -1,7 +1,7 @@
 //! Tests receivers on a UART, on I2C and on SPI against the release image: their values are shown to the last bit, and
 //! a fault of one interface costs neither a cycle nor another receiver, and is over soon after its end.
 
-mod boards;
+use crate::boards;
 
 use std::sync::Arc;
 
@@ -353,7 +353,7 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
 /// The test above with a thousand failures.
 #[test]
 #[ignore = "takes two minutes: cargo xtask build && \
-            LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test receivers -- --ignored --nocapture"]
+            LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test all receivers:: -- --ignored --nocapture"]
 fn a_thousand_failures_of_buses() {
     let mut table = [Table::default(); BusFault::ALL.len()];
     let mut worst: f64 = 0.0;

@@ -2,7 +2,7 @@
 //! the link works again within 5 cycles, or within 15 where a front end has to be brought up again. The judge checks
 //! both.
 
-mod boards;
+use crate::boards;
 
 use bench::faults::{AirFaults, Board, ChipFault, Conduct, Fault, Faults, PowerFault};
 use bench::sim::{Images, Outcome, Setup, run};

@@ -1,10 +1,7 @@
 //! Tests the runner of `cargo xtask run`: any file, alone on one board, is refused or ends within the limit, with a
 //! clear message; and a firmware's log is shown in any format.
 
-mod boards;
-mod elf;
-#[path = "../../emulator/node/tests/thumb/mod.rs"]
-mod thumb;
+use crate::{boards, elf, thumb};
 
 use elf::{EM_ARM, ET_EXEC, elf};
 use emulator_node::{

@@ -4,8 +4,7 @@
 //! The test's own frames are intact in every bit: length, CRC-16, identifiers, CRCs. Only their timestamps and instants
 //! may be wrong.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::boards::Dpr;
 use boards::{RAM_TEST, counter};

@@ -1,7 +1,7 @@
 //! Tests that a bench is plain data: a copy that runs on does exactly, byte for byte, what the original does, on one
 //! thread and on two.
 
-mod boards;
+use crate::boards;
 
 use bench::faults::{AirFaults, Faults};
 use bench::sim::{Bench, Images, Setup};

@@ -11,10 +11,10 @@
 //! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
 //!
-//! The processor is examined after each of its cycles. `cargo test -p bench --test sums -- --nocapture` prints the
-//! tables of docs/timing.md#sums.
+//! The processor is examined after each of its cycles. `cargo test -p bench --test all sums:: -- --nocapture` prints
+//! the tables of docs/timing.md#sums.
 
-mod boards;
+use crate::boards;
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;

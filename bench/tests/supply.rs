@@ -1,10 +1,9 @@
 //! Tests sagging supplies: the boards react correctly, and no object that HORUS never computed is shown as valid.
 //!
-//! `SUPPLY_SHAPES=1000 cargo test -p bench --test supply -- --nocapture shapes` tries that number of drawn shapes and
+//! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries that number of drawn shapes and
 //! prints it.
 
-mod boards;
-mod reader;
+use crate::{boards, reader};
 
 use bench::faults::{Board, Fault, Faults, PowerFault, Rng, power};
 use bench::sim::{Images, Setup, run};

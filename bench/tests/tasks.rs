@@ -1,12 +1,7 @@
 //! Tests when which task runs: what a node records of its core's exceptions and sleep, and what a trace derives from
 //! it.
 
-mod boards;
-mod elf;
-#[path = "../../emulator/node/tests/player/mod.rs"]
-mod player;
-#[path = "../../emulator/node/tests/thumb/mod.rs"]
-mod thumb;
+use crate::{boards, elf, player, thumb};
 
 use std::collections::BTreeMap;
 

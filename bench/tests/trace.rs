@@ -1,6 +1,6 @@
 //! Tests traces in both formats, written from a few events and read back.
 
-mod waves;
+use crate::waves;
 
 use std::path::PathBuf;
 

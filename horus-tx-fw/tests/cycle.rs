@@ -1,6 +1,6 @@
 //! How a tick turns what the receivers said into objects.
 
-mod ubx;
+use crate::ubx;
 
 use horus_tx_fw::{
     clock::Source,

@@ -1,6 +1,6 @@
 //! How a receiver's bytes become its solution.
 
-mod ubx;
+use crate::ubx;
 
 use std::{fs, path::Path};
 

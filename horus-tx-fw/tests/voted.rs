@@ -509,10 +509,11 @@ fn a_jump_of_all_receivers_is_held_back_for_a_second() {
     }
 }
 
-/// Runs the same failures ten thousand times and prints the table: `cargo test -p horus-tx-fw --test voted -- --ignored
+/// Runs the same failures ten thousand times and prints the table: `cargo test -p horus-tx-fw --test all voted:: --
+/// --ignored
 /// --nocapture`.
 #[test]
-#[ignore = "takes four minutes: cargo test -p horus-tx-fw --test voted -- --ignored --nocapture"]
+#[ignore = "takes four minutes: cargo test -p horus-tx-fw --test all voted:: -- --ignored --nocapture"]
 fn ten_thousand_failures() {
     one_of_three(10_000);
     two_of_three(3_000);

@@ -26,45 +26,72 @@ pub(crate) struct TestArgs {
     /// Run the on-target suites only, and no host test.
     #[arg(long)]
     on_target: bool,
-    /// Run one package's tests, or those of each test binary of this name, and of these only those with TEST in their
-    /// name.
+    /// Run one package's tests, or those of each test binary or file of tests of this name, and of these only those
+    /// with TEST in their name.
     #[arg(long, num_args = 1..=2, value_names = ["NAME", "TEST"], conflicts_with_all = ["board", "on_target", "clock"])]
     only: Vec<String>,
     #[command(flatten)]
     probe: ProbeArgs,
 }
 
-/// The arguments of `cargo test` for the package called `name`, or for the test binaries called so.
-fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<String>> {
-    let packages: Vec<_> = metadata["packages"].as_array().into_iter().flatten().collect();
-    let called = |value: &serde_json::Value| value["name"] == name;
-    let is_test = |target: &serde_json::Value| target["kind"][0] == "test" && called(target);
-    let has_test = |package: &&&serde_json::Value| package["targets"].as_array().into_iter().flatten().any(is_test);
-    let package = packages.iter().find(|package| called(package));
-    let of_tests: Vec<_> = packages.iter().filter(has_test).collect();
-    ensure!(package.is_some() || !of_tests.is_empty(), "no package and no test binary is called {name}");
-    let chosen: Vec<_> = package.map_or(of_tests, |package| vec![package]);
-    let names = chosen.iter().filter_map(|package| package["name"].as_str());
-    let mut args: Vec<String> = names.flat_map(|name| ["--package", name]).map(str::to_owned).collect();
-    if package.is_none() {
-        args.extend(["--test".into(), name.to_owned()]);
+/// The packages that have tests called `name`, and for each the arguments of `cargo test` before `--` and the module
+/// that its tests are in: the package itself, a test binary, or a file of one that holds a module for each.
+fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
+    let mut found = vec![];
+    for package in metadata["packages"].as_array().into_iter().flatten() {
+        let Some(of_package) = package["name"].as_str() else { continue };
+        let mut args = vec!["--package".to_owned(), of_package.to_owned()];
+        // A test of xtask may need what only these features include.
+        if of_package == "xtask" {
+            args.extend(["--features".into(), "live,probe".into()]);
+        }
+        if of_package == name {
+            return Ok(vec![(args, None)]);
+        }
+        for target in package["targets"].as_array().into_iter().flatten().filter(|target| target["kind"][0] == "test") {
+            let (Some(binary), Some(source)) = (target["name"].as_str(), target["src_path"].as_str()) else { continue };
+            let folder = Path::new(source).with_file_name("");
+            let is_module = source.ends_with("tests/main.rs")
+                && (folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("mod.rs").is_file());
+            if binary == name || is_module {
+                let args = args.iter().cloned().chain(["--test".into(), binary.to_owned()]).collect();
+                found.push((args, is_module.then(|| format!("{name}::"))));
+            }
+        }
     }
-    // A test of xtask may need what only these features include.
-    if args.iter().any(|arg| arg == "xtask") {
-        args.extend(["--features".into(), "live,probe".into()]);
-    }
-    Ok(args)
+    ensure!(!found.is_empty(), "no package, no test binary and no file of tests is called {name}");
+    Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images.
+/// Runs the tests that [`selected`] selects, with both images; of these only those with `test` in their name.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
-    let args = selected(&metadata()?, name)?;
+    let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
         firmware::build_pair(gps)?;
     }
-    let mut command = cargo();
-    command.args(["test", "--quiet"]).args(args).arg("--").args(test).env("LINK_IMAGES", firmware::folder());
-    check("cargo test", &mut command)?;
+    for (args, module) in selected {
+        let cargo_test = || {
+            let mut command = cargo();
+            command.args(["test", "--quiet"]).args(&args).arg("--").env("LINK_IMAGES", firmware::folder());
+            command
+        };
+        let mut command = cargo_test();
+        match (&module, test) {
+            // The runner's filter is one text, so that a module and a part of a name have to be selected by hand.
+            (Some(module), Some(test)) => {
+                let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
+                let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+                let names = listed.lines().filter_map(|line| line.strip_suffix(": test"));
+                let names: Vec<&str> = names.filter(|name| name.starts_with(module) && name.contains(test)).collect();
+                ensure!(!names.is_empty(), "no test of {name} has {test} in its name");
+                command.arg("--exact").args(names);
+            }
+            _ => {
+                command.args(module).args(test);
+            }
+        }
+        check("cargo test", &mut command)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -181,15 +208,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_selects_its_package_or_each_test_binary_of_that_name() {
+    fn a_name_selects_a_package_or_a_binary_or_a_file_of_tests() {
         let metadata = metadata().unwrap();
-        let args = |name| selected(&metadata, name).unwrap().join(" ");
-        assert_eq!(args("profile"), "--package profile");
-        assert_eq!(args("phases"), "--package bench --test phases");
-        let hang = args("hang");
-        assert!(hang.contains("--package bench ") && hang.contains("--package bench-judge "), "{hang}");
-        assert_eq!(args("xtask"), "--package xtask --features live,probe");
+        let args = |name| {
+            let selected = selected(&metadata, name).unwrap();
+            let texts =
+                selected.into_iter().map(|(args, module)| format!("{} {}", args.join(" "), module.unwrap_or_default()));
+            texts.collect::<Vec<_>>()
+        };
+        assert_eq!(args("profile"), ["--package profile "]);
+        assert_eq!(args("broker"), ["--package base-station --test broker "]);
+        assert_eq!(args("phases"), ["--package bench --test all phases::"]);
+        assert_eq!(args("violations"), ["--package bench --test all violations::"]);
+        let mut hang = args("hang");
+        hang.sort();
+        assert_eq!(hang, ["--package bench --test all hang::", "--package bench-judge --test all hang::"]);
+        assert_eq!(args("xtask"), ["--package xtask --features live,probe "]);
         let error = selected(&metadata, "nothing").unwrap_err().to_string();
-        assert_eq!(error, "no package and no test binary is called nothing");
+        assert_eq!(error, "no package, no test binary and no file of tests is called nothing");
     }
 }

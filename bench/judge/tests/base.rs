@@ -1,6 +1,6 @@
 //! Tests what the base station shows and what was forwarded, on logs that are each changed in one way.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Log, Violation, Violation::*, What, bounds};
 use common::*;

@@ -1,6 +1,6 @@
 //! Tests what FRESH announces and what is read, on logs that are each changed in one way.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Log, Violation::*, What, bounds};
 use common::*;

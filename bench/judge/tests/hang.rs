@@ -1,7 +1,7 @@
 //! Tests that a DPR that hangs owes the SSI nothing until it restarts, and that what is read from it still has to be
 //! right.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Board, Disturbance, Event, Log, SsiEvent, Violation, Violation::*, What, bounds};
 use common::*;

@@ -1,6 +1,6 @@
 //! Tests what is read, byte for byte, on logs that are each changed in one way.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Log, Violation::*, What};
 use common::*;

@@ -1,6 +1,6 @@
 //! Tests what a rule excuses, and does not excuse, of the disturbances that the bench makes on purpose.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Board, Context, Disturbance, Event, Header, Log, Violation, What, bounds, judge};
 use common::{DPR_FRONT_END, HORUS_FRONT_END, MISUSE, Plan, injected, insert, judged, sort, transactions};

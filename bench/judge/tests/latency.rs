@@ -1,6 +1,6 @@
 //! Tests how soon a cycle is readable, on logs that are each changed in one way.
 
-mod common;
+use crate::common;
 
 use bench_judge::{Violation::*, What, bounds};
 use common::*;

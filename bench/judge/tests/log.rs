@@ -1,6 +1,6 @@
 //! Tests the log in memory, as a file, and as it is judged.
 
-mod common;
+use crate::common;
 
 use bench_judge::{
     Board, Bytes, Cause, Disturbance, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge,

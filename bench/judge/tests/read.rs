@@ -1,6 +1,6 @@
 //! Tests the meaning of the bytes on the wires.
 
-mod common;
+use crate::common;
 
 use bench_judge::read::{Frame, Reading, State, Values, Window, is_vacant};
 use common::*;

@@ -1,6 +1,6 @@
 //! Tests whether the flight controller reads and whether the DPR serves it, on logs that are each changed in one way.
 
-mod common;
+use crate::common;
 
 use bench_judge::disturbance::{Conduct, Wire};
 use bench_judge::{Board, Disturbance, Event, Max, Quantiles, SsiEvent, Violation::*, What, bounds};

@@ -1,5 +1,4 @@
 //! The two boards with the release images, which `cargo xtask test` builds before it runs these tests.
-#![allow(dead_code, reason = "each test file uses what it needs")]
 
 use std::path::PathBuf;
 

@@ -1,6 +1,5 @@
 //! A simple reader of a DPR board and a sender of frames, for tests that need neither the simulated flight controller
 //! nor HORUS.
-#![allow(dead_code, reason = "each test file uses what it needs")]
 
 use bench::boards::{Dpr, Horus};
 use bench::world::ssi::{Crystal, Filler, Order, Progress, SsiMaster, Start};

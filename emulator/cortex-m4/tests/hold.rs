@@ -1,6 +1,6 @@
 //! Tests of what a debugger needs of the core: watchpoints and single steps, neither of which changes what a run does.
 
-mod common;
+use crate::common;
 
 use common::{Board, CODE, CONFIG, RAM, Rig};
 use cortex_m4::{Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Watched, Watchpoint};

@@ -1,6 +1,6 @@
 //! Tests of interrupts between and within instructions: interrupted code computes the same results.
 
-mod common;
+use crate::common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM};
 use cortex_m4::{Access, Bound, Bus, BusError, Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Signals};

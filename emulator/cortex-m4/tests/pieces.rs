@@ -1,6 +1,6 @@
 //! Tests that compare code executed in bursts with the same code executed instruction by instruction.
 
-mod common;
+use crate::common;
 
 use common::{RAM, Rig};
 use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};

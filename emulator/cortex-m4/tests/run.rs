@@ -1,6 +1,6 @@
 //! Tests of the run loop: time, stops, breakpoints, code that changes, sleep, wait states.
 
-mod common;
+use crate::common;
 
 use common::{CODE, DEVICE, RAM, Rig};
 use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};

@@ -1,7 +1,7 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
 //! device, whose log has the cycle at which that instruction began. The record must have the same cycle.
 
-mod common;
+use crate::common;
 
 use common::{Board, CODE, CONFIG, DEVICE, RAM, Rig};
 use cortex_m4::{Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register};

@@ -2,7 +2,7 @@
 //! nRF52840's SPIS receives it by EasyDMA. Each core is interrupted at the end: the sender by its DMA stream, and the
 //! receiver by END. The receiver then answers on a pin, which interrupts the sender by EXTI.
 
-mod thumb;
+use crate::thumb;
 
 use emulator_node::{Between, Board, Lookahead, Node, Pair, Sent};
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};

@@ -1,8 +1,7 @@
 //! Tests of nodes with firmware that is written in the test itself, in a few instructions, so that the expected
 //! behaviour is easy to see.
 
-mod player;
-mod thumb;
+use crate::{player, thumb};
 
 use cortex_m4::Fast;
 use emulator_node::{Bare, Between, Board, FindingKind, FromOutside, Limits, Lookahead, Node, Pair, Sent, run};

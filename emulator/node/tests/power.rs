@@ -1,7 +1,6 @@
 //! Tests of a part without its supply: what the board, the clock and the firmware show of it.
 
-mod player;
-mod thumb;
+use crate::{player, thumb};
 
 use emulator_node::{Bare, Board, FromOutside, Node, ResetAt};
 use emulator_part::{Pad, Reset};

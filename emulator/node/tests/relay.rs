@@ -1,7 +1,6 @@
 //! Tests of two boards of which one only sends: the relay on two threads against the same boards in lock-step on one.
 
-mod player;
-mod thumb;
+use crate::{player, thumb};
 
 use std::collections::VecDeque;
 

@@ -1,7 +1,7 @@
 //! Tests of firmware that writes the code that it executes, in flash and in RAM, as a boot loader does. The core must
 //! execute what was written last, and a busy flash must stall a core that executes from it.
 
-mod thumb;
+use crate::thumb;
 
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use emulator_node::{Bare, Node};

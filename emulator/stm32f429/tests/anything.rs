@@ -1,6 +1,6 @@
 //! A test that the part survives whatever software writes: it does not panic, and no event stays due for ever.
 
-mod rig;
+use crate::rig;
 
 use cortex_m4::Width;
 use emulator_part::{Part, Pin, Reset, UartFrame};

@@ -1,6 +1,6 @@
 //! Tests of the part by register accesses that a board's firmware makes, without a core.
 
-mod rig;
+use crate::rig;
 
 use cortex_m4::{BusError, Signals, Width};
 use emulator_part::{FindingKind, Pad, Part, Pin, Reset, SpiMode, UartFrame};

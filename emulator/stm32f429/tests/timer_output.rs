@@ -1,7 +1,7 @@
 //! Tests of a timer's channel on a pin: TIM2_CH3 in PWM mode 1 on PB10 (AF1), with the 72 MHz that the firmware's cycle
 //! timer has (RM0090 18.3.9). The part reports every edge at its own cycle, even when nobody calls the part for 35 ms.
 
-mod rig;
+use crate::rig;
 
 use emulator_part::{Cycle, Pad, Part, Pin};
 use rig::*;

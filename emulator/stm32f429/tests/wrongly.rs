@@ -1,6 +1,6 @@
 //! Tests that what is set up wrongly does not work, and that a finding says so where the real part would be silent.
 
-mod rig;
+use crate::rig;
 
 use cortex_m4::{BusError, Width};
 use emulator_part::{FindingKind, Pad, Part, Pin, Reset, UartFrame};

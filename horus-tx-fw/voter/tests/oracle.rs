@@ -1,6 +1,6 @@
 //! The voter is compared with decision 15 written a second time.
 
-mod support;
+use crate::support;
 
 use horus_voter::{Input, Stated, Verdict, Voter, WEEK_MS};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Each rule of decision 15 is tested by itself, to the last unit of its limits.
 
-mod support;
+use crate::support;
 
 use core::f32::consts::{PI, TAU};
 

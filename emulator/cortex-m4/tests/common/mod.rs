@@ -1,5 +1,5 @@
 //! A test part that is nothing but memory: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
-#![allow(dead_code, reason = "each test program uses a part of it")]
+#![allow(dead_code, reason = "each program uses a part of it")]
 
 use std::collections::BTreeSet;
 

@@ -1,6 +1,6 @@
 //! Tests of branches and IT blocks.
 
-use crate::{Case, check};
+use super::{Case, check};
 
 #[test]
 fn branches_go_where_they_say() {

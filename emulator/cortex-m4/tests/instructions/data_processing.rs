@@ -1,6 +1,6 @@
 //! Tests of shifts, sums, immediates, moves and bit fields with their flags.
 
-use crate::{Case, check};
+use super::{Case, check};
 
 #[test]
 fn shifts_give_their_carry() {

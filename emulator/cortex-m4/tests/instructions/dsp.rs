@@ -1,6 +1,6 @@
 //! Tests of saturation, extension and packing, and parallel sums.
 
-use crate::{Case, check};
+use super::{Case, check};
 
 #[test]
 fn saturation_clamps() {

@@ -1,7 +1,7 @@
 //! Tests of loads, stores, exclusive accesses and bit-banding.
 
+use super::{Case, check};
 use crate::common::{RAM, Rig};
-use crate::{Case, check};
 
 #[test]
 fn loads_extend_and_write_their_base_back() {

@@ -1,6 +1,6 @@
 //! Tests of multiplication and division.
 
-use crate::{Case, check};
+use super::{Case, check};
 
 #[test]
 fn products_are_accumulated() {

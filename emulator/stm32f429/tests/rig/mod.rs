@@ -1,5 +1,5 @@
 //! A test rig with the whole part: register accesses as firmware makes them, without a core.
-#![allow(dead_code, missing_docs, unreachable_pub, reason = "each test uses some of it")]
+#![allow(missing_docs, unreachable_pub, reason = "it is a part of the tests")]
 
 use cortex_m4::{Access, BusError, Purpose, Width};
 use emulator_part::{Cycle, FindingKind, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, UartFrame};

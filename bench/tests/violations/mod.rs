@@ -4,8 +4,7 @@
 //!
 //! Each row's event log is judged twice, and once more after it was stored and read again: the verdict is the same.
 
-#[path = "../boards/mod.rs"]
-mod boards;
+use crate::boards;
 
 mod base;
 mod evidence;

@@ -12,8 +12,7 @@
 //! and after. RAM holds 0x80, 0x81 and so on from 0x2000_0100 on. The code is at 0x100.
 
 mod branches;
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod data_processing;
 mod dsp;
 mod memory;

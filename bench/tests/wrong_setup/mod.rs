@@ -4,12 +4,10 @@
 //! air, on the SSI, in the log, in the telemetry, or a restart. The original image must not show it. A row also states
 //! what the models must report; where silicon would be silent, so must they be.
 
-#[path = "../boards/mod.rs"]
-mod boards;
+use crate::boards;
 mod dpr;
 mod horus;
-#[path = "../reader/mod.rs"]
-mod reader;
+use crate::reader;
 
 use std::fmt::Debug;
 use std::sync::OnceLock;

@@ -2,8 +2,7 @@
 //! xtask fuzz` continues from there.
 
 mod bodies;
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,37 @@
+//! The tests of the link in one binary: each file is a module of it, so that the emulator is compiled once for all.
+
+mod babble;
+mod boards;
+mod buffers;
+mod clock;
+mod debug_port;
+mod dpr;
+mod drawn;
+mod elf;
+mod faults;
+mod gdb;
+mod hang;
+mod injected;
+mod integrity;
+mod link;
+mod memory_protection;
+mod phases;
+#[path = "../../emulator/node/tests/player/mod.rs"]
+mod player;
+mod port;
+mod ports;
+mod reader;
+mod receivers;
+mod recovery;
+mod runner;
+mod sequence;
+mod snapshot;
+mod sums;
+mod supply;
+mod tasks;
+#[path = "../../emulator/node/tests/thumb/mod.rs"]
+mod thumb;
+mod trace;
+mod violations;
+mod waves;
+mod wrong_setup;

@@ -1,0 +1,11 @@
+//! The tests of the core in one binary: each file is a module of it.
+
+mod common;
+mod decode_oracle;
+mod execute_oracle;
+mod hold;
+mod instructions;
+mod interrupted;
+mod pieces;
+mod run;
+mod watch;
