@@ -21,7 +21,8 @@ impl Header {
     /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Returns whether the run's clock charges the longest time that the cores may take on silicon.
+    /// Returns whether the run's clock charges the longest time that the cores may take on silicon, which is the
+    /// pessimistic clock.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"
@@ -98,15 +99,16 @@ impl<'de> Deserialize<'de> for Bytes {
     }
 }
 
-/// An observation of the buffers of the DPR's SPI peripheral, which decide what a transaction gets.
+/// A change in the buffers of the DPR's SPI peripheral, which determine what a transaction reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SsiEvent {
-    /// The processor has taken the buffers, so a transaction that begins now reads 0xFF throughout.
+    /// The processor has taken the buffers of the SPI peripheral, so a transaction that begins now reads 0xFF
+    /// throughout.
     Held,
-    /// The processor has given the buffers back.
+    /// The processor has given the buffers back to the SPI peripheral.
     Released,
-    /// A transaction that begins now is served.
+    /// The SPI peripheral is ready: a transaction that begins now is served.
     Ready,
     /// A transaction has begun that is not served.
     Busy,
@@ -154,15 +156,15 @@ pub enum What {
         /// The board that was warned.
         board: Board,
     },
-    /// A board's external oscillator fails, or works again. It works until the first of these events.
+    /// A board's external oscillator fails, or works again. Before the first event of this kind the oscillator works.
     Crystal {
         /// The board whose oscillator changes.
         board: Board,
         /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins that tells HORUS's state change. No input is active before the first of these
-    /// events.
+    /// The levels of a pair of pins that tells HORUS's state change. Before the first event of this kind no input is
+    /// active.
     StateInput {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -242,8 +244,8 @@ pub enum What {
         #[serde(default)]
         since: Option<u64>,
     },
-    /// A simulated receiver has these settings from now on. Nothing is known of them before a receiver's first such
-    /// event.
+    /// A simulated receiver has these settings from now on. Before a receiver's first event of this kind its settings
+    /// are not known.
     Settings {
         /// The receiver's number, from 0.
         receiver: usize,
@@ -256,8 +258,8 @@ pub enum What {
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// Where the pin rose, the bytes that a transaction would have read that began when the DPR's SPI peripheral
-        /// was first ready for one; `None` if a transaction was under way or began before that instant.
+        /// Where FRESH rose, the bytes that would have been read by a transaction that begins when the DPR's SPI
+        /// peripheral is first ready for one; `None` if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.
@@ -273,7 +275,7 @@ pub enum What {
         /// The bytes that the flight controller read.
         miso: Bytes,
     },
-    /// The verdict of the flight controller's client after the transaction that ended at this instant.
+    /// The verdict of the flight controller's client on the transaction that ended at this instant.
     Decided {
         /// The timestamp of the position to fly by, ms; `None` if there is none.
         position: Option<u32>,
@@ -285,14 +287,14 @@ pub enum What {
         /// The profile, which is the objects of the image without Link-Status.
         profile: Bytes,
     },
-    /// The base station took a profile.
+    /// The base station received a profile.
     Arrived {
         /// The profile as it arrived.
         profile: Bytes,
         /// The objects that the base station shows as valid: bit 0 is Reported-Position, bit n is GPSn.
         shown: u8,
     },
-    /// What the base station states about the drone at this instant. The event occurs from time to time, and whenever
+    /// The base station's statement about the drone at this instant. The event occurs from time to time, and whenever
     /// the alarms change.
     Station {
         /// The age of the Reported-Position that the base station shows, µs; `None` if it shows none.
@@ -332,7 +334,7 @@ pub enum What {
         /// The counter's value; `None` if the program has no such counter.
         value: Option<u32>,
     },
-    /// The share of the time in which a core was awake, in ten thousandths, at the end of the run.
+    /// The share of the time, in ten thousandths, in which a core was awake, up to the end of the run.
     Load {
         /// The board whose core it is.
         board: Board,
@@ -353,7 +355,7 @@ pub struct Event {
 }
 
 impl What {
-    /// Returns the event's place among events of one instant.
+    /// Returns the number by which events of one instant are ordered.
     #[must_use]
     pub fn rank(&self) -> u8 {
         match self {

@@ -11,7 +11,7 @@ use crate::{Event, Header, What};
 pub struct Log {
     /// What is known of the run before anything happens.
     pub header: Header,
-    /// What happened.
+    /// The events, in order of time.
     pub events: Vec<Event>,
 }
 
@@ -51,7 +51,7 @@ pub enum LogError {
 }
 
 impl Log {
-    /// Reads a stored log. Half a line at the end, which a killed run leaves, is ignored.
+    /// Reads a stored log. An incomplete line at the end, which a killed run leaves, is ignored.
     ///
     /// # Errors
     ///

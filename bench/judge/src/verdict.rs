@@ -32,7 +32,8 @@ impl std::fmt::Display for Broken {
 pub struct Findings(BTreeMap<Violation, Broken>);
 
 impl Findings {
-    /// Records a violation that occurred at `at` (ns). `words` is called only for the first of its kind.
+    /// Records a violation that occurred at `at` (ns). `words` is called only for the first occurrence of each
+    /// violation.
     pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
         self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
             violation,
