@@ -96,11 +96,11 @@ alarms! {
     ReceiverImplausible, "receiver-implausible", Warning, "a receiver calls a position valid that cannot be one";
     /// HORUS started again within the last [`RECENT_US`](crate::drone::RECENT_US).
     Restarted, "restarted", Warning, "HORUS has started again";
-    /// HORUS's last reset was not requested.
+    /// HORUS's last reset was caused by a fault.
     HorusUnaskedReset, "horus-unasked-reset", Warning, "HORUS was reset by a fault";
-    /// The DPR's last reset was not requested.
+    /// The DPR's last reset was caused by a fault.
     UnaskedReset, "unasked-reset", Warning, "the DPR was reset by a fault";
-    /// Fewer receivers agree than are configured.
+    /// Fewer receivers agree than are fitted, or they agree on no altitude.
     Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
     /// HORUS runs on its internal oscillator, without its crystal.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";

@@ -29,7 +29,7 @@ pub const MAX_DRONES: usize = 4_096;
 /// The greatest number of senders with one drone's id that are kept.
 pub const MAX_SENDERS: u8 = 4;
 
-/// The id that a drone claims.
+/// The id that a sender states for its drone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Who {
     /// The drone's MAVLink system id.
@@ -64,7 +64,7 @@ impl fmt::Display for Who {
 /// A drone's id, and one of the senders that use it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
-    /// The id that the sender claims.
+    /// The id that the sender states for its drone.
     pub who: Who,
     /// The number of the sender, from 1, in the order in which the senders with this id first sent.
     pub sender: u8,
@@ -92,7 +92,7 @@ pub struct Source {
     pub signed: bool,
 }
 
-/// One sender of one drone.
+/// One of the senders with the id of a drone.
 #[derive(Clone, Debug)]
 struct Sender {
     source: Source,

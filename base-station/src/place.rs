@@ -135,7 +135,7 @@ impl fmt::Display for Place {
 pub enum Intact<'a> {
     /// Link-Status.
     LinkStatus(&'a LinkStatus),
-    /// An object of the profile.
+    /// An object of the profile: Reported-Position or GPS1 to GPS5.
     Object(Object<'a>),
     /// Port-Status.
     PortStatus(&'a PortStatus),

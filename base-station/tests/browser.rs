@@ -516,7 +516,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     let _alone = alone();
     let Some(mut tab) = tab("keyboard") else { return };
     let mut scene = Scene::begin();
-    // A second drone can be selected.
+    // The page can display a second drone.
     let mut other = Forwarder::new(9, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     other.offer(&Bundle::datagram(&image_at(50_000, (10.0, 20.0, 30.0))).unwrap());
     while let Some(message) = other.poll(1_000_000, 0) {
@@ -582,7 +582,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
 /// Returns the DPR's image without faults, after `change` has changed it.
 fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) -> Vec<u8> {
     let (latitude, longitude, altitude) = PLACE;
-    // The drone flies to the north at 10 m/s.
+    // The drone in this image flies to the north at 10 m/s.
     let latitude = latitude + f64::from(ms) * 1e-2 / 110_920.0;
     let status = ReportedStatus::new()
         .with_position_valid(true)

@@ -63,7 +63,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
         thread::sleep(Duration::from_millis(10));
     }
     let killed = began.elapsed();
-    // On unix this is SIGKILL.
+    // On Unix, this kills the process by the signal SIGKILL.
     child.kill().unwrap();
     child.wait().unwrap();
     let (times, torn) = recorded(vec![file]);

@@ -47,7 +47,7 @@ fn image(timestamp: u32) -> Vec<u8> {
         .concat()
 }
 
-/// A message on its way.
+/// A message on its way to the base station.
 struct Message {
     arrives_us: u64,
     bytes: Vec<u8>,
@@ -71,7 +71,7 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
         }
-        // The same bit may have flipped twice.
+        // The same bit may have flipped twice, so that the message is intact again.
         let damaged = bytes != original;
         on_the_way.push(Message { arrives_us: now_us + delay_us, bytes, damaged, foreign: false });
     }

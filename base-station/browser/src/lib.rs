@@ -259,7 +259,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if the key is not one of these.
+    /// Panics if the table of keys has no such key.
     pub fn press(&mut self, key: &str) {
         // The columns are key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/ and virtual-key
         // codes.

@@ -55,9 +55,9 @@ pub enum Step {
         /// The number of whole cycles between this timestamp and the newest before it, which did not arrive.
         missed: u32,
     },
-    /// The timestamp equals the newest.
+    /// The timestamp equals the newest one.
     Same,
-    /// The timestamp is older than the newest.
+    /// The timestamp is older than the newest one.
     Older,
     /// The timestamp does not continue the earlier ones and is not accepted yet, so that its object is not shown.
     Search,

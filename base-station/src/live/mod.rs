@@ -105,9 +105,9 @@ fn unix_us() -> u64 {
 /// An event of a line.
 #[derive(Debug)]
 pub enum Event {
-    /// Bytes arrived.
+    /// Bytes arrived on the line.
     Carried(Carried),
-    /// A line failed, or works again.
+    /// The line failed, or works again.
     Line {
         /// The name of the line.
         name: String,
@@ -116,7 +116,7 @@ pub enum Event {
     },
     /// A record of a recording that is played back.
     Played(Record),
-    /// A playback begins anew at this time, µs: all state is dropped.
+    /// A playback begins anew at this instant of its recording, µs: all state is dropped.
     Restart(u64),
     /// The station ends; no further events are accepted.
     End,
@@ -162,7 +162,7 @@ impl Inlet {
 /// The state of a station.
 #[derive(Debug, Default)]
 pub struct StationData {
-    /// All lines and drones.
+    /// All lines and drones from which data arrive.
     pub intake: Intake,
     /// The last minutes of all drones.
     pub history: History,

@@ -96,7 +96,7 @@ struct Pace {
     since: Instant,
     /// The pace as a multiple of real time; 0 while the playback stands still.
     speed: f64,
-    /// The target of a jump, µs.
+    /// The instant in the recording to which a user has jumped, µs.
     jump_us: Option<u64>,
     /// The number of changes of pace or place that users have made.
     changes: u64,

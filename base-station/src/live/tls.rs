@@ -176,7 +176,7 @@ mod without {
         ///
         /// # Errors
         ///
-        /// The error is always [`Unusable::NotBuilt`].
+        /// Returns [`Unusable::NotBuilt`] in all cases.
         pub const fn new(_authorities: &[u8], _client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             Err(Unusable::NotBuilt)
         }

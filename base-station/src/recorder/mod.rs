@@ -146,9 +146,9 @@ pub struct Trouble {
 pub enum Sample {
     /// A valid position, of Reported-Position or a receiver: degrees north, degrees east, m above the ellipsoid.
     Position(DroneId, Place, [f64; 3]),
-    /// HORUS's state, and the drone's attitude.
+    /// HORUS's state, and the attitude of the drone.
     State(DroneId, ReportedValues),
-    /// Link-Status.
+    /// The values of Link-Status.
     Link(DroneId, LinkValues),
 }
 
@@ -263,7 +263,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Finishes the file.
+    /// Finishes the file of the present part.
     ///
     /// # Errors
     ///

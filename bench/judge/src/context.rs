@@ -7,7 +7,7 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// How long a board has been running, and whether it hangs.
+/// What is known of a board's present run: since when it has been running, and whether it hangs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
     /// Whether the board has a supply.
@@ -185,7 +185,7 @@ impl Context {
         }
     }
 
-    /// Returns since when a board runs.
+    /// Returns what is known of a board's present run.
     #[must_use]
     pub fn running(&self, board: Board) -> Running {
         match board {
@@ -200,13 +200,13 @@ impl Context {
         &self.disturbances
     }
 
-    /// Returns the instant of the last event, ns.
+    /// Returns the instant of the last event of the log, ns.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.now
     }
 
-    /// Returns the profile's layout.
+    /// Returns the layout of the profile, which depends on the number of receivers.
     #[must_use]
     pub fn layout(&self) -> Layout {
         self.layout

@@ -78,7 +78,7 @@ pub enum Disturbance {
     DeadTask {
         /// The board whose task is dead.
         board: Board,
-        /// The number by which the task checks in.
+        /// The number under which the dead task checks in before the watchdog is fed.
         task: u8,
     },
     /// A bit of a board's memory.
@@ -146,7 +146,7 @@ pub enum Memory {
     Receive,
     /// The buffers from which the SSI reads the DPR's images.
     Images,
-    /// RAM, at any address.
+    /// Any address of the board's RAM.
     Ram,
     /// The board's flash.
     Flash,
@@ -257,7 +257,7 @@ impl Disturbance {
                 (Excuse::Transactions, After(0)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // The DPR counts frames that are cut off, lost or damaged.
+            // The DPR's firmware counts frames that are cut off, lost or damaged.
             Self::Air | Self::Emission | Self::Restart { board: Horus } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Hang { board: Horus } => &[
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -282,7 +282,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // Bytes of the receiver's line may be lost.
+            // Bytes that the receiver puts on its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
                 (Excuse::Taking, After(bounds::READ_SETTLED)),
@@ -371,15 +371,15 @@ struct Valid {
     receiver: Option<usize>,
     /// The board whose start ends the excuse.
     board: Option<Board>,
-    /// Until when the excuse's cause is there, ns.
+    /// The instant until which the cause of the disturbance is there, ns.
     until: u64,
-    /// Until when the excuse holds, ns, if no start ends it before.
+    /// The instant until which the excuse holds, ns, if no start of a board ends it before.
     over: u64,
 }
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// What is excused at present. See the [module](self).
+/// The excuses that hold at present. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
@@ -439,7 +439,7 @@ impl Disturbances {
         *over = (*over).max(valid.over);
     }
 
-    /// Records that a board starts, or loses its supply.
+    /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
         // An excuse that has held until now ends now, and remains stored.
@@ -669,7 +669,7 @@ mod tests {
         assert_eq!(excused(ENDS, Board::Dpr), [false; 2]);
         assert_eq!(excused(ENDS - 1, Board::Dpr), [true; 2], "its cause is still there");
         assert_eq!(excused(ENDS, Board::Horus), [true; 2]);
-        // The DPR keeps its counts of what HORUS caused until its own start.
+        // The DPR keeps its counts of the faults that HORUS caused until the DPR itself starts.
         let of_horus = |board| {
             let events = [(BEGINS, injected(HORUS_FRONT_END, ENDS)), (ENDS, reset(board))];
             [Excuse::Sending, Excuse::DprComplaints].map(|excuse| after(&events).excuse(excuse, ENDS + 1))

@@ -11,7 +11,7 @@ pub struct Header {
     pub version: u32,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
-    /// The seed of everything random in the run.
+    /// The seed from which everything random in the run is drawn.
     pub seed: u64,
     /// The clock that charges the cores' time: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
@@ -39,11 +39,11 @@ pub enum Board {
     Dpr,
 }
 
-/// What restarts a board's microcontroller.
+/// The cause of a restart of a board's microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
-    /// The supply came on.
+    /// The board's supply came on.
     PowerOn,
     /// The supply fell below the part's threshold for a moment.
     BrownOut,
@@ -51,7 +51,7 @@ pub enum Cause {
     Pin,
     /// The watchdog reset the part.
     Watchdog,
-    /// The core locked up.
+    /// The part's core locked up.
     Lockup,
     /// The firmware requested the reset.
     Software,
@@ -139,7 +139,7 @@ pub enum What {
         /// The kind of fault in words, as the list of faults names it, for people who read or count faults. No rule
         /// uses it.
         kind: String,
-        /// What the fault disturbs.
+        /// The disturbance that the fault is.
         disturbs: Disturbance,
         /// When the fault's cause goes away, ns; the event's instant if the fault has no duration.
         until: u64,
@@ -196,11 +196,11 @@ pub enum What {
     Sent {
         /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// The nominal bit rate, bit/s.
+        /// The nominal bit rate of the frame, bit/s.
         bit_rate: u32,
-        /// LEN, payload and CRC-16.
+        /// The bytes of the frame: LEN, payload and CRC-16.
         bytes: Bytes,
-        /// Whether all bytes that were announced were sent.
+        /// Whether all bytes that LEN announced were sent.
         whole: bool,
     },
     /// A carrier begins or ends at the DPR's antenna.
@@ -213,9 +213,9 @@ pub enum What {
     Heard {
         /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// LEN, payload and CRC-16 as they arrived.
+        /// The bytes of the frame as they arrived: LEN, payload and CRC-16.
         bytes: Bytes,
-        /// Whether all bytes that were announced arrived.
+        /// Whether all bytes that LEN announced arrived.
         whole: bool,
     },
     /// The DPR's front end began to send, which would be an answer.
@@ -224,7 +224,7 @@ pub enum What {
     Offered {
         /// The receiver's number, from 0.
         receiver: usize,
-        /// The bytes that wait.
+        /// The bytes that wait in the receiver.
         bytes: Bytes,
     },
     /// A receiver began to put bytes on its line, without a gap between them.
@@ -270,9 +270,9 @@ pub enum What {
     Transaction {
         /// When the DPR's pin detected the fall of chip select, ns.
         selected: u64,
-        /// The bytes that the flight controller sent.
+        /// The bytes that the flight controller sent in the transaction.
         mosi: Bytes,
-        /// The bytes that the flight controller read.
+        /// The bytes that the flight controller read in the transaction.
         miso: Bytes,
     },
     /// The verdict of the flight controller's client on the transaction that ended at this instant.
@@ -289,7 +289,7 @@ pub enum What {
     },
     /// The base station received a profile.
     Arrived {
-        /// The profile as it arrived.
+        /// The bytes of the profile as it arrived.
         profile: Bytes,
         /// The objects that the base station shows as valid: bit 0 is Reported-Position, bit n is GPSn.
         shown: u8,
@@ -338,14 +338,14 @@ pub enum What {
     Load {
         /// The board whose core it is.
         board: Board,
-        /// The share in ten thousandths; 10 000 means always.
+        /// The share of the time in ten thousandths; 10 000 means that the core was always awake.
         per_10_000: u32,
     },
     /// The run is over.
     End,
 }
 
-/// Something that happened, and when.
+/// Something that happened in a run, and when it happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// The instant in virtual ns since the run began.

@@ -83,7 +83,7 @@ impl Delivery {
     }
 }
 
-/// How a cycle follows the cycles before it.
+/// The relation of a cycle to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -147,7 +147,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each kind of step for which the DPR may take the step to this cycle.
+    /// Passes to `to` each kind that the step to this cycle may have in the DPR's judgement.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -213,7 +213,7 @@ pub struct Expectation {
 }
 
 impl Expectation {
-    /// Returns the state at power-on.
+    /// Returns the states that the DPR may have at power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
         Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // These are the slots of the table in `profile::air`, µs.
+        // The numbers in this table are the send slots of `profile::air`, µs.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {
@@ -411,8 +411,8 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// Returns the kinds of step for which the DPR may take the step from timestamp 1000 ms, sampled at [`AT`], to this
-    /// timestamp and sample.
+    /// Returns the kinds that the step from timestamp 1000 ms, sampled at [`AT`], to this timestamp and sample may have
+    /// in the DPR's judgement.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];

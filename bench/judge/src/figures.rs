@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use profile::ReportedStatus;
 use serde::Serialize;
 
-/// The least and the greatest of a series.
+/// The least and the greatest value of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Span {
-    /// The least value.
+    /// The least value of the series.
     pub min: u64,
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -36,11 +36,11 @@ impl Span {
 /// Quantiles of a series by nearest rank, so that each is a value that occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Quantiles {
-    /// The median.
+    /// The median of the series.
     pub p50: u64,
     /// The value that 99.9 % of the series do not exceed.
     pub p999: u64,
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -60,7 +60,7 @@ impl Quantiles {
 /// The greatest value of a series, without further figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Max {
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -125,7 +125,7 @@ impl Voter {
     /// The number of exclusions that are kept in [`Voter::exclusions`].
     pub const MOST_EXCLUSIONS: usize = 1_000;
 
-    /// Counts a Reported-Position with this status, which HORUS sent.
+    /// Counts the status of a Reported-Position that HORUS sent.
     pub(crate) fn reported(&mut self, status: ReportedStatus) {
         *self.agree.entry(status.receivers_agreeing().into()).or_default() += 1;
         self.degraded += u64::from(status.degraded());

@@ -15,7 +15,7 @@ pub struct Log {
     pub events: Vec<Event>,
 }
 
-/// Why a stored log cannot be read.
+/// The reason why a stored log cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be read.
@@ -43,7 +43,7 @@ pub enum LogError {
     Order {
         /// The number of the line, from 1.
         line: usize,
-        /// The instant of the event, ns.
+        /// The instant of the event on this line, ns.
         at: u64,
         /// The instant of the event before the one on this line, ns.
         before: u64,

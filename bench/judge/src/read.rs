@@ -6,7 +6,7 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 use profile::ssi::REQUEST_SIZE;
 use profile::{GpsValues, Layout, LinkStatus, LinkValues, Object, Rejection, ReportedValues};
 
-/// The values of an object.
+/// The values that an object states.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
     /// The values of Reported-Position.
@@ -27,7 +27,7 @@ pub enum State {
     },
     /// The bytes are 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are anything else, which was rejected for this reason.
+    /// The bytes are anything else; this is why they were rejected.
     Unsound(Rejection),
 }
 

@@ -54,7 +54,7 @@ impl Events {
         events
     }
 
-    /// Adds an event.
+    /// Adds an event to the run.
     pub(crate) fn add(&mut self, at: u64, what: What) -> &mut Self {
         self.events.push(Event { at, what });
         self
@@ -71,7 +71,7 @@ impl Events {
         self.add(at, What::Field { on })
     }
 
-    /// Restarts a board.
+    /// Adds a restart of a board to the run.
     pub(crate) fn reset(&mut self, at: u64, board: Board, asked: bool) -> &mut Self {
         self.add(at, What::Reset { board, cause: Cause::PowerOn, asked })
     }

@@ -9,11 +9,11 @@ use crate::{Figures, Violation};
 pub struct Broken {
     /// The violation.
     pub violation: Violation,
-    /// How often it occurred.
+    /// How often the violation occurred.
     pub count: u64,
-    /// When it first occurred, ns.
+    /// When the violation first occurred, ns.
     pub first_at: u64,
-    /// The first occurrence in words, with its figures.
+    /// A description of the first occurrence, with its figures.
     pub words: String,
 }
 
@@ -64,7 +64,7 @@ impl Findings {
 pub struct Verdict {
     /// Every violation that occurred, in the order of [`Violation`].
     pub violations: Vec<Broken>,
-    /// The measured figures.
+    /// The measured figures of the run.
     pub figures: Figures,
 }
 

@@ -9,10 +9,10 @@ macro_rules! violations {
         }
 
         impl Violation {
-            /// All violations.
+            /// All violations, in the order of their declaration.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
-            /// Returns the violation in words.
+            /// Returns a short description of the violation.
             #[must_use]
             pub const fn words(self) -> &'static str {
                 match self {
@@ -210,7 +210,7 @@ violations! {
     HorusFinding = "HORUS did what its part does not allow",
     /// The DPR did what its part does not allow.
     DprFinding = "the DPR did what its part does not allow",
-    /// A front end was used against its data sheet by the firmware that the violation's words name.
+    /// A front end was used against its data sheet; the description names the firmware that did it.
     FrontEndMisuse = "a front end was used against its data sheet",
     /// HORUS's processor is loaded too much.
     HorusOverloaded = "HORUS's processor is loaded too much",

@@ -42,7 +42,7 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // A profile that arrives this late counts as not forwarded.
+    // If a profile arrives this late, it counts as missed, and its arrival as that of a profile that was not forwarded.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     // The missing profile is the last of the run.
     let mut log = log;
@@ -259,7 +259,7 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // The torn object does not have to be shown either.
+    // The object that was torn does not have to be shown either.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }

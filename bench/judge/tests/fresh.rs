@@ -33,7 +33,8 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// Returns the log with the bytes that could be read at the fall of FRESH stated at its rise already.
+/// Returns a log in which each rise of FRESH already states the bytes that can be read, which `log` states only at its
+/// fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
     for place in rises(&log, 0) {
@@ -290,7 +291,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
         inject(&mut log, rose + 2_000);
         let violations = if hit { vec![] } else { vec![(FreshUnreadable, 1)] };
         assert_eq!(found(&log), violations, "offered, {longer}");
-        // An unsound image is read.
+        // The transaction reads an unsound image.
         let (_, mut log, place) = run(3);
         miso(&mut log, place)[100] ^= 1;
         let What::Transaction { selected, .. } = log.events[place].what else { unreachable!("a transaction") };

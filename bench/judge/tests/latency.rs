@@ -145,7 +145,7 @@ fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
             let number = plan.showing(200);
             let ended = plan.publications[number].at - TO_FRESH;
             plan.publications[number].at = ended + after;
-            // No transaction delays the image.
+            // No transaction is made close to the publication, so that none delays the image.
             plan.selects.retain(|selected| !(ended - MS..ended + MS).contains(selected));
             let mut log = plan.log();
             insert(&mut log, ended - 10 * MS, injected(kind, ended + MS));

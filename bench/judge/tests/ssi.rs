@@ -56,7 +56,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
         let mut log = without_transactions(from, to).log();
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
         insert(&mut log, from, injected(silent, until));
-        // An excuse that is over is dropped with the next disturbance.
+        // An excuse that has ended is dropped when the next disturbance begins.
         insert(&mut log, until, injected(Disturbance::Air, until));
         let off = What::Power { board: Board::Horus, on: false };
         insert(&mut log, to - MS, off);
@@ -157,7 +157,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // If the DPR is deselected earlier, it has to be ready.
+    // If the flight controller deselects the DPR earlier, the DPR has to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -388,7 +388,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The buffers are still held at the end of the run.
+    // The processor still holds the buffers at the end of the run.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -704,7 +704,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
             .map(|event| event.at)
             .collect();
         let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
-        // The transaction repeats an image, and is not the last of the run.
+        // The transaction repeats an image, and is not the last one of the run.
         let mut log = log;
         let repeats = |event: &Event| match event.what {
             What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),

@@ -60,11 +60,11 @@ impl Default for Rates {
     }
 }
 
-/// The newest bytes of one object.
+/// The newest bytes of one object, and whether they have been sent.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     bytes: [u8; ReportedPosition::SIZE],
-    /// Whether these bytes have not been sent yet.
+    /// Whether the newest bytes of the object have not been sent yet.
     fresh: bool,
 }
 

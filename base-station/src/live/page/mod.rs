@@ -248,7 +248,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
 struct Round {
     /// The requested drones, at least one.
     drones: Vec<Asked>,
-    /// The index of the drone whose state is next.
+    /// The index of the requested drone whose state is sent next.
     next: usize,
     /// The instant at which the list of all drones was last sent.
     listed: Option<Instant>,

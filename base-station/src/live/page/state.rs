@@ -76,7 +76,7 @@ struct Line {
     id: String,
     age_ms: Option<u64>,
     state: Option<&'static str>,
-    /// The most severe alarm.
+    /// The most severe alarm of the drone.
     worst: Option<Worst>,
     alarms: usize,
     /// Latitude and longitude of the drone, if they are valid and not old.

@@ -85,7 +85,7 @@ pub struct Boards {
     explained: [bool; 2],
     /// The faults of a core that no restart has ended yet: the board, the instant, ns, and the fault in words.
     faulted: Vec<(Board, u64, String)>,
-    /// The board that last restarted unasked, and when, ns.
+    /// The board that last restarted without being asked to, and when it did, ns.
     restarted: Option<(Board, u64)>,
     /// By when each hung board must have restarted, ns, until it has restarted or the violation has been reported.
     restart_due: [Option<u64>; 2],
@@ -159,7 +159,7 @@ impl Rule for Boards {
                 }
             }
             What::Sent { bytes, whole, .. } => {
-                // The frame before this one did not reach the antenna.
+                // The frame that HORUS sent before this one did not reach the DPR's antenna.
                 self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
@@ -492,7 +492,7 @@ mod tests {
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
             assert_eq!(dead(20 * MS, reset(board, Cause::Lockup)), [(RESTARTED[nth], 1, 70 * MS)]);
-            // A hang in addition to the dead task does not put the restart off.
+            // A hang of the board with the dead task does not allow the board a later restart.
             assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
     }

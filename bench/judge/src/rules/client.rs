@@ -60,7 +60,7 @@ struct First {
     selected: u64,
     /// The earliest instant at which FRESH can have announced the sample, ns.
     announced: u64,
-    /// The age that Link-Status stated in that first transaction, ns.
+    /// The age that Link-Status stated in the transaction that first brought the sample, ns.
     told: u64,
 }
 
@@ -76,7 +76,7 @@ impl First {
 /// A series of valid samples that were read in sequence, without a gap.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The timestamp of the last sample, ms.
+    /// The timestamp of the last sample of the series, ms.
     timestamp: u32,
     /// When the transaction began that first brought the last sample, ns.
     selected: u64,

@@ -26,7 +26,7 @@ use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, Wha
 struct Stuck {
     /// Until when the bit is stuck, ns.
     until: u64,
-    /// The timestamp of the cycle that was last shown, ms.
+    /// The timestamp of the cycle that was last read, ms.
     shown: Option<u32>,
     /// The number of cycles that have been shown since the bit became stuck.
     cycles: u32,

@@ -3,8 +3,8 @@
 //! | file | what it judges |
 //! |---|---|
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
-//! | [`content`] | what HORUS sends, compared with the bytes that its receivers were fed |
-//! | [`receivers`] | whether HORUS reads what its receivers offer |
+//! | [`content`] | what HORUS sends, compared with the bytes that its receivers have sent |
+//! | [`receivers`] | whether HORUS reads the bytes that its receivers offer |
 //! | [`position`] | whether there is a position, and whether the aircraft was there |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
 //! | [`integrity`] | whether a fault of memory has its consequence |
@@ -14,7 +14,7 @@
 //! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
 //! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
 //! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
-//! | [`station`] | the base station's ages and alarms, compared with what has arrived there |
+//! | [`station`] | the base station's ages and alarms, compared with the profiles that have arrived there |
 
 pub mod base;
 pub mod boards;

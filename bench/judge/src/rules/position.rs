@@ -51,7 +51,7 @@ struct Truth {
 pub struct Position {
     receivers: usize,
     truths: VecDeque<Truth>,
-    /// Since when a position is missing, ns.
+    /// The instant since which a position is missing, ns.
     waits_since: u64,
     /// The number of violations that explain a missing position, as found when it began to be missing.
     explained: u64,
@@ -122,7 +122,7 @@ impl Position {
         (0..self.receivers).filter(|receiver| disturbances.excuse_of(*receiver, Excuse::Position, at)).count()
     }
 
-    /// Begins to wait for a position at `at`.
+    /// Records that from `at` on a position is awaited.
     fn wait(&mut self, at: u64, findings: &Findings) {
         (self.waits_since, self.explained, self.told) = (at, explaining(findings), false);
     }
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // There was a position, 30 ms after the first tick.
+        // HORUS sent a position once, 30 ms after the first tick.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

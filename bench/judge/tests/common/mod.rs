@@ -30,7 +30,7 @@ pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
 /// The number of cycles that the DPR needs to find the sequence, which it does not show.
 pub(crate) const SEARCH: u32 = 3;
 
-/// An image of the DPR.
+/// An image of the DPR, and when it is published.
 #[derive(Clone, Debug)]
 pub(crate) struct Publication {
     /// When FRESH rises, ns.
@@ -56,7 +56,7 @@ pub(crate) struct Plan {
 /// Returns a profile in which no receiver has sent anything, so that there is no position.
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
-        // HORUS sends these values for a receiver that has sent nothing.
+        // The values are those that HORUS sends for a receiver that has sent nothing.
         let absent = GpsValues::absent(stamp);
         let silent = GpsValues { status: absent.status.with_stale(true), ..absent };
         let status = ReportedStatus::new().with_degraded(true);

@@ -287,7 +287,7 @@ fn a_heartbeat_goes_each_second_to_every_received_peer() {
         (beat.mavtype, beat.autopilot),
         (MavType::MAV_TYPE_ONBOARD_CONTROLLER, MavAutopilot::MAV_AUTOPILOT_INVALID)
     );
-    // HEARTBEAT is sent to every peer from which messages come, up to the limit, and no longer than these come.
+    // HEARTBEAT is sent to every peer, up to the limit, for as long as messages come from that peer.
     for port in 0..200 {
         voice.heard(2, SocketAddr::from(([10, 0, 0, 1], 2_000 + port)), NOW + SECOND);
     }

@@ -32,7 +32,7 @@ enum Says {
 
 #[derive(Clone, Debug)]
 struct Pair {
-    /// The present reading of the pair.
+    /// The present reading of the pair of pins.
     now: Says,
     /// The pair's reading at the last tick and each later one, with the instant from which it holds, ns.
     since_tick: Vec<(u64, Says)>,
@@ -40,7 +40,7 @@ struct Pair {
     samples: VecDeque<Vec<Says>>,
 }
 
-/// The inputs of HORUS's state.
+/// The inputs from which HORUS's state follows.
 #[derive(Clone, Debug)]
 pub(super) struct Inputs {
     pairs: [Pair; INPUTS],
@@ -302,7 +302,7 @@ mod tests {
         state.tick(0, true);
         for number in 1..=12_u64 {
             assert!(state.wrong(Some(MotorsCut)).is_none(), "{number}: nothing is asked yet");
-            // Each sample differs from the one before.
+            // Each sample of the pair differs from the one before.
             state.levels(number * bounds::CYCLE - MS, 1, number % 2 == 0, number % 2 != 0);
             state.tick(number * bounds::CYCLE, false);
             state.levels(number * bounds::CYCLE, 1, number % 2 == 0, number % 2 != 0);

@@ -140,7 +140,7 @@ impl Line {
         });
     }
 
-    /// Advances the time to `now`, ns.
+    /// Records the valid positions whose last byte has arrived by `now`, ns.
     fn pass(&mut self, now: u64) {
         while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
             self.solution = Some(arrived);
@@ -283,7 +283,7 @@ struct Ticks {
     ahead: u32,
 }
 
-/// What HORUS sent in the cycle of a tick.
+/// The objects that HORUS sent in the cycle of a tick, and what was wrong with them.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,

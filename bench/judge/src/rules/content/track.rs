@@ -13,7 +13,8 @@ use crate::bounds;
 const STEPS: usize = 4;
 /// The most, ns, by which HORUS may have found a message late in the bytes of its line.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The number of messages that may be the last one taken beyond which the oldest of them is dropped.
+/// The greatest number of messages that are kept because each may be the last one that HORUS has taken; beyond it the
+/// oldest is dropped.
 const MOST_CANDIDATES: usize = 64;
 
 /// The period of a receiver's messages, as HORUS determines it (docs/design.md#validity).

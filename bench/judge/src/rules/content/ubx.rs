@@ -21,7 +21,7 @@ pub(super) struct MessageContent {
     pub(super) status: u16,
     /// The numbers of the object while the message is young enough; NaN for a number that is not valid.
     pub(super) values: [u64; 3],
-    /// The numbers as they are in the message, valid or not.
+    /// The numbers that the message states, whether they are valid or not.
     pub(super) raw: [u64; 3],
     /// The velocity and accuracy of the message's valid position; `None` without a valid position.
     pub(super) motion: Option<Motion>,
@@ -30,9 +30,9 @@ pub(super) struct MessageContent {
 /// What a NAV-PVT message with a valid position states beside the position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Motion {
-    /// The velocity north, east and down, mm/s.
+    /// The receiver's velocity north, east and down, mm/s.
     pub(super) velocity: [i32; 3],
-    /// The stated accuracies, horizontal and vertical, mm.
+    /// The accuracies that the receiver states, horizontal and vertical, mm.
     pub(super) accuracy: [u32; 2],
 }
 

@@ -110,7 +110,8 @@ impl Tick {
 enum Missing {
     /// The tick after this one is missing; with `None`, the first tick after the start.
     Tick { after: Option<u64> },
-    /// Frames of the cycle of the tick at this instant are missing.
+    /// Frames of a cycle are missing: the instant of the cycle's tick, and the numbers of frames that were sent and
+    /// that are required.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
@@ -121,7 +122,7 @@ struct Run {
     powered: bool,
     /// Whether the bench has HORUS hang.
     hung: bool,
-    /// The tick before `tick`.
+    /// The tick before the last one.
     before: Option<Tick>,
     tick: Option<Tick>,
     /// Whether the next tick is overdue and has been recorded as missing.
@@ -134,7 +135,7 @@ struct Run {
     dropped: bool,
     /// When HORUS's carrier last came back, ns.
     back: Option<u64>,
-    /// When a frame was last lost, ns.
+    /// When a frame of HORUS was last lost, ns.
     lost: Option<u64>,
     /// When the first bit of the last cycle's first frame began, ns, if no violation was found in that cycle.
     led: Option<u64>,
@@ -437,7 +438,7 @@ impl Cycle {
         let command = self.command_of(started, disturbances, findings);
         let run = &mut self.run;
         if !whole && !run.field {
-            // The field went off during the frame.
+            // HORUS's field went off during the frame.
             return;
         }
         run.field |= whole;

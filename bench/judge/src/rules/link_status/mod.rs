@@ -140,7 +140,7 @@ pub struct LinkStatus {
     /// The bytes of the transaction that was judged last. If the same bytes are read again, a rise of FRESH in between
     /// announced no image.
     last: Vec<u8>,
-    /// The bytes that FRESH announced last.
+    /// The bytes of the image that FRESH announced last.
     offered: Vec<u8>,
 }
 

@@ -151,7 +151,7 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
         }
         // Bit 7, which says that an uplink was rejected, is judged by another rule.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
-        // None of these cycles has a frame that arrives.
+        // No frame of these cycles arrives.
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
             let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
@@ -213,7 +213,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
         assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
-        // Link-Status shows the restart for a second.
+        // Link-Status shows the restart of HORUS for a second.
         for cycle in [21, 119, 121, 140] {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");

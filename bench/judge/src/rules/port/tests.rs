@@ -521,8 +521,8 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The second command finds the first test running or ended: the images published within `over` say that it has
-    // ended.
+    // When the second command arrives, the first self-test is running or has ended: the images published within `over`
+    // say that it has ended.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -658,7 +658,7 @@ fn each_part_of_a_transaction_is_judged_by_itself() {
     assert_eq!(kinds(vec![0, 1, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0xFF, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0, 0, 1, 0, 0, 0, 0, 0]), [Some(profile::Violation::RequestDamaged)]);
-    // The DPR receives eight bytes behind the object.
+    // The DPR receives only eight bytes behind the written object.
     for (behind, kind) in [(0, Some(profile::Violation::TooLong)), (7, Some(profile::Violation::TooLong)), (8, None)] {
         let mut mosi = vec![0; 100];
         mosi[72 + behind] = 1;

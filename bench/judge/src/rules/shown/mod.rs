@@ -70,9 +70,9 @@ struct Due {
     timestamp: u32,
     /// The objects of the cycle that must be shown: bit n stands for object n.
     objects: u8,
-    /// From when on a transaction must show the cycle, ns.
+    /// The instant from which on a transaction must show the cycle, ns.
     from: u64,
-    /// Until when a transaction must show the cycle, ns.
+    /// The instant until which a transaction must show the cycle, ns.
     until: u64,
     /// When chip select fell for the first transaction that had to show the cycle but did not, ns.
     asked: Option<u64>,
@@ -121,7 +121,7 @@ enum Fate {
     Right {
         /// The serial number of the frame that the object is from.
         serial: u64,
-        /// When that frame's first preamble bit began, ns.
+        /// When the first preamble bit of the frame that the object is from began, ns.
         started: u64,
     },
     /// The object must not be shown: the violation, the serial number of the frame that the object is from, and the

@@ -22,7 +22,7 @@ pub(crate) const MS: u64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
-    /// These objects of the profile are hit.
+    /// These objects of the profile are damaged by the air.
     Hit(Vec<usize>),
     /// The frame arrives late by this time, ns.
     Delayed(u64),
@@ -40,7 +40,7 @@ pub(crate) struct Image {
     pub(crate) link: LinkValues,
     /// The bytes of each object in the image; zeros where there is no object.
     pub(crate) places: Vec<Vec<u8>>,
-    /// Until when the image can be read, ns.
+    /// The instant until which the image can be read, ns.
     pub(crate) expires: u64,
 }
 

@@ -236,7 +236,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // From now on this image counts as the present one.
+                // From now on the image that was read counts as the present one.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;

@@ -16,7 +16,7 @@ const REMEMBERED: usize = 100;
 /// The number of ticks that are kept. A few are enough, because a frame is sent within its cycle.
 const TICKS: usize = 4;
 
-/// A cycle of HORUS.
+/// A cycle of HORUS, and how its objects became readable.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     stamp: u32,
@@ -34,9 +34,9 @@ struct Cycle {
     /// read the objects while they arrive, nor recognise the second frame of its cycle. It also applies if the DPR may
     /// have missed the second of two frames, because the first one alone is shown when the second is overdue.
     longer: Option<u64>,
-    /// Whether the cycle was readable.
+    /// Whether the cycle has become readable.
     readable: bool,
-    /// Whether the cycle was readable too late.
+    /// Whether the cycle became readable too late.
     late: bool,
     /// The objects that were sent in the cycle; bit 0 is Reported-Position.
     objects: u8,

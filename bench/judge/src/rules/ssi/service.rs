@@ -10,9 +10,9 @@ use crate::{Findings, Max, Violation};
 /// Whether a transaction read an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
-    /// An image was read.
+    /// The transaction read an image.
     Image,
-    /// Every byte read was 0xFF.
+    /// Every byte that the transaction read was 0xFF.
     Nothing,
     /// Too few bytes were read to tell whether they are of an image.
     Unknown,
@@ -38,7 +38,7 @@ enum Why {
     Transaction,
     /// The image's time was over, and hardware took the buffers; there is nothing to give back until the next image.
     Expiry,
-    /// The processor took the buffers by itself.
+    /// The processor took the buffers by itself, without the end of a transaction or of the image's time.
     Own,
 }
 

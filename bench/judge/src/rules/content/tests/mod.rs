@@ -208,7 +208,7 @@ impl Scene {
     }
 }
 
-/// Returns `status` with the age of the solution of `gps`.
+/// Returns `status`, but with the age of the solution that the status of `gps` states.
 fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
     status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
 }
@@ -223,7 +223,7 @@ fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
 
-/// Returns the vote over a single receiver.
+/// Returns the Reported-Position that is voted from a single receiver.
 fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }

@@ -1017,7 +1017,7 @@ fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
             }
         })
     };
-    // A position is valid for 250 ms.
+    // A receiver's position is valid for 250 ms.
     for (silence, found) in [(246, &[][..]), (226, &VOTE)] {
         let mut scene = Scene::new(3);
         let bursts = &mut scene.receivers[1];

@@ -22,7 +22,7 @@ pub(super) trait Mark: Clone {
     /// Returns the greatest inflated accuracy, m, among the receivers from which this place or altitude was voted.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude that covers both of these.
+    /// Returns a place or altitude that covers both this one and `other`.
     fn or(self, other: Self) -> Self;
 
     /// Returns whether the next place or altitude, `ns` later, is near enough to this one not to be a jump.
@@ -127,11 +127,11 @@ pub(super) struct Found<T> {
 /// The place or altitude that HORUS showed last.
 #[derive(Clone, Debug)]
 enum Last<T> {
-    /// HORUS has shown none since its start.
+    /// HORUS has shown no place or altitude since its start.
     Nothing,
-    /// It is not known which one HORUS showed.
+    /// It is not known which place or altitude HORUS showed.
     Unknown,
-    /// HORUS showed this one at this tick.
+    /// HORUS showed this place or altitude at this tick.
     At(u64, T),
 }
 

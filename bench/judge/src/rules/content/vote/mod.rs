@@ -92,7 +92,7 @@ pub(super) struct Vote {
     receivers: usize,
     /// The number of the last cycle seen, counted from HORUS's start, and the receivers that were excluded in it.
     last: (u64, Set),
-    /// The objects seen in the last cycle seen.
+    /// The objects of each receiver in the last cycle that was seen.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
     /// The receivers that must be excluded in the first cycle of this start of HORUS, and those that may be; `None`
@@ -432,7 +432,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state depends on the inputs and is judged with them.
+        // Any other state of HORUS depends on its inputs and is judged with them.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {

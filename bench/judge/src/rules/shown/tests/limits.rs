@@ -118,7 +118,7 @@ fn a_read_across_a_restart_or_loss_of_supply_is_not_judged() {
     };
     let judged = |run: &Run, selected| Run { only: Some(selected), ..run.clone() }.broken(forge);
     assert_eq!(judged(&run, restart - MS), [Violation::ShownNeverSent]);
-    // The transaction takes 0.3 ms.
+    // The transaction takes 0.3 ms, so the DPR restarts during the first one of these, and not during the second.
     assert_eq!(judged(&run, restart - 1), []);
     assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
     run.dpr_start = None;

@@ -13,7 +13,7 @@ const RECEIVERS: [usize; 3] = [1, 3, 5];
 fn a_flawless_run_breaks_nothing() {
     for n in RECEIVERS {
         let verdict = Run::new(n).assert_flawless();
-        // No cycle from before the sequence was found is shown.
+        // The cycles from before the sequence was found are not shown.
         assert_eq!(verdict.figures.valid_cycles, 37, "{n} receivers");
         assert_eq!(verdict.figures.faults.invalid_shown_valid, 0);
     }
@@ -154,7 +154,8 @@ fn a_cycle_must_be_shown_until_the_next_frame_or_deadline() {
         let expected: &[Violation] = if expected { &[Violation::NotShown] } else { &[] };
         assert_eq!(run.broken(hide(200)), expected, "{after} ns");
     }
-    // The second of a cycle's two frames may be missing.
+    // If the second of a cycle's two frames is missing, the cycle still has to be shown, but only after the wait for
+    // that frame.
     let ready = 3_802_000 + 3_000 + 7_000_000 + 100_000;
     for (after, expected) in [(ready - 1, false), (ready, true)] {
         let mut run = Run { cycles: 25, ..Run::new(5) }.hit(20, 1, Air::Lost);
@@ -183,7 +184,7 @@ fn an_object_that_is_missing_where_its_cycle_is_shown_is_vacant() {
                     image.places[index].fill(with);
                 };
                 assert_eq!(run.broken(vacate), [Violation::Vacant], "{n} receivers, object {index}");
-                // An object that was hit on the air may be missing from the image.
+                // An object that was damaged on the air may be missing from the image.
                 let hit = run.clone().hit(20, usize::from(n == 5 && index > 2), Air::Hit(vec![index]));
                 let verdict = hit.assert_flawless();
                 assert_eq!(verdict.figures.valid_cycles, if index == 0 { 36 } else { 37 });
@@ -443,7 +444,7 @@ fn the_end_of_the_last_valid_position_is_reported() {
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
     // The first seeds are ones for which an earlier judge reported violations wrongly; the others were not selected.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
-        // This is a linear congruential generator (Knuth, MMIX).
+        // The pseudorandom numbers are those of a linear congruential generator (Knuth, MMIX).
         let mut state = seed;
         let mut draw = |below: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
