@@ -1,4 +1,5 @@
-//! Writes the seeds of the fuzz targets into `base-station/fuzz/corpus`. The tests report seeds that have changed.
+//! Writes the initial inputs of the fuzz targets into `base-station/fuzz/corpus`. The tests report initial inputs that
+//! have changed.
 
 #[path = "../tests/parsers/bodies.rs"]
 mod bodies;

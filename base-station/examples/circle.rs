@@ -1,6 +1,6 @@
-//! Simulates a flight controller's side: sends what a drone with three receivers that flies in a circle would forward,
-//! as MAVLink to UDP port 14550 of this machine. The values are invented here; the objects, the forwarder and the
-//! messages are the real ones.
+//! Simulates the side of a flight controller: it sends what a drone with three receivers that flies in a circle would
+//! forward, as MAVLink to UDP port 14550 of this machine. The values are invented here; the objects, the forwarder and
+//! the messages are the real ones.
 //!
 //!     cargo run -p base-station --example circle -- [SYSTEM] [SECONDS] [ADDRESS:PORT]
 
@@ -36,8 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The DPR's image `ms` after HORUS's start: 150 m around a point, 20 m up and down, half a minute a turn. From 20 to
-/// 40 s of each minute the third receiver drifts off, and is excluded.
+/// Returns the DPR's image `ms` after HORUS's start, on a flight 150 m around a point, 20 m up and down, with half a
+/// minute for each turn. From 20 to 40 s of each minute the third receiver drifts away and is excluded.
 fn image(ms: u32) -> Vec<u8> {
     let seconds = f64::from(ms) / 1e3;
     let angle = TAU * seconds / 30.0;

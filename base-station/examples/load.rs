@@ -1,15 +1,17 @@
 //! Measures the load that one `horus-base` carries: a thousand drones at once, as MAVLink over UDP, and the time from a
-//! datagram to its event on the page.
+//! datagram to the event that it causes on the page.
 //!
 //!     cargo run -p base-station --example load -- [DRONES] [SECONDS]
 //!
-//! Each drone has its own system id. MAVLink has 255; those above use the flag for ids of 32 bits, which the `mavlink`
-//! crate reads, and which distinguishes a thousand drones at one port. Each sends {Link-Status, Reported-Position} and
-//! both messages of its three receivers ten times a second, at its own turn within the tenth of a second. The station
-//! and its page run here as in `horus-base serve`, on threads of their own; the drones and the readers of the page
-//! share the processors. Each event of a watched drone is compared with the instant at which its datagram was sent.
+//! Each drone has its own system id. MAVLink has 255 of them; the drones above that use the flag for ids of 32 bits,
+//! which the `mavlink` crate reads, and which distinguishes a thousand drones at one port. Each drone sends
+//! {Link-Status, Reported-Position} and both messages of its three receivers ten times a second, at its own turn within
+//! the tenth of a second. The station and its page run here as in `horus-base serve`, on threads of their own; the
+//! drones and the readers of the page share the processors with them. Each event of a watched drone is compared with
+//! the instant at which its datagram was sent.
 //!
-//! It fails if anything was dropped, an object was not shown, or the 99th percentile is above 50 ms.
+//! The program fails if anything was dropped, an object was not shown, or the 99th percentile of that time is above 50
+//! ms.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -31,7 +33,7 @@ use serde_json::Value;
 /// The number of drones whose page is watched.
 const WATCHED: u32 = 8;
 
-/// The limit for the 99th percentile of events, ms.
+/// The limit for the 99th percentile of the time from a datagram to its event, ms.
 const BOUND_MS: f64 = 50.0;
 
 fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
@@ -43,7 +45,8 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // For each watched drone and sample (ms of HORUS's time): the instant of sending, ns since the beginning.
+    // This holds, for each watched drone and sample (ms of HORUS's time), the instant of sending, ns since the
+    // beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
         Arc::new((0..WATCHED).map(|_| (0..cycles).map(|_| AtomicU64::new(0)).collect()).collect());
@@ -111,7 +114,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The messages of a drone for one cycle.
+/// Returns the messages of a drone for one cycle.
 fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dyn std::error::Error>> {
     let status = ReportedStatus::new().with_position_valid(true);
     let (latitude, longitude) = (47.0 + f64::from(system) / 1e4, 8.0);
@@ -162,7 +165,7 @@ fn watch(
     took
 }
 
-/// Memory of this process, kB.
+/// Returns the memory of this process, kB.
 fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

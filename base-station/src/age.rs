@@ -2,27 +2,27 @@
 //!
 //! # Design
 //!
-//! A sample's timestamp is HORUS's time; its arrival is the base station's. The difference is the offset of the two
-//! clocks plus the delay of the way, and one number cannot separate them. But a delay is never negative: the smallest
-//! observed difference of arrival and timestamp belongs to the fastest way, and the excess of a later sample is its
-//! delay. So a sample that a radio has held back for two seconds gets an age two seconds above one that it passed on at
-//! once.
+//! A sample's timestamp is HORUS's time; its arrival is the base station's. The difference of the two is the offset of
+//! the two clocks plus the delay on the way, and one number cannot separate them. But a delay is never negative: the
+//! smallest observed difference of arrival and timestamp belongs to the sample with the shortest delay, and the excess
+//! of a later sample's difference is its additional delay. So a sample that a radio has held back for two seconds gets
+//! an age two seconds above that of a sample that the radio passed on at once.
 //!
-//! One sample cannot define the fastest way: an attacker who inserts one could make all others look late, for hours. So
-//! a difference that is smaller than all before counts once [`AGREEING`] samples within [`WITHIN_US`] and over at least
-//! [`AGREE_US`] had one; the largest of theirs is used. The first [`AGREEING`] samples count at once, because there is
-//! no other reference.
+//! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
+//! late, for hours. So a difference that is smaller than all before counts only once [`AGREEING`] samples within
+//! [`WITHIN_US`] and over at least [`AGREE_US`] had such a difference; the largest of their differences is used. The
+//! first [`AGREEING`] samples count at once, because there is no other reference.
 //!
-//! The fastest way's own delay remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
-//! cycle of the flight controller, and the carrier's. Each age here is a lower bound, and the true age exceeds it by
-//! that delay.
+//! The shortest delay itself remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
+//! cycle of the flight controller, and the delay of the carrier. Each age here is therefore a lower bound, and the true
+//! age exceeds it by the shortest delay.
 //!
 //! **Drift.** Two crystals differ, so the smallest difference must not be kept for ever: it may rise by
 //! [`CRYSTAL_DRIFT`] of the time that passes, and by [`NO_CRYSTAL_DRIFT`] while HORUS reports that it runs without its
-//! crystal. Samples of a HORUS whose clock is slower than that look ever later, those of a faster one ever earlier;
-//! both are reported as an [implausible clock](Ages::is_clock_implausible).
+//! crystal. If HORUS's clock is slower than that, its samples seem to come ever later, and if it is faster, ever
+//! earlier; both are reported as an [implausible clock](Ages::is_clock_implausible).
 
-/// The greatest difference between a crystal of HORUS and one of a computer, parts per million: 100 each.
+/// The greatest difference between HORUS's crystal and a computer's, parts per million: 100 for each of them.
 pub const CRYSTAL_DRIFT: i64 = 200;
 
 /// The greatest error of HORUS's clock without its crystal, parts per million: 2 %, as [`profile::sequence`] allows.
@@ -31,16 +31,17 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 /// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// The number of samples from which on a smaller difference counts.
+/// The number of samples with a smaller difference of arrival and timestamp from which on that difference counts.
 pub const AGREEING: u8 = 3;
 
-/// The shortest time over which they must come, µs, so that one burst of messages does not suffice.
+/// The shortest time over which samples with a smaller difference of arrival and timestamp must come, µs, so that one
+/// burst of messages does not suffice.
 pub const AGREE_US: u64 = 1_000_000;
 
-/// The longest time over which they may come, µs.
+/// The longest time over which samples with a smaller difference of arrival and timestamp may come, µs.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Smaller differences that do not count yet.
+/// Samples whose difference of arrival and timestamp is smaller than all before, and does not count yet.
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -48,27 +49,27 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference so far, and the instant since which it may have risen.
+/// The smallest difference of arrival and timestamp so far, and the instant since which it may have risen.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
     at_us: u64,
 }
 
-/// The smallest difference within a window.
+/// The smallest difference of arrival and timestamp within a window.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     began_us: u64,
-    /// The smallest so far, and its instant.
+    /// The smallest difference in this window so far, and its instant.
     least: Floor,
-    /// That of the window before, if there was one.
+    /// The smallest difference in the window before, if there was one.
     before: Option<Floor>,
 }
 
-/// The memory of one HORUS's samples since it started.
+/// What is known of one HORUS's samples since it started.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
-    /// The last timestamp, and the same without wrapping, ms since the first.
+    /// The last timestamp as it arrived, and the same without wrapping, ms since the first.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
@@ -79,11 +80,11 @@ pub struct Ages {
 }
 
 impl Ages {
-    /// Takes a sample with this timestamp, ms, that arrived at `at_us`. `crystal` is whether HORUS runs on its crystal.
-    /// Returns its delay against the fastest one, µs.
+    /// Records a sample with this timestamp, ms, that arrived at `at_us`, µs; `crystal` says whether HORUS runs on its
+    /// crystal. Returns the delay of the sample beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // Another object of the same cycle is not another sample.
+        // Another object with the same timestamp is of the same cycle and is not another sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -96,25 +97,25 @@ impl Ages {
         floor_us.map_or(0, |floor_us| difference_us.saturating_sub(floor_us).max(0)).unsigned_abs()
     }
 
-    /// The lead over the fastest, µs, of a sample with this timestamp, ms, that arrived at `at_us`, µs; negative if it
-    /// is late.
+    /// Returns how much earlier, µs, a sample with this timestamp, ms, that arrived at `at_us`, µs, came than one with
+    /// the shortest delay; negative if it came later.
     #[must_use]
     pub fn early_us(&self, timestamp: u32, at_us: u64, crystal: bool) -> i64 {
         let (_, difference_us) = self.difference(timestamp, at_us);
         self.floor_us(at_us, crystal).map_or(0, |floor_us| floor_us.saturating_sub(difference_us))
     }
 
-    /// The timestamp without wrapping, ms since the first, and the sample's delay after it, µs.
+    /// Returns the timestamp without wrapping, ms since the first one, and the difference of arrival and timestamp, µs.
     fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
-            // The step is less than half of the range either way, as in `profile::freshness`.
+            // A step of the timestamp is less than half of its range in either direction, as in `profile::freshness`.
             Some((last, unwrapped)) => unwrapped + i64::from(timestamp.wrapping_sub(last).cast_signed()),
         };
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
     }
 
-    /// The smallest difference plus its possible rise by `at_us`.
+    /// Returns the smallest difference of arrival and timestamp, with the rise that is possible by `at_us`.
     fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
         self.floor.map(|floor| {
@@ -123,7 +124,7 @@ impl Ages {
         })
     }
 
-    /// Takes a difference that is smaller than all before.
+    /// Records a sample whose difference of arrival and timestamp is smaller than all before.
     fn lower(&mut self, here: Floor) {
         let since = |lower: &Lower| here.at_us.saturating_sub(lower.began_us);
         let before = self.lower.filter(|lower| since(lower) <= WITHIN_US);
@@ -141,8 +142,8 @@ impl Ages {
         }
     }
 
-    /// Whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A carrier's
-    /// delay that grows by more than 0.6 s and stays looks the same.
+    /// Returns whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A
+    /// carrier's delay that grows by more than 0.6 s and stays has the same effect.
     #[must_use]
     pub const fn is_clock_implausible(&self) -> bool {
         self.implausible
@@ -177,7 +178,7 @@ mod tests {
         assert_eq!(ages.take(1_010, 5_030_000, true), 19_994, "20 ms, less 200 ppm of 30 ms");
         assert_eq!(ages.take(1_020, 5_015_000, true), 0, "5 ms earlier than any before");
         assert_eq!(ages.take(1_030, 5_030_000, true), 4_997);
-        // Held-back, reordered samples are judged by their own timestamps.
+        // Samples that are held back and reordered are judged by their own timestamps.
         assert_eq!(ages.take(1_000, 5_995_000, true), 999_804);
     }
 
@@ -187,7 +188,7 @@ mod tests {
         for cycle in 0..10_u32 {
             ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
         }
-        // First one early sample comes, then a burst of three.
+        // First one sample comes too early, then a burst of three.
         for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
             for timestamp in timestamps {
                 assert_eq!(ages.take(*timestamp, at, true), 0);
@@ -196,7 +197,8 @@ mod tests {
             assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
         }
         assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
-        // A way that has become faster by 200 ms counts after a second, by the slowest of its samples.
+        // If the delay becomes 200 ms shorter for good, the shorter delay counts after a second; the longest of the new
+        // delays is used.
         let mut late = vec![];
         for cycle in 130..150_u32 {
             let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
@@ -241,7 +243,8 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The fastest of the first window is at its start, that of the second at its end: 1 s in 60 s is below 2 %.
+            // The sample with the shortest delay is at the start of the first window, and at the end of the second: 1 s
+            // in 60 s is below 2 %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -255,7 +258,8 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // The value is the lag of HORUS's clock behind the station's in each of two windows, ms; 2 % are 600 ms.
+        // The number is the time, ms, by which HORUS's clock falls behind the station's in each of two windows; 2 % are
+        // 600 ms.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

@@ -1,4 +1,4 @@
-//! The alarms for the user.
+//! Defines the alarms for the user.
 
 use core::fmt;
 
@@ -13,29 +13,29 @@ pub enum Severity {
 
 macro_rules! alarms {
     ($($(#[$doc:meta])* $name:ident, $code:literal, $severity:ident, $words:literal;)*) => {
-        /// A reason to alarm.
+        /// A reason for an alarm to the user.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Alarm {
             $($(#[$doc])* $name,)*
         }
 
         impl Alarm {
-            /// All of them, the gravest first.
+            /// All alarms, the gravest first.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// The alarm's name for programs: lower case and dashes. It stays the same in later versions.
+            /// Returns the alarm's name for programs: lower case and dashes. It stays the same in later versions.
             #[must_use]
             pub const fn code(self) -> &'static str {
                 match self { $(Self::$name => $code,)* }
             }
 
-            /// The alarm's severity.
+            /// Returns the alarm's severity.
             #[must_use]
             pub const fn severity(self) -> Severity {
                 match self { $(Self::$name => Severity::$severity,)* }
             }
 
-            /// The alarm's text for the user.
+            /// Returns the alarm's text for the user.
             #[must_use]
             pub const fn words(self) -> &'static str {
                 match self { $(Self::$name => $words,)* }
@@ -55,10 +55,10 @@ alarms! {
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
     /// A state input of HORUS contradicts itself, and nothing more severe is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
-    /// HORUS reports a state without a name here, which belongs to a later version.
+    /// HORUS reports a state that has no name here, because it belongs to a later version.
     UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";
-    /// Another sender used the same id, or the same sample came with two contents, within the last
-    /// [`RECENT_US`](crate::drone::RECENT_US).
+    /// Within the last [`RECENT_US`](crate::drone::RECENT_US), another sender used this drone's id, or the same sample
+    /// came with two contents.
     TwoSenders, "two-senders", Critical, "two senders speak as this drone: one of them may be false";
     /// HORUS reports that it has lost its position.
     PositionLost, "position-lost", Critical, "HORUS has lost its position and does not monitor";
@@ -72,13 +72,13 @@ alarms! {
     LinkDown, "link-down", Critical, "the radio link from HORUS to the DPR is down";
     /// The DPR's front end works but detects no field of HORUS's.
     NoField, "no-field", Critical, "the DPR senses no field of HORUS's transmitter";
-    /// HORUS repeats its timestamp: the DPR reports it, or the same sample keeps arriving.
+    /// HORUS repeats its timestamp: the DPR reports this, or the same sample keeps arriving.
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
     /// The DPR does not find HORUS's sequence, or the arriving data do not continue the displayed ones.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
     /// HORUS marks an impossible position as valid ([`profile::range`]).
     Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
-    /// Reported-Position is marked as not valid.
+    /// HORUS marks Reported-Position as not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
     /// The DPR or this station finds an error of more than 2 % in HORUS's clock.
     ClockImplausible, "clock-implausible", Critical, "HORUS's clock is wrong by more than 2 %";
@@ -96,15 +96,16 @@ alarms! {
     ReceiverImplausible, "receiver-implausible", Warning, "a receiver calls a position valid that cannot be one";
     /// HORUS started again within the last [`RECENT_US`](crate::drone::RECENT_US).
     Restarted, "restarted", Warning, "HORUS has started again";
-    /// HORUS's last reset was not requested.
+    /// HORUS's last reset was caused by a fault.
     HorusUnaskedReset, "horus-unasked-reset", Warning, "HORUS was reset by a fault";
-    /// The DPR's last reset was not requested.
+    /// The DPR's last reset was caused by a fault.
     UnaskedReset, "unasked-reset", Warning, "the DPR was reset by a fault";
-    /// Fewer receivers agree than are configured.
+    /// Fewer receivers agree than are fitted, or they agree on no altitude.
     Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
-    /// HORUS runs on its internal oscillator.
+    /// HORUS runs on its internal oscillator, without its crystal.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
-    /// A damaged object, or one in another's place, arrived within the last [`RECENT_US`](crate::drone::RECENT_US).
+    /// A damaged object, or one where another object belongs, arrived within the last
+    /// [`RECENT_US`](crate::drone::RECENT_US).
     Damaged, "damaged", Warning, "damaged data arrived and were rejected";
 }
 
@@ -121,25 +122,25 @@ pub struct Alarms(u64);
 const _: () = assert!(Alarm::ALL.len() <= 64, "a bit for each alarm");
 
 impl Alarms {
-    /// The empty set.
+    /// Returns the empty set of alarms.
     #[must_use]
     pub const fn none() -> Self {
         Self(0)
     }
 
-    /// The set with `alarm` added if it `holds`.
+    /// Returns the set with `alarm` added if `holds` is true.
     #[must_use]
     pub const fn with(self, alarm: Alarm, holds: bool) -> Self {
         if holds { Self(self.0 | 1 << alarm as u64) } else { self }
     }
 
-    /// Whether `alarm` is in the set.
+    /// Returns whether `alarm` is in the set.
     #[must_use]
     pub const fn has(self, alarm: Alarm) -> bool {
         self.0 & 1 << alarm as u64 != 0
     }
 
-    /// Each of them, the gravest first.
+    /// Returns each alarm in the set, the gravest first.
     pub fn iter(self) -> impl Iterator<Item = Alarm> {
         Alarm::ALL.iter().copied().filter(move |alarm| self.has(*alarm))
     }
@@ -148,24 +149,24 @@ impl Alarms {
 /// An alarm that holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Raised {
-    /// The alarm.
+    /// The alarm that holds.
     pub alarm: Alarm,
-    /// The instant since which it holds, µs.
+    /// The instant since which the alarm holds, µs.
     pub since_us: u64,
 }
 
-/// An alarm came or went.
+/// The beginning or the end of an alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// The alarm.
+    /// The alarm that began or ended.
     pub alarm: Alarm,
-    /// It came.
+    /// Whether the alarm began.
     pub raised: bool,
-    /// The instant of its detection, µs.
+    /// The instant at which the alarm began or ended, µs.
     pub at_us: u64,
 }
 
-/// The alarms that hold, each with its beginning.
+/// The alarms that hold, each with the instant at which it began.
 #[derive(Clone, Debug, Default)]
 pub struct Board {
     held: Alarms,
@@ -173,7 +174,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// Sets the alarms that hold at `at_us` to `now`. Returns the changes.
+    /// Makes `now` the set of alarms that hold at `at_us`. Returns the alarms that began or ended.
     pub fn set(&mut self, at_us: u64, now: Alarms) -> Vec<Change> {
         let before = core::mem::replace(&mut self.held, now);
         let changed = Alarm::ALL.iter().copied().filter(|alarm| before.has(*alarm) != now.has(*alarm));
@@ -184,13 +185,13 @@ impl Board {
         changes
     }
 
-    /// The alarms that hold.
+    /// Returns the set of alarms that hold.
     #[must_use]
     pub const fn held(&self) -> Alarms {
         self.held
     }
 
-    /// The alarms that hold, the gravest first.
+    /// Returns each alarm that holds, with the instant at which it began, the gravest first.
     pub fn raised(&self) -> impl Iterator<Item = Raised> {
         self.held.iter().map(|alarm| Raised { alarm, since_us: self.since_us[alarm as usize] })
     }

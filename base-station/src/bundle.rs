@@ -1,7 +1,8 @@
-//! Several objects in one message, and their places in it.
+//! Finds the objects in a message that carries several.
 //!
 //! Objects travel whole and unchanged. The message's length (and, over MAVLink, its payload type) determines which
-//! objects it contains and where, never the objects' own bytes: so a damaged identifier costs only its object.
+//! objects it contains and where, and never the objects' own bytes: so a damaged identifier makes only its own object
+//! unreadable.
 
 use core::ops::Range;
 
@@ -13,14 +14,14 @@ use crate::Place;
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
     bytes: &'a [u8],
-    /// The first object, by its number in the image.
+    /// The number of the message's first object, in the order of the image.
     first: usize,
-    /// The number of successive objects from there.
+    /// The number of successive objects, including the first.
     count: usize,
 }
 
 impl<'a> Bundle<'a> {
-    /// The `count` objects from `first` on, in the order of the image, if `bytes` has their total length.
+    /// Returns the `count` objects from `first` on, in the order of the image, if `bytes` has their total length.
     #[must_use]
     pub fn new(first: Place, count: usize, bytes: &'a [u8]) -> Option<Self> {
         let first = first.index();
@@ -29,19 +30,21 @@ impl<'a> Bundle<'a> {
         (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// The successive objects from `first` on, in the order of the image, that fill `bytes`, if there is such a number.
+    /// Returns the successive objects from `first` on, in the order of the image, that fill `bytes`; `None` if no
+    /// number of objects does.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))
     }
 
-    /// A profile: 124, 184, 244 or 364 bytes.
+    /// Returns the objects of a profile, which has 124, 184, 244 or 364 bytes.
     #[must_use]
     pub fn profile(layout: Layout, bytes: &'a [u8]) -> Option<Self> {
         Self::new(Place::Reported, layout.objects(), bytes)
     }
 
-    /// A datagram is a profile, or an image, which is Link-Status and a profile. Their eight lengths all differ.
+    /// Returns the objects of a datagram, which is a profile, or an image, which is Link-Status and a profile. The
+    /// eight possible lengths all differ.
     #[must_use]
     pub fn datagram(bytes: &'a [u8]) -> Option<Self> {
         Layout::ALL.into_iter().find_map(|layout| {
@@ -50,20 +53,20 @@ impl<'a> Bundle<'a> {
         })
     }
 
-    /// The bytes of all objects.
+    /// Returns the bytes of all objects.
     #[must_use]
     pub const fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
-    /// Each object's place and bytes.
+    /// Returns the kind and the bytes of each object.
     pub fn objects(&self) -> impl Iterator<Item = (Place, &'a [u8])> + use<'a> {
         let bytes = self.bytes;
         let mut end = 0;
         Place::ALL.into_iter().skip(self.first).take(self.count).map(move |place| {
             let range = Range { start: end, end: end + place.size() };
             end = range.end;
-            // The length was checked when the bundle was made.
+            // The length of the message was checked when the bundle was made.
             (place, bytes.get(range).unwrap_or_default())
         })
     }

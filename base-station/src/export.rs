@@ -1,15 +1,16 @@
-//! A recording as CSV, GPX or KML.
+//! Exports a recording as CSV, GPX or KML.
 //!
 //! | form | what |
 //! |---|---|
 //! | CSV | every object that was shown, each value to the last bit |
 //! | GPX 1.1 | the track of each drone by its Reported-Position, where that is valid; interrupted at a gap |
-//! | KML 2.2 | the same |
+//! | KML 2.2 | the same tracks as in GPX |
 //!
-//! No library is used: the output consists of numbers, times and names of drones, without any character to escape.
+//! No library is used for these formats: the output consists of numbers, times and names of drones, without any
+//! character to escape.
 //!
-//! Heights are above the WGS-84 ellipsoid, as in the objects. KML's are above mean sea level, so its track is drawn on
-//! the ground and only the coordinates have the heights.
+//! Heights are above the WGS-84 ellipsoid, as in the objects. KML expects heights above mean sea level, so its track is
+//! drawn on the ground, and the heights are only in the coordinates.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -25,15 +26,15 @@ use crate::{DroneId, Place, Verdict};
 /// The form of an export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A row for each object.
+    /// The export has a row for each object.
     Csv,
-    /// A track for GPS tools.
+    /// The export has a track for GPS tools.
     Gpx,
-    /// A track for globes.
+    /// The export has a track for programs that show a globe.
     Kml,
 }
 
-/// The columns of CSV.
+/// The names of the columns of CSV.
 pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude_deg,longitude_deg,altitude_m,\
                            pitch_rad,yaw_rad,roll_rad,ax_m_s2,ay_m_s2,az_m_s2,words";
 
@@ -45,8 +46,8 @@ pub const GAP_US: u64 = 2_000_000;
 ///
 /// # Errors
 ///
-/// The recording cannot be read or `to` not be written. A recording that is cut off is exported up to that place
-/// ([`Reader::torn`]).
+/// Returns an error if the recording cannot be read or `to` not be written. A recording that is cut off is exported up
+/// to the place where it ends ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
     form: Form,
@@ -87,17 +88,18 @@ pub fn export<R: Read, W: Write>(
     Ok(written)
 }
 
-/// Judges a record again and returns the objects that were judged then. A message refused for its signature has none.
+/// Judges a record again and returns the objects that were judged when it was recorded. If a message was refused for
+/// its signature, no object of it was judged.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
     intake.take_if(&record.carried, |who, place| {
         let who = who.to_string();
-        // The sender's number may differ from the recorded one.
+        // The number of the sender may differ from the recorded one.
         let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
         record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
 }
 
-/// An instant in µs since 1970 as text.
+/// Returns an instant in µs since 1970 as text.
 #[must_use]
 pub fn time(at_us: u64) -> String {
     let time = i64::try_from(at_us).ok().and_then(DateTime::from_timestamp_micros);
@@ -134,7 +136,7 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let words = if status.last_refused() { "last refused" } else { "none refused" };
             write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
-        // Its time is that of the base station that sent it, so it has no age.
+        // The time of an uplink is that of the base station that sent it, so an age cannot be stated.
         Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
             write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),
@@ -142,7 +144,8 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     row + "\n"
 }
 
-/// Rust prints a number with the digits that distinguish it from every other. Unknown values are left out.
+/// Writes the values of an object. Rust prints a number with the digits that distinguish it from every other. Unknown
+/// values are left out.
 fn values(
     row: &mut String,
     (timestamp, age_ms, status): (u32, u64, u16),
@@ -160,17 +163,18 @@ fn values(
     Ok(())
 }
 
-/// Reported-Position, where it is valid.
+/// Returns the position of a Reported-Position, if it is valid.
 fn position(intake: &Intake, judged: &Judged) -> Option<[f64; 3]> {
     let held = intake.fleet().get(judged.drone)?.reported().filter(|_| judged.place == Place::Reported)?;
     let values = &held.values;
     values.status.position_valid().then_some([values.latitude, values.longitude, values.altitude])
 }
 
-/// The instants of new Reported-Positions, with the drone's position then, if it was valid.
+/// For each drone, the instants at which new Reported-Positions arrived, each with the drone's position if that was
+/// valid.
 type Tracks = BTreeMap<DroneId, Vec<(u64, Option<[f64; 3]>)>>;
 
-/// The parts of a track between gaps.
+/// Returns the parts of a track between its gaps.
 fn segments(points: &[(u64, Option<[f64; 3]>)]) -> impl Iterator<Item = Vec<(u64, [f64; 3])>> {
     let valid = points.split(|(_, position)| position.is_none());
     let near =
@@ -255,7 +259,7 @@ mod tests {
         }
     }
 
-    /// Two samples of one drone, the second without altitude.
+    /// Returns a recording of two samples of one drone, the second without altitude.
     fn recording() -> Vec<u8> {
         let memory = Memory::default();
         let mut recorder = Recorder::new(memory.clone());

@@ -1,18 +1,18 @@
-//! All drones with arriving messages.
+//! Keeps all drones from which messages arrive.
 //!
 //! # Design
 //!
 //! **A drone is identified by its id and its sender.** Two drones with one MAVLink system id, or an attacker who forges
 //! one, are two senders: each is judged and shown separately (`7` and `7-2`), and both have the alarm
-//! [`TwoSenders`](crate::Alarm::TwoSenders). A sender is a different one if its messages come from elsewhere
-//! ([`Source`]), or if they do not fit the earlier ones ([`order`](crate::drone::order)).
+//! [`TwoSenders`](crate::Alarm::TwoSenders). Messages belong to another sender if they come from elsewhere
+//! ([`Source`]), or if they do not continue the earlier ones ([`order`](crate::drone::order)).
 //!
-//! **The fleet cannot be flooded.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] of each; when it is
-//! full, the one that has been silent longest is dropped, and a rarely received one before a frequent one. A drone that
-//! sends is never dropped.
+//! **The fleet cannot be flooded.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] senders for each id.
+//! When the fleet is full, the sender that has been silent longest is dropped, and one from which few messages came
+//! before one from which many came. A drone that sends is never dropped.
 //!
-//! **A drone whose address changed** is a new sender beside a silent one. The silent one is dropped after
-//! [`RECENT_US`], if the new one's HORUS started at the same instant, which identifies it.
+//! **A drone whose address changed** becomes a new sender, and its earlier one is silent. The silent sender is dropped
+//! after [`RECENT_US`], if the new sender's HORUS started at the same instant, which shows that it is the same drone.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -23,27 +23,27 @@ use crate::drone::order::{SEARCH_CYCLES, SLACK_US};
 use crate::drone::{RECENT_US, SILENT_US};
 use crate::{Bundle, Change, Drone, Verdict};
 
-/// The most drones that are kept.
+/// The greatest number of drones that are kept.
 pub const MAX_DRONES: usize = 4_096;
 
-/// The most senders of one drone that are kept.
+/// The greatest number of senders with one drone's id that are kept.
 pub const MAX_SENDERS: u8 = 4;
 
-/// The id that a drone claims.
+/// The id that a sender states for its drone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Who {
-    /// Its MAVLink system id.
+    /// The drone's MAVLink system id.
     System(u32),
-    /// The source address of its datagrams.
+    /// The address from which the drone's datagrams come.
     Address(SocketAddr),
-    /// The number of its line: a serial port without MAVLink.
+    /// The number of the line over which the drone's messages come, which is a serial port without MAVLink.
     Line(u16),
-    /// Its name at another base station that receives it.
+    /// The name that another base station publishes the drone under.
     Named(Name),
 }
 
 impl Who {
-    /// Its first sender.
+    /// Returns the first sender with this id.
     #[must_use]
     pub const fn first(self) -> DroneId {
         DroneId { who: self, sender: 1 }
@@ -64,9 +64,9 @@ impl fmt::Display for Who {
 /// A drone's id, and one of the senders that use it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DroneId {
-    /// The claimed id.
+    /// The id that the sender states for its drone.
     pub who: Who,
-    /// The sender's number, from 1, in the order of their first messages.
+    /// The number of the sender, from 1, in the order in which the senders with this id first sent.
     pub sender: u8,
 }
 
@@ -79,20 +79,20 @@ impl fmt::Display for DroneId {
     }
 }
 
-/// The source of messages.
+/// The place from which a sender's messages come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Source {
-    /// The line's number.
+    /// The number of the line over which the messages come.
     pub line: u16,
-    /// The sender's address, if the line has addresses.
+    /// The address from which the messages come, if the line has addresses.
     pub from: Option<SocketAddr>,
-    /// The MAVLink component id.
+    /// The MAVLink component id in the messages.
     pub component: u8,
     /// Whether each message has a signature of the station's key.
     pub signed: bool,
 }
 
-/// One sender of one drone.
+/// One of the senders with the id of a drone.
 #[derive(Clone, Debug)]
 struct Sender {
     source: Source,
@@ -100,7 +100,7 @@ struct Sender {
 }
 
 impl Sender {
-    /// The rank for being kept; the least is dropped first.
+    /// Returns the rank of the sender for being kept; the sender with the least rank is dropped first.
     fn worth(&self) -> (bool, u64) {
         (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
     }
@@ -111,7 +111,7 @@ impl Sender {
     }
 }
 
-/// All drones. See the [module](self).
+/// The drones that are kept. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Fleet {
     drones: BTreeMap<DroneId, Sender>,
@@ -120,12 +120,13 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Takes a message's objects, which arrived at `at_us`. Returns the sender and the verdict on each object, in their
-    /// order. It returns none if there is no room for another drone, or if an unknown one brought no intact object.
+    /// Passes a message's objects, which arrived at `at_us`, to the drone that sent them. Returns the sender and the
+    /// verdict on each object, in their order. There are no verdicts if there is no room for another drone, or if an
+    /// unknown drone brought no intact object.
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // If only one sender is known, its own judgement decides whether the message is a stranger's.
+        // If only one sender is known, its own state determines whether the message is from another sender.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
             let verdicts = sender.drone.take_bundle(at_us, bundle);
@@ -153,13 +154,13 @@ impl Fleet {
         }
     }
 
-    /// The senders of a drone.
+    /// Returns all senders with the id of a drone.
     fn of(&self, who: Who) -> impl Iterator<Item = (DroneId, &Sender)> {
         let all = who.first()..=DroneId { who, sender: u8::MAX };
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// Notifies all senders of this drone of one another.
+    /// Records in all senders with this drone's id that the others exist.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -175,7 +176,7 @@ impl Fleet {
         }
     }
 
-    /// Makes room for another sender of this drone, and returns its id.
+    /// Makes room for another sender with this drone's id, and returns the id of that sender.
     fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
         let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
             senders
@@ -198,24 +199,24 @@ impl Fleet {
         self.dropped += 1;
     }
 
-    /// The state of a drone.
+    /// Returns the state of a drone.
     #[must_use]
     pub fn get(&self, id: DroneId) -> Option<&Drone> {
         self.drones.get(&id).map(|sender| &sender.drone)
     }
 
-    /// The source of a drone's messages.
+    /// Returns the place from which a drone's messages come.
     #[must_use]
     pub fn source(&self, id: DroneId) -> Option<Source> {
         self.drones.get(&id).map(|sender| sender.source)
     }
 
-    /// All drones, in the order of their ids.
+    /// Returns all drones, in the order of their ids.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (DroneId, &Drone)> {
         self.drones.iter().map(|(id, sender)| (*id, &sender.drone))
     }
 
-    /// Updates every drone's alarms to `now_us`. Returns the changes.
+    /// Updates every drone's alarms to `now_us`. Returns the alarms that began or ended.
     pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
         let moved: Vec<_> = self.drones.iter().filter(|(id, sender)| self.has_moved(**id, sender, now_us)).collect();
         let moved: Vec<_> = moved.into_iter().map(|(id, _)| *id).collect();
@@ -231,7 +232,7 @@ impl Fleet {
         changes
     }
 
-    /// Whether a sender is silent and another one continues as the same HORUS.
+    /// Returns whether a sender is silent and another sender with its id continues the data of the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {
@@ -242,13 +243,13 @@ impl Fleet {
             && self.of(id.who).any(|(other, goes_on)| other != id && !silent(goes_on, SILENT_US) && same(goes_on))
     }
 
-    /// Messages with intact objects that were refused because the fleet was full.
+    /// Returns the number of messages with intact objects that were refused because the fleet was full.
     #[must_use]
     pub const fn refused(&self) -> u64 {
         self.refused
     }
 
-    /// Drones that were dropped to make room for others.
+    /// Returns the number of drones that were dropped to make room for others.
     #[must_use]
     pub const fn dropped(&self) -> u64 {
         self.dropped

@@ -1,4 +1,4 @@
-//! Converts a carrier's bytes to the state of all drones, in one path for arriving and played-back data.
+//! Turns a carrier's bytes into the state of all drones, in the same way for arriving and for played-back data.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -10,27 +10,28 @@ use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
 
-/// The longest datagram with objects, bytes, which exceeds an Ethernet frame. Longer ones are refused unread.
+/// The length of the longest datagram with objects, bytes, which exceeds an Ethernet frame. A longer one is refused
+/// without being read.
 pub const MAX_DATAGRAM: usize = 2_048;
 
 /// The form in which a line brings objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
-    /// MAVLink in datagrams.
+    /// The line brings MAVLink in datagrams.
     MavlinkDatagrams = 1,
-    /// MAVLink in a byte stream.
+    /// The line brings MAVLink in a byte stream.
     MavlinkStream = 2,
-    /// Profiles or images in datagrams.
+    /// The line brings profiles or images in datagrams.
     Datagrams = 3,
-    /// Profiles or images in a byte stream, in frames that end with a zero byte.
+    /// The line brings profiles or images in a byte stream, in frames that end with a zero byte.
     Stream = 4,
-    /// The messages that another base station published.
+    /// The line brings messages that another base station published.
     Published = 5,
 }
 
 impl Kind {
-    /// The kind of this number.
+    /// Returns the kind of line that has this number in a recording.
     #[must_use]
     pub const fn of(number: u8) -> Option<Self> {
         match number {
@@ -44,42 +45,42 @@ impl Kind {
     }
 }
 
-/// Bytes that arrived together.
+/// Bytes that arrived together, and how they arrived.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Carried {
-    /// The instant, µs since 1970; it does not go back.
+    /// The instant at which the bytes arrived, µs since 1970; it does not go back.
     pub at_us: u64,
-    /// The form in which its line brings objects.
+    /// The form in which the line brings objects.
     pub kind: Kind,
-    /// The line's number, which identifies the socket or port.
+    /// The number of the line, which stands for a socket or port.
     pub line: u16,
-    /// A datagram's source, or a published message's drone, `STATION/DRONE`; otherwise empty.
+    /// The source of a datagram, or the drone of a published message, `STATION/DRONE`; otherwise empty.
     pub from: String,
-    /// The bytes.
+    /// The bytes that arrived.
     pub bytes: Vec<u8>,
 }
 
-/// The verdict on one object.
+/// The verdict on one object that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Judged {
-    /// The drone.
+    /// The drone that the object is from.
     pub drone: DroneId,
-    /// The object.
+    /// The kind of the object.
     pub place: Place,
-    /// The verdict.
+    /// The verdict on the object.
     pub verdict: Verdict,
 }
 
-/// The state of a line between its messages.
+/// What is kept of a line from one message to the next.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),
     Stream(Deframer),
-    /// Each message is complete in itself.
+    /// Each message is complete in itself, so nothing is kept.
     Messages,
 }
 
-/// All lines, and all drones behind them. See the [module](self).
+/// All lines, and all drones from which messages arrive on them. See the [module](self).
 #[derive(Debug, Default)]
 pub struct Intake {
     fleet: Fleet,
@@ -89,44 +90,45 @@ pub struct Intake {
     oversized: u64,
 }
 
-/// Totals of what was refused before its drone was determined.
+/// Totals of the messages that were refused before it was known from which drone they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Refused {
-    /// Messages that are not signed with this station's key, or were replayed.
+    /// The number of messages that are not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with another payload type or length.
     pub malformed: u64,
-    /// TUNNEL messages with a wrong MAVLink checksum.
+    /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,
-    /// Datagrams of MAVLink 1, in which TUNNEL cannot travel.
+    /// The number of datagrams of MAVLink 1, which has no TUNNEL.
     pub version_1: u64,
-    /// MAVLink messages of other kinds, which is not an error.
+    /// The number of MAVLink messages of other kinds, which are no error.
     pub foreign: u64,
-    /// Datagrams and frames without MAVLink that have the length of neither a profile nor an image.
+    /// The number of datagrams and frames without MAVLink that have the length of neither a profile nor an image.
     pub damaged: u64,
-    /// Datagrams that are longer than [`MAX_DATAGRAM`].
+    /// The number of datagrams that are longer than [`MAX_DATAGRAM`].
     pub oversized: u64,
 }
 
 impl Intake {
-    /// An intake; with a verifier it only accepts signed MAVLink messages.
+    /// Returns an intake without drones; with a verifier it accepts only signed MAVLink messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Takes an arrival. Returns the verdict on each of its objects.
+    /// Judges and keeps the objects in bytes that arrived. Returns the verdict on each of these objects.
     pub fn take(&mut self, carried: &Carried) -> Vec<Judged> {
         self.take_if(carried, |_, _| true)
     }
 
-    /// Does the same as [`take`](Self::take), but only for `wanted` objects: from a recording, those that were judged.
+    /// Judges and keeps the objects in bytes that arrived for which `wanted` is true. For a recording, these are the
+    /// objects that were judged when it was made. Returns the verdict on each of them.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
-    /// Does the same as [`take_if`](Self::take_if); `told` gets the objects of each message of a known drone, and the
-    /// verdict on each.
+    /// Judges and keeps objects as [`take_if`](Self::take_if) does; `told` gets the objects of each message of a known
+    /// drone, and the verdict on each.
     pub fn take_each(
         &mut self,
         carried: &Carried,
@@ -155,7 +157,7 @@ impl Intake {
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
             Kind::Datagrams | Kind::Published => Line::Messages,
-            // The longest frame is Link-Status before the largest profile.
+            // The longest frame holds Link-Status and the largest profile.
             Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
         };
         match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {
@@ -196,24 +198,24 @@ impl Intake {
         judged
     }
 
-    /// Updates every drone's alarms to `now_us`. Returns the changes.
+    /// Updates every drone's alarms to `now_us`. Returns the alarms that began or ended.
     pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
         self.fleet.tick(now_us)
     }
 
-    /// All drones.
+    /// Returns all drones.
     #[must_use]
     pub const fn fleet(&self) -> &Fleet {
         &self.fleet
     }
 
-    /// Whether only signed MAVLink is accepted.
+    /// Returns whether only signed MAVLink is accepted.
     #[must_use]
     pub const fn is_signed(&self) -> bool {
         self.verifier.is_some()
     }
 
-    /// The totals of what was refused.
+    /// Returns the totals of refused messages.
     #[must_use]
     pub fn refused(&self) -> Refused {
         let begin = Refused { damaged: self.damaged, oversized: self.oversized, ..Refused::default() };

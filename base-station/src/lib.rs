@@ -1,12 +1,12 @@
-//! The base station judges the objects that HORUS sealed for the last time, keeps them, and shows them to people.
+//! The base station is the last to judge the objects that HORUS sealed; it keeps them, and shows them to people.
 //!
 //! # Design
 //!
 //! **One judge.** [`Drone::take`] judges all arriving bytes, object by object, and no other code does. [`profile`]
-//! decides whether an object is intact and in its place, and its timestamp whether it is newer than the displayed one.
-//! The carrier is not trusted (black channel).
+//! determines whether an object is intact and in its place, and the object's timestamp determines whether it is newer
+//! than the displayed one. The carrier is not trusted (black channel).
 //!
-//! **The way cannot make old data new.** Loss, duplicates and reordering have no effect: an object is shown only if it
+//! **Delivery cannot make old data new.** Loss, duplicates and reordering have no effect: an object is shown only if it
 //! is newer than the displayed one of its kind. A HORUS that has restarted counts from 0 again, and is accepted after
 //! three cycles in a row ([`drone`]).
 //!
@@ -14,7 +14,7 @@
 //! age ([`age`]).
 //!
 //! **There is neither clock nor I/O** outside `live`, which is for the command. Time is an argument, in µs of the
-//! caller's clock, which must not go back. So all of it runs on the bench in virtual time as it runs at a base station.
+//! caller's clock, which must not go back. So the same code runs on the bench in virtual time and in a base station.
 //!
 //! | module | what |
 //! |---|---|

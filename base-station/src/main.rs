@@ -76,7 +76,7 @@ enum Command {
     Subscribe {
         #[command(flatten)]
         broker: BrokerArgs,
-        /// Only what this station publishes
+        /// Show only what the station of this name publishes
         #[arg(long, value_name = "NAME")]
         station: Option<String>,
         #[command(flatten)]
@@ -89,7 +89,7 @@ enum Command {
         files: Vec<PathBuf>,
         #[command(flatten)]
         page: Page,
-        /// The multiple of the original pace, up to 100; 0 stands still
+        /// The pace as a multiple of the original one, up to 100; at 0 the playback stands still
         #[arg(long, default_value_t = 1.0)]
         speed: f64,
         /// Begin this many seconds after the recording's start
@@ -100,7 +100,7 @@ enum Command {
     Export {
         /// The recording
         file: PathBuf,
-        /// The form; by default that of the output's file name
+        /// The form of the output; by default that of the output's file name
         #[arg(long)]
         form: Option<Forms>,
         /// The output file
@@ -139,19 +139,19 @@ struct Listen {
     /// Profiles or images in frames that end with a zero byte (COBS), on this serial port
     #[arg(long, value_name = "PORT[,BAUD]")]
     plain_serial: Vec<String>,
-    /// Accept only MAVLink that is signed with the key in this file, 64 hexadecimal digits; not together with lines
-    /// that cannot be signed
+    /// Accept only MAVLink messages that are signed with the key in this file, 64 hexadecimal digits; this excludes
+    /// lines that cannot be signed
     #[arg(long, value_name = "FILE", conflicts_with_all = ["datagrams", "plain_serial"])]
     key: Option<PathBuf>,
-    /// Send HEARTBEAT each second, so that an autopilot that waits for a ground station sends: to every MAVLink serial
-    /// port, and to every UDP peer. Without it the station sends nothing
+    /// Send HEARTBEAT each second to every MAVLink serial port and to every UDP peer, so that an autopilot that waits
+    /// for a ground station sends. Without this option the station sends nothing
     #[arg(long)]
     heartbeat: bool,
-    /// Send HEARTBEAT to this UDP address too, before its peer has sent anything
+    /// Send HEARTBEAT also to this UDP address, before its peer has sent anything
     #[arg(long, value_name = "ADDRESS:PORT", requires = "heartbeat")]
     heartbeat_to: Vec<SocketAddr>,
     /// MAVLink system id of this station's messages. It must not be that of the ground station that flies the drone,
-    /// often 255: its autopilot would not detect the loss of that one
+    /// which is often 255: otherwise the autopilot would not detect the loss of that ground station
     #[arg(long, value_name = "1-255", default_value_t = SYSTEM, value_parser = clap::value_parser!(u8).range(1..))]
     system_id: u8,
 }
@@ -159,7 +159,8 @@ struct Listen {
 /// The broker's arguments.
 #[derive(Args)]
 struct BrokerArgs {
-    /// The broker: `mqtts://` with TLS, port 8883 if none is given; without it nothing is encrypted, and the port 1883
+    /// The broker: `mqtts://` for TLS, on port 8883 if none is given; otherwise nothing is encrypted, and the port is
+    /// 1883
     #[arg(long, value_name = "[mqtts://]HOST[:PORT]")]
     broker: String,
     /// With TLS: the certificates of the authorities, one of which signed the broker's, are in this file (PEM)
@@ -192,7 +193,7 @@ struct Page {
     seconds: Option<u64>,
 }
 
-/// The destinations of arriving data: the page, and a recording if requested.
+/// The outputs for arriving data: the page, and a recording if requested.
 #[derive(Args)]
 struct Output {
     #[command(flatten)]
@@ -202,7 +203,7 @@ struct Output {
     record: Option<PathBuf>,
 }
 
-/// The interval of checks for failures; the recorder tries again after twice that.
+/// The interval at which failures are checked for; the recorder tries again after twice that time.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
@@ -231,7 +232,7 @@ fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Resu
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
     speak(listen, uplink, &station)?;
     open(listen, &clock, &inlet)?;
-    // The lines have inlets of their own, and end when the station does.
+    // Each line has an inlet of its own, and ends when the station does.
     show(station.clone(), None, &page)?;
     finish(inlet, &station, ended)
 }
@@ -276,7 +277,7 @@ fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Outpu
     finish(inlet, &station, ended)
 }
 
-/// The broker of these arguments.
+/// Returns the broker that these arguments name.
 fn broker(args: &BrokerArgs) -> Result<Broker> {
     let (scheme, address) = args.broker.split_once("://").unwrap_or(("mqtt", &args.broker));
     let encrypted = match scheme {
@@ -309,14 +310,14 @@ fn broker(args: &BrokerArgs) -> Result<Broker> {
     Ok(Broker { host: host.to_owned(), port, login, tls })
 }
 
-/// User and password, one a line.
+/// Reads a user and a password from a file, one on each line.
 fn login(file: &Path) -> Result<(String, String)> {
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
     let mut lines = text.lines().map(str::to_owned);
     lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
 }
 
-/// The TLS settings of these arguments, with the authorities in this file.
+/// Returns the settings of TLS from these arguments, with the authorities in this file.
 fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     let read = |file: &Path| std::fs::read(file).with_context(|| format!("cannot read {}", file.display()));
     let authorities = read(ca)?;
@@ -332,7 +333,7 @@ fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
     made.with_context(|| file.display().to_string())
 }
 
-/// A station's name, if it is valid.
+/// Returns a station's name, if it is valid.
 fn station(name: &str) -> Result<&str> {
     let words = "is no station's name: 1 to 32 letters, digits, dots, hyphens, underscores";
     if is_station(name) { Ok(name) } else { bail!("{name:?} {words}") }
@@ -375,7 +376,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // A user who names only the first part may mean the last flight, which has another name.
+    // A user who names only the first part may mean the last flight, whose file has another number.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -439,10 +440,10 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures: each sender with the key needs its own.
+/// The number of the link in this station's signatures. Each sender that has the key needs a number of its own.
 const SIGNING_LINK: u8 = 254;
 
-/// Enables the station's own messages.
+/// Enables the station's own messages, as the arguments require.
 fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
     if !listen.heartbeat && !uplink {
         return Ok(());
@@ -480,7 +481,7 @@ fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
     Ok(Some(Files::new(file)))
 }
 
-/// Opens every line. Each has a number, in the order of the arguments.
+/// Opens every line. The lines are numbered in the order of the arguments.
 fn open(listen: &Listen, clock: &Clock, inlet: &Inlet) -> Result<()> {
     let mut number = 0_u16;
     let default = [SocketAddr::from(([0, 0, 0, 0], 14_550))];
@@ -515,7 +516,7 @@ const fn words(kind: Kind) -> &'static str {
     }
 }
 
-/// Prints a change of an alarm.
+/// Prints an alarm that began or ended.
 fn tell(drone: DroneId, change: Change) {
     let what = if change.raised { "ALARM" } else { "over " };
     say(&format!("drone {drone}: {what} {}", change.alarm));
@@ -530,7 +531,7 @@ fn runtime() -> Result<tokio::runtime::Runtime> {
     Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
 }
 
-/// Waits until the user ends it, or for this many seconds.
+/// Waits until the user ends the program, or until this many seconds have passed.
 async fn interrupted(seconds: Option<u64>) -> Result<()> {
     let time = async {
         match seconds {
@@ -538,7 +539,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // A service is ended by TERM; the recording must be whole then, too.
+    // A service is ended by the signal TERM; the recording must be whole then, too.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -601,7 +602,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let address = listener.local_addr()?;
         println!("http://{address}/");
         let router = page::router(station, player, access);
-        // Open event streams would delay a graceful end.
+        // A graceful end would wait for open event streams.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,
@@ -609,7 +610,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
     })
 }
 
-/// Ends the station once the lines have ended, and waits until everything is written.
+/// Ends the station, and waits until everything that has arrived is written.
 fn finish(inlet: Inlet, station: &Station, ended: thread::JoinHandle<Result<(), String>>) -> Result<()> {
     inlet.close();
     drop(inlet);

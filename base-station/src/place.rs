@@ -1,4 +1,4 @@
-//! The kinds of objects, and the check whether bytes are an intact one.
+//! Defines the kinds of objects, and checks whether bytes are an intact object.
 
 use core::fmt;
 
@@ -23,10 +23,10 @@ pub enum Place {
 }
 
 impl Place {
-    /// The number of kinds.
+    /// The number of kinds of objects.
     pub const COUNT: usize = 4 + MAX_RECEIVERS;
 
-    /// All kinds, in the order of the map.
+    /// All kinds of objects, in the order of the map.
     pub const ALL: [Self; Self::COUNT] = [
         Self::LinkStatus,
         Self::Reported,
@@ -39,14 +39,15 @@ impl Place {
         Self::Uplink,
     ];
 
-    /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` for any other.
+    /// Returns the kind of the profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5; `None`
+    /// for any other number.
     #[must_use]
     pub fn of_object(index: usize) -> Option<Self> {
         Self::ALL.get(index.checked_add(1)?).copied().filter(|_| index <= MAX_RECEIVERS)
     }
 
-    /// Its number in the order of the map: 0 for Link-Status, 1 for Reported-Position, then the receivers, Port-Status
-    /// and the uplink.
+    /// Returns the object's number in the order of the map: 0 for Link-Status, 1 for Reported-Position, then the
+    /// receivers, Port-Status and the uplink.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
@@ -58,7 +59,7 @@ impl Place {
         }
     }
 
-    /// Its size on the wire, bytes.
+    /// Returns the object's size on the wire, bytes.
     #[must_use]
     pub const fn size(self) -> usize {
         match self {
@@ -70,7 +71,7 @@ impl Place {
         }
     }
 
-    /// The identifier that belongs here; `None` for a receiver that does not exist.
+    /// Returns the object's identifier; `None` for a receiver that does not exist.
     #[must_use]
     pub fn identifier(self) -> Option<Identifier> {
         match self {
@@ -82,17 +83,17 @@ impl Place {
         }
     }
 
-    /// The place of an object with this identifier; `None` if a base station does not know it.
+    /// Returns the kind of the object with this identifier; `None` if a base station does not know it.
     #[must_use]
     pub fn of(identifier: Identifier) -> Option<Self> {
         Self::ALL.into_iter().find(|place| place.identifier() == Some(identifier))
     }
 
-    /// Judges `bytes` in this place by [`profile`]. Bytes of another length are damaged.
+    /// Judges whether `bytes` are an intact object of this kind, by [`profile`]. Bytes of another length are damaged.
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout with the most receivers has every place; only the place's own bytes are read.
+        // The layout with the most receivers has a place for every kind of object; only the bytes of this one are read.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -134,7 +135,7 @@ impl fmt::Display for Place {
 pub enum Intact<'a> {
     /// Link-Status.
     LinkStatus(&'a LinkStatus),
-    /// An object of the profile.
+    /// An object of the profile: Reported-Position or GPS1 to GPS5.
     Object(Object<'a>),
     /// Port-Status.
     PortStatus(&'a PortStatus),
@@ -143,8 +144,8 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// The timestamp, ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's
-    /// clock, of the others since HORUS's start. All wrap.
+    /// Returns the object's timestamp, ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the
+    /// base station's clock, of the others since HORUS's start. All timestamps wrap.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

@@ -1,5 +1,5 @@
-//! Tests fleets over the real broker: mosquitto, on a port that the system chooses, and `horus-base` in separate
-//! processes. Each test makes its certificates for TLS.
+//! Tests fleets over a real broker: mosquitto, on a port that the system chooses, and `horus-base` in separate
+//! processes. Each test of TLS makes its certificates.
 
 mod common;
 
@@ -23,7 +23,7 @@ use serde_json::Value;
 /// The time limit for each wait; on a machine that is not busy the whole test takes a few seconds.
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Waits until the condition holds.
+/// Waits until `is_so` returns true.
 fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let began = Instant::now();
     while !is_so() {
@@ -32,7 +32,7 @@ fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-/// A process that ends with the test.
+/// A process that is ended when the test is over.
 struct Running(Child);
 
 impl Drop for Running {
@@ -43,7 +43,7 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// Ends it as Ctrl-C does, and waits.
+    /// Ends the process as Ctrl-C does, and waits until it has ended.
     fn interrupt(mut self) {
         let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
         assert!(kill.success());
@@ -73,12 +73,12 @@ fn mosquitto_with(port: u16, folder: &Path, lines: &str) -> Option<Running> {
     Some(broker)
 }
 
-/// A TCP port that is free now.
+/// Returns a TCP port that is free now.
 fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-/// Starts `horus-base` with these arguments; returns its page's address, and the UDP address that it prints.
+/// Starts `horus-base` with these arguments; returns the address of its page, and the UDP address that it prints.
 fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--http", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -92,7 +92,7 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
         let _ = errors.read_to_string(&mut said);
         panic!("{line:?} {said}")
     });
-    // Its output before the page's address is complete by now.
+    // By now the program has printed everything that comes before the page's address.
     let mut first = String::new();
     errors.read_line(&mut first).unwrap();
     let udp = first.strip_prefix("listening on UDP ").and_then(|rest| rest.split(',').next()?.parse().ok());
@@ -100,7 +100,7 @@ fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
     (running, page, udp)
 }
 
-/// The state of a page.
+/// Returns the state that a page sends.
 fn state(page: SocketAddr) -> Value {
     let mut stream = TcpStream::connect(page).unwrap();
     stream.set_read_timeout(Some(BOUND)).unwrap();
@@ -112,7 +112,7 @@ fn state(page: SocketAddr) -> Value {
     serde_json::from_str(&body[begin..=end]).unwrap()
 }
 
-/// The drones of a page that are not stale, in their order.
+/// Returns the drones of a page that are not stale, in the page's order.
 fn fresh(page: SocketAddr) -> Vec<String> {
     let state = state(page);
     let drones = state["drones"].as_array().unwrap();
@@ -120,7 +120,8 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Drones that fly until this is dropped, with these system ids, each ten times a second, to one port.
+/// A thread that sends the data of flying drones with these system ids, each ten times a second, to one port, until
+/// this is dropped.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -133,7 +134,7 @@ impl Flying {
             let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
             let began = Instant::now();
             while !told.load(Ordering::Relaxed) {
-                // HORUS's time follows real time, whatever delays this thread.
+                // The timestamps of the drones follow real time, whatever delays this thread.
                 let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
                 for forwarder in &mut forwarders {
                     forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
@@ -155,7 +156,7 @@ impl Drop for Flying {
     }
 }
 
-/// Every object of a recording: drone, place, verdict, bytes.
+/// Returns every object of a recording: drone, kind, verdict, bytes.
 fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>)> {
     let mut objects = vec![];
     let mut intake = base_station::intake::Intake::default();
@@ -167,7 +168,7 @@ fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>
         };
         intake.take_each(carried, |_, _| true, all);
         assert_eq!(bytes.len(), record.found.len());
-        // The publisher's verdict travels with it.
+        // The recorded message contains the publisher's verdict too.
         let told: Option<Vec<String>> = (carried.kind == Kind::Published).then(|| {
             let published = Published::read(&carried.bytes).unwrap();
             published.verdicts().map(|verdict| verdict.unwrap().code().to_owned()).collect()
@@ -201,13 +202,13 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let (south, _, south_udp) = publish("south", names[1]);
     let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
 
-    // One system id is used twice, by two drones.
+    // The system id 3 is used by two drones, one of each station.
     let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
     let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
     until("all drones are shown", || fresh(page) == drones);
     assert_eq!(state(page)["drone"]["id"], "north/1");
 
-    // Without a broker each station reports it and continues; the displayed data grow old.
+    // Without a broker each station reports that and continues, and the data that it displays grow old.
     drop(broker);
     let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
     until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
@@ -223,7 +224,8 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let recorded = objects(all.clone(), "");
     assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
     for (station, file) in [("north", north), ("south", south)] {
-        // Each object from the broker, in order, is one that its station recorded, with the same bytes and verdict.
+        // Each object that came through the broker, in order, is one that its station recorded, with the same bytes and
+        // verdict.
         let here = objects(file, station);
         let through = objects(all.clone(), station);
         let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
@@ -278,13 +280,13 @@ fn what_somebody_else_publishes_there_changes_nothing() {
             }
         }
     });
-    // A late subscriber gets the retained message.
+    // The broker sends its retained message to a subscriber that comes late.
     let (_late, late, _) = horus_base(&["subscribe", "--broker", &at, "--station", "north"]);
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // The message that is not retained reaches present subscribers under the first one's name, because it was
-        // current.
+        // A subscriber that was there before may show the first message as the drone `north/8`, because the message
+        // reached it when it was current and not as a retained one.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
@@ -292,7 +294,7 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// An authority of this name, whose certificate is in `NAME.pem`.
+/// Returns a certificate authority of this name, and writes its certificate to `NAME.pem`.
 fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     let mut params = CertificateParams::default();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -302,7 +304,7 @@ fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     authority
 }
 
-/// A certificate for `host` until this year, in `NAME.pem`, with its key in `NAME.key`.
+/// Makes a certificate for `host`, valid until this year, in `NAME.pem`, with its key in `NAME.key`.
 fn certificate(folder: &Path, authority: &CertifiedIssuer<'_, KeyPair>, name: &str, host: &str, until: i32) {
     let mut params = CertificateParams::new([host.to_owned()]).unwrap();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -343,7 +345,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // Arrivals from before the connection are reported for a while.
+    // Arrivals that could not be published before there was a connection are reported for a while.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

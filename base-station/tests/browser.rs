@@ -1,7 +1,7 @@
-//! Tests the page in a real browser: it must show what is sent over UDP.
+//! Tests the page in a real browser: it must show the data that are sent over UDP.
 //!
-//! Objects travel as MAVLink over a real socket to the station and the server of `horus-base serve`. Screenshots go to
-//! `target/screenshots`. Without a browser no test is run, which is reported ([`browser::program`]).
+//! Objects travel as MAVLink over a real socket to the station and the server of `horus-base serve`. Screenshots are
+//! written to `target/screenshots`. Without a browser no test is run, which is reported ([`browser::program`]).
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -30,26 +30,27 @@ use serde_json::{Value, json};
 /// The time from one message of a drone to the next.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// The longest time until a page reports that data are old, ms: the issue's "within 0.5 s".
+/// The longest time until a page reports that data are old, ms: the requirement is "within 0.5 s".
 const SAYS_OLD_WITHIN: f64 = 500.0;
 
-/// The longest pause of a page that runs every 10 ms, ms; beyond it the machine was busy with other work.
+/// The longest pause, ms, between two runs of a script that is due every 10 ms; beyond it the machine was busy with
+/// other work.
 const UNDISTURBED: f64 = 60.0;
 
-/// The instants at which an image was taken, and at which it was sent at the latest, ms since 1970.
+/// The instant at which an image was taken, and the latest at which it was sent, ms since 1970.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
     gone: f64,
 }
 
-/// The present, ms since 1970.
+/// Returns the present time, ms since 1970.
 fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// A thread that records the time every 10 ms for as long as this lives, ms since 1970. At a gap in its records the
-/// machine did not run this process and the base station in it, so no measurement is valid then.
+/// A thread that records the time every 10 ms for as long as this lives, ms since 1970. Where there is a gap in its
+/// records, the machine did not run this process and the base station in it, so no measurement is valid then.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -80,7 +81,7 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A browser, or `None`, with a message, where there is none.
+/// Returns a browser; if there is none, prints a message and returns `None`.
 fn tab(name: &str) -> Option<Tab> {
     let program = browser::program()?;
     Some(Tab::start(&program, &PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("browser").join(name)))
@@ -101,7 +102,7 @@ struct Scene {
     forwarder: Forwarder,
     began: Instant,
     sent: u64,
-    /// The elapsed time, µs, for a station whose clock is set.
+    /// The elapsed time that the test sets, µs, if the station has such a clock.
     passed_us: Arc<AtomicU64>,
 }
 
@@ -110,7 +111,8 @@ impl Scene {
         Self::with_key(clock, None)
     }
 
-    /// With a key the station accepts only messages signed with it, and sends uplinks.
+    /// Starts a station with this clock. With a key, the station accepts only messages signed with it, and sends
+    /// uplinks.
     fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
@@ -134,7 +136,7 @@ impl Scene {
         Self { server: Some(server), station, page, socket, to, forwarder, began, sent: 0, passed_us }
     }
 
-    /// The station reads the system's clock.
+    /// Starts a station that reads the system's clock.
     fn begin() -> Self {
         Self::new(|_| Clock::begin())
     }
@@ -143,7 +145,7 @@ impl Scene {
         format!("http://{}/", self.page)
     }
 
-    /// Sends an image of this instant.
+    /// Sends an image that is taken at this instant.
     fn send(&mut self, image: impl FnOnce(u32) -> Vec<u8>) -> Sent {
         let passed = self.began.elapsed();
         self.send_of(passed, image)
@@ -161,13 +163,13 @@ impl Scene {
         Sent { taken, gone: now_ms() }
     }
 
-    /// Another drone's flight controller, with a socket of its own.
+    /// Returns the flight controller of another drone, with a socket of its own.
     fn another(&self, system: u8) -> (Forwarder, UdpSocket) {
         let rates = Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 };
         (Forwarder::new(system, 1, rates), UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap())
     }
 
-    /// Sends an image of this instant by it.
+    /// Sends an image that is taken at this instant, through another drone's flight controller.
     fn send_by(&self, (forwarder, socket): &mut (Forwarder, UdpSocket), image: impl FnOnce(u32) -> Vec<u8>) {
         let passed = self.began.elapsed();
         let image = image(70_000 + u32::try_from(passed.as_millis()).unwrap() / 10 * 10);
@@ -177,8 +179,8 @@ impl Scene {
         }
     }
 
-    /// Sends images at their pace until the condition holds on the page, which is checked meanwhile. Returns the last
-    /// one's instants.
+    /// Sends images at their usual pace until the condition `wanted` holds on the page. Returns the instants of the
+    /// last image.
     fn fly_until(&mut self, tab: &mut Tab, wanted: &str) -> Sent {
         let began = Instant::now();
         loop {
@@ -201,10 +203,11 @@ impl Scene {
     }
 }
 
-/// The position of Reported-Position.
+/// The latitude, longitude and altitude that Reported-Position states.
 const PLACE: (f64, f64, f64) = (-33.456_789_12, -70.648_271_83, 1_234.56);
 
-/// The DPR's image `ms` after HORUS's start: three receivers, the second excluded, the third silent.
+/// Returns the DPR's image `ms` after HORUS's start. It has three receivers, of which the second is excluded and the
+/// third silent.
 fn image(ms: u32) -> Vec<u8> {
     image_at(ms, PLACE)
 }
@@ -243,7 +246,7 @@ fn image_at(ms: u32, (latitude, longitude, altitude): (f64, f64, f64)) -> Vec<u8
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// The displayed text of each cell of a table, row by row.
+/// Returns the displayed text of each cell of a table, row by row.
 fn table(tab: &mut Tab, id: &str) -> Vec<Vec<String>> {
     let rows = format!(
         "[...document.getElementById('{id}').rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
@@ -317,7 +320,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
         assert!(alarms.contains(words), "{words}: {alarms}");
     }
 
-    // Every age is the time since then. The page is read between these two instants.
+    // Every displayed age is the time since the last image was sent. The page is read between these two instants.
     let before = now_ms() - last.gone;
     let read = "[document.getElementById('age-value').textContent, \
                 ...[...document.getElementById('receivers').rows].map((row) => row.cells[4].textContent), \
@@ -326,7 +329,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // The display may lag by two pushes and a frame of the screen, on a machine with other work.
+        // On a machine with other work, the display may lag by two pushes and one frame of the screen.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -338,7 +341,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records when the verdict changes, and how regularly it runs: a beat is due every 10 ms.
+    // The script records when the verdict changes, and how regularly the script itself runs: it is due every 10 ms.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -358,7 +361,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // Other work can stop the browser, or the base station; then the page cannot be measured.
+        // If other work stopped the browser, or the base station, the page cannot be measured.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -370,11 +373,11 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // The last sample may be 10 ms older than that, because a timestamp is that of a cycle. Date.now() has whole
+    // The last sample may be 10 ms older than the limit, because a timestamp is that of a cycle. Date.now() has whole
     // milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
-    // A state that was delayed by 200 ms on its way makes no data younger.
+    // A state that was delayed by 200 ms on its way must not make data look younger.
     let held_up = "(() => {
             const drone = { ...state.drone, reported: { ...state.drone.reported } };
             drone.reported.age_ms -= 200;
@@ -404,12 +407,12 @@ fn a_page_that_lost_its_station_reconnects_by_itself() {
     drop(scene.server.take());
     tab.until("document.body.className === 'lost'");
     assert_eq!(tab.text("#verdict"), "NO CONNECTION TO THE BASE STATION");
-    // The pause is long enough for an attempt that fails.
+    // The pause is long enough for the browser to make an attempt that fails.
     sleep(Duration::from_millis(1_500));
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
     assert_eq!(tab.eval("performance.timeOrigin"), loaded, "it was not loaded anew");
-    // The console has only the failed connections.
+    // The console reports only the failed connections.
     let troubles = tab.troubles();
     let network = |trouble: &String| trouble.starts_with("network: ") && trouble.contains("/events");
     assert!(troubles.iter().all(network), "{troubles:?}");
@@ -476,7 +479,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
         for scheme in ["light", "dark"] {
             tab.scheme(scheme);
             let seen = format!("matchMedia('(prefers-color-scheme: {scheme})').matches");
-            // The pictures and their legend are drawn ten times a second.
+            // The drawings of the page and their legend are drawn ten times a second.
             scene.fly_until(
                 &mut tab,
                 &format!(
@@ -495,7 +498,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
                 tab.eval("[document.documentElement.scrollWidth, document.documentElement.clientWidth, innerWidth]");
             assert_eq!(wide[0], wide[1], "{name}, {scheme}");
             assert_eq!(wide[2], screen.width);
-            // The picture is taken while the page is being drawn.
+            // The screenshot is taken while the page is being drawn.
             scene.send(image);
             screenshot(&mut tab, &format!("{name}-{scheme}"));
             tab.until(OLD);
@@ -513,7 +516,7 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     let _alone = alone();
     let Some(mut tab) = tab("keyboard") else { return };
     let mut scene = Scene::begin();
-    // A second drone can be selected.
+    // The page can display a second drone.
     let mut other = Forwarder::new(9, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     other.offer(&Bundle::datagram(&image_at(50_000, (10.0, 20.0, 30.0))).unwrap());
     while let Some(message) = other.poll(1_000_000, 0) {
@@ -526,17 +529,18 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
-        // The other drone is silent by now, so there may be an alarm to acknowledge.
+        // The other drone is silent by now, so there may be an alarm to acknowledge, with a button of its own.
         order.retain(|id| id != "acknowledge");
     }
-    // The elements without a name are the list of changes, and the two that select a drone in the list of all.
+    // The elements without a name are the list of changes, and the two elements that select a drone in the list of all
+    // drones.
     assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
     tab.press("ArrowDown");
     tab.until("document.getElementById('drone').value === '9'");
     tab.until("document.getElementById('latitude').textContent === '10.0000000° N'");
-    // Keys do the same, unless they are switched off.
+    // Keys do the same as the controls, unless they are switched off.
     tab.eval("document.activeElement.blur()");
     tab.press("n");
     tab.until("document.getElementById('drone').value === '7'");
@@ -575,10 +579,10 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     scene.is_clean(&mut tab);
 }
 
-/// The DPR's image without faults, `change`d.
+/// Returns the DPR's image without faults, after `change` has changed it.
 fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) -> Vec<u8> {
     let (latitude, longitude, altitude) = PLACE;
-    // The drone flies to the north at 10 m/s.
+    // The drone in this image flies to the north at 10 m/s.
     let latitude = latitude + f64::from(ms) * 1e-2 / 110_920.0;
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -599,14 +603,14 @@ fn well(ms: u32, change: impl FnOnce(&mut ReportedValues, &mut [GpsValues; 3])) 
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// A change of the DPR's image.
+/// A function that changes the values of the DPR's image.
 type Change = fn(&mut ReportedValues, &mut [GpsValues; 3]);
 
 /// The longest time until a page reports a fault, from the fault's first message on.
 const SAYS_WITHIN: Duration = Duration::from_secs(2);
 
-/// Sends what `send` does until the page shows the text at a `level`, within the bound; then takes pictures of it on a
-/// desk and on a phone, in light and in dark.
+/// Calls `send` until the page shows the text `said` with the class `level`, within the bound. Then takes screenshots
+/// of the page on a desk and on a phone, in light and in dark.
 fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMut()) {
     let wanted = format!(
         "document.getElementById('verdict').textContent.startsWith({}) && document.body.dataset.level === '{level}'",
@@ -616,7 +620,7 @@ fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMu
     let mut before = Instant::now();
     loop {
         send();
-        // A machine that delays this process for long cannot measure.
+        // If the machine delays this process for long, the measurement is invalid and is made again.
         if before.elapsed() > Duration::from_millis(500) && retried < 20 {
             (began, retried) = (Instant::now(), retried + 1);
         }
@@ -654,7 +658,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
-            // The numbers are present, but must not be shown.
+            // The image has numbers for the position, but the page must not show them.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
         }),
         ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {
@@ -673,7 +677,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     for (name, said, change) in scenes {
         shows(&mut tab, &format!("{name}-before"), "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
         shows(&mut tab, name, said, "critical", || _ = scene.send(|ms| well(ms, change)));
-        // Pictures take so long that messages seem to stop.
+        // Screenshots take so long that messages seem to stop meanwhile.
         let told = format!("document.title.startsWith('!! 7: ' + {})", json!(said));
         let mut sent = 0;
         while tab.eval(&told) != Value::Bool(true) {
@@ -699,7 +703,7 @@ fn old_receivers_and_link_are_marked_beside_a_new_position() {
     let mut scene = Scene::begin();
     tab.open(&scene.address());
     shows(&mut tab, "old-before", "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
-    // Only Reported-Position still arrives.
+    // From here on only Reported-Position arrives.
     let reported = |ms| well(ms, |_, _| {})[32..96].to_vec();
     let alone = Tunnel::of(&Bundle::new(Place::Reported, 1, &reported(0)).unwrap()).unwrap().payload_type;
     assert_eq!(alone, 0xC800);
@@ -788,7 +792,7 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     let of = |id: &str| fleet.iter().find(|row| row[0] == id).unwrap()[1].clone();
     assert!(of("11").starts_with("HORUS has fired the emergency measure"), "{fleet:?}");
     assert!(of("13").contains("fewer receivers agree") || of("13").contains("old"), "{fleet:?}");
-    // A new drone never takes the screen; a reload of the page shows the same one.
+    // A new drone never replaces the displayed one; after a reload the page shows the same drone.
     assert_eq!(tab.eval("new URLSearchParams(location.search).get('drone')"), "7");
     let mut early = scene.another(1);
     scene.send_by(&mut early, |ms| well(ms, |_, _| {}));
@@ -805,13 +809,13 @@ fn more_tabs_than_a_browser_has_connections_show_the_drone() {
     tab.open(&scene.address());
     scene.fly_until(&mut tab, FRESH);
     tab.eval("window.tabs = []; true");
-    // Browsers allow six connections to one host.
+    // Browsers allow only six connections to one host, and there are more tabs than that.
     for count in 1..=9 {
         let expression = "tabs.push(window.open(location.href, '_blank'))";
         let opened = json!({ "expression": expression, "userGesture": true, "returnByValue": true });
         assert_eq!(tab.command("Runtime.evaluate", opened)["result"]["value"], count);
     }
-    // A tab in the background draws no pictures, but reports the age of its data.
+    // A tab in the background draws nothing, but reports the age of its data.
     let fresh = "tabs.every((tab) => tab && tab.document.body && tab.document.body.className === 'fresh')";
     scene.fly_until(&mut tab, fresh);
     scene.fly_until(&mut tab, FRESH);
@@ -835,7 +839,7 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged() {
     tab.open(&scene.address());
     fly(&mut scene, &mut tab, |_, _| {}, "document.body.dataset.level === 'well' && acknowledged !== null");
     let button = "document.getElementById('acknowledge')";
-    // A browser plays sound only after a user's action.
+    // A browser plays sound only after an action of the user.
     tab.eval("document.getElementById('sound').focus()");
     tab.press("Space");
     assert_eq!(tab.eval("document.getElementById('sound').checked"), true);
@@ -851,7 +855,7 @@ fn a_new_critical_alarm_sounds_until_it_is_acknowledged() {
     assert!(words.as_str().unwrap().ends_with("7: HORUS has fired the emergency measure"), "{words}");
     assert!(tab.text("#verdict").starts_with("HORUS has fired"), "it is still the worst");
     fly(&mut scene, &mut tab, |_, _| {}, &format!("{first}.endsWith('measure – over')"));
-    // The same alarm again is a new one.
+    // If an acknowledged alarm begins again, it is a new one.
     fly(&mut scene, &mut tab, emergency, &format!("{button}.textContent === 'Acknowledge 1'"));
     scene.is_clean(&mut tab);
 }
@@ -947,10 +951,10 @@ fn one_place_far_off_does_not_set_the_scale_of_the_map() {
     }
 }
 
-/// The beginning of the recording of [`record`], µs since 1970.
+/// The instant at which the recording of [`record`] begins, µs since 1970.
 const RECORDED: u64 = 1_790_000_000_000_000;
 
-/// Records a drone for this long, at 10 Hz.
+/// Records a drone for this many seconds, at 10 Hz.
 fn record(path: PathBuf, seconds: u32) -> Recording {
     let mut recorder = Recorder::new(Files::new(path.clone()));
     let mut intake = Intake::default();
@@ -970,13 +974,13 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     let _alone = alone();
     let Some(mut tab) = tab("playback") else { return };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("playback");
-    // An earlier run may have left files.
+    // An earlier run may have left files in the folder.
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).unwrap();
     let recording = record(folder.join("flight.mcap"), 600);
     let contents = recording.contents(|_| {}).unwrap();
     assert_eq!(contents.last_us, RECORDED + 600_000_000);
-    // It plays from the hundredth second on, at a pace that is not in the list.
+    // The playback begins at the hundredth second, at a pace that is not in the list of paces.
     let player = Arc::new(Player::new(&contents, RECORDED + 100_000_000, 3.0));
     let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
     let fed = Arc::clone(&player);
@@ -993,7 +997,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "pause", "Pause");
     tab.until("document.getElementById('speed').value === '3'");
 
-    // Played-back data are never green, nor announced as present.
+    // Played-back data are never displayed in green, nor announced as present.
     tab.until("document.getElementById('verdict').textContent.startsWith('PLAYBACK · ')");
     for (screen, place) in [(browser::Screen { width: 1_200, ..DESK }, "1200"), (PHONE, "390")] {
         tab.screen(screen);
@@ -1029,7 +1033,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
         assert!(tab.text("#keys-words").contains(words), "{words}");
     }
 
-    // Keys work wherever the focus is.
+    // Keys work wherever the focus is on the page.
     tab.press("p");
     until(&mut tab, "pause", "Play");
     assert!(player.speed().abs() < f64::EPSILON);
@@ -1039,12 +1043,12 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     for key in ["j", "j", "l", "j"] {
         tab.press(key);
     }
-    // Two steps back add up, though no answer was awaited in between.
+    // Two steps back add up, although the page did not wait for an answer in between.
     let wanted = stood - 20.0;
     tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
     let whole = wanted as u32;
     until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
-    // A pace that is selected while the playback stands does not start it.
+    // If a pace is selected while the playback stands still, the playback does not start.
     tab.press("f");
     until(&mut tab, "did", "5 times, when it plays");
     tab.press("s");
@@ -1058,7 +1062,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "did", "1 times");
     assert!((player.speed() - 1.0).abs() < f64::EPSILON);
 
-    // The controls do the same.
+    // The controls do the same as the keys.
     tab.eval("document.getElementById('pause').focus()");
     tab.press("Space");
     until(&mut tab, "pause", "Play");
@@ -1080,11 +1084,11 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display equals the recording there, which is found by reading all of it.
+    // The display equals the recording at that place. The test finds the place by reading the whole recording.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 
-    // A key with a modifier is the browser's, and a key alone has no effect where that was switched off.
+    // A key with a modifier is left to the browser, and a key alone has no effect where keys are switched off.
     let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
     assert_eq!(tab.eval(alone), true, "it was not taken");
     tab.eval("document.getElementById('keys').focus()");
@@ -1096,7 +1100,7 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     until(&mut tab, "pause", "Pause");
     assert_eq!(tab.troubles(), Vec::<String>::new());
 
-    // The loss of a station is reported, and no exception is thrown.
+    // When the station is lost, the page reports it, and no exception is thrown.
     drop(server);
     tab.press("p");
     until(&mut tab, "did", "the base station is not reached");

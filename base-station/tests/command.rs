@@ -1,17 +1,17 @@
-//! Tests which arguments `horus-base` refuses, and its warnings.
+//! Tests which arguments `horus-base` refuses, and of what it warns.
 
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// The result of these arguments; the program ends by itself.
+/// Runs `horus-base` with these arguments until it ends by itself. Returns whether it succeeded, and its error output.
 fn run(arguments: &[&str]) -> (bool, String) {
     let Output { status, stderr, .. } =
         Command::new(env!("CARGO_BIN_EXE_horus-base")).args(arguments).output().unwrap();
     (status.success(), String::from_utf8(stderr).unwrap())
 }
 
-/// A file with this text, whose name is unique to this process.
+/// Writes this text to a file whose name is unique to this process, and returns the file's path.
 fn file(name: &str, text: &str) -> PathBuf {
     let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
     fs::write(&file, text).unwrap();

@@ -16,13 +16,13 @@ use common::image;
 use socket2::{Domain, Socket, Type};
 use tokio::sync::oneshot;
 
-/// The time limit for each wait, which takes a fraction of it on a machine that is not busy.
+/// The time limit for each wait; a machine that is not busy needs a fraction of it.
 const BOUND: Duration = Duration::from_secs(30);
 
-/// The limits are short, so that the tests are.
+/// The limits of connections, which are short so that the tests are.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
-/// A page of a station of one drone, which receives data all the time.
+/// The page of a station with one drone, which receives data all the time.
 struct Page {
     address: SocketAddr,
     end: Option<oneshot::Sender<()>>,
@@ -67,7 +67,7 @@ impl Page {
         stream
     }
 
-    /// A connection whose receive buffer is as small as possible.
+    /// Opens a connection whose receive buffer is as small as possible.
     fn narrow(&self) -> TcpStream {
         let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
         socket.set_recv_buffer_size(2_048).unwrap();
@@ -75,7 +75,7 @@ impl Page {
         socket.into()
     }
 
-    /// Whether a request is answered correctly.
+    /// Returns whether a request is answered correctly.
     fn answers(&self) -> bool {
         let mut stream = self.connect();
         let asked = write!(stream, "GET /state HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -93,7 +93,7 @@ impl Drop for Page {
     }
 }
 
-/// Reads until the other end closes, or resets, the connection.
+/// Returns the bytes that the other end sends until it closes, or resets, the connection.
 fn all(stream: &mut TcpStream) -> Vec<u8> {
     let mut bytes = vec![];
     let mut buffer = [0; 4_096];
@@ -107,7 +107,7 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// Reads states as a browser does, on a thread; returns the longest pause between two when it is ended.
+/// A thread that reads states as a browser does. When it is ended, it returns the longest pause between two states.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -140,7 +140,7 @@ impl Watcher {
     }
 }
 
-/// The memory of this process, bytes.
+/// Returns the memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -156,7 +156,7 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // Each is closed without having read: the system reports a reset at the next write.
+    // Each connection is closed although it has not read: the system reports a reset at the next write.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -188,7 +188,8 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // Those beyond the limit are closed at once, the others when they have sent no request for too long.
+        // The connections beyond the limit are closed at once, and the others when they have sent no request for too
+        // long.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));
@@ -253,13 +254,13 @@ fn malformed_requests_are_refused_and_smuggle_nothing() {
     ];
     for (what, request) in &refused {
         let mut stream = page.connect();
-        // The connection may be closed before everything is written.
+        // The page may close the connection before everything is written.
         let _ = stream.write_all(request).and_then(|()| stream.shutdown(std::net::Shutdown::Write));
         let answer = String::from_utf8_lossy(&all(&mut stream)).into_owned();
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 4"), "{what}: {answer}");
         assert!(!answer.contains("HTTP/1.1 200"), "{what}: {answer}");
     }
-    // The body is as long as its length field says.
+    // The body has the length that the header states.
     let body = format!("GET / HTTP/1.1\r\n{host}Content-Length: {}\r\nConnection: close\r\n\r\n{inner}", inner.len());
     let chunk = format!("{:x}\r\n{inner}\r\n0\r\n\r\n", inner.len());
     let chunked = format!("GET / HTTP/1.1\r\n{host}Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n{chunk}");

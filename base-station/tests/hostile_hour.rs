@@ -1,5 +1,6 @@
-//! Tests an hour with a hostile neighbour: three true drones, and beside them messages that are forged, replayed,
-//! reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a seed.
+//! Tests an hour with a hostile neighbour: there are three true drones, and beside them come messages that are forged,
+//! replayed, reordered, truncated, oversized and from many senders. Time is virtual, and the messages are drawn from a
+//! seed.
 
 use crate::common;
 
@@ -26,14 +27,14 @@ fn address(system: u32, port: u16) -> String {
     format!("10.0.{}.{}:{port}", system >> 8 & 0xFF, system & 0xFF)
 }
 
-/// The messages of one image from a flight controller's forwarder.
+/// Returns the messages that a flight controller's forwarder makes of one image.
 fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
     forwarder.offer(&Bundle::datagram(image).unwrap());
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// An image that an attacker sealed: intact, with an emergency, or at an impossible position.
+/// Returns an image that an attacker sealed: it is intact, and states an emergency or an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -45,7 +46,7 @@ fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     Profile::<3>::seal(&reported, &[gps; 3]).as_bytes().to_vec()
 }
 
-/// Whether no impossible data are kept as valid.
+/// Returns whether the drone keeps no impossible data as valid.
 fn is_sound(drone: &Drone) -> bool {
     let valid = |status: bool, [latitude, longitude, altitude]: [f64; 3]| {
         !status || range::is_position(latitude, longitude, altitude)
@@ -59,7 +60,7 @@ fn is_sound(drone: &Drone) -> bool {
     })
 }
 
-/// The memory of this process, bytes.
+/// Returns the memory of this process, bytes.
 fn memory() -> u64 {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
     pages.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4_096
@@ -69,10 +70,10 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that arrive later: instant, source, bytes.
+    /// The messages that arrive later: the instant, a number, the source and the bytes of each.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
-    /// Earlier messages, for replays.
+    /// Earlier messages, from which some are replayed.
     kept: Vec<(String, Vec<u8>)>,
 }
 
@@ -82,12 +83,12 @@ impl Hour {
         self.on_the_way.insert((self.now + after, self.count), (from, bytes));
     }
 
-    /// The present time of a true drone's HORUS, ms.
+    /// Returns the present time of the HORUS of a true drone, ms.
     fn time(&self, began: u32) -> u32 {
         began + u32::try_from((self.now - BEGIN) / 10_000).unwrap() * 10
     }
 
-    /// The true drones send; with `hostile` some messages are reordered on their way.
+    /// Sends the messages of the true drones; with `hostile`, some are reordered on their way.
     fn fly(&mut self, hostile: bool) {
         for (system, began) in TRUE {
             for message in messages(system, &image(self.time(began))) {
@@ -159,7 +160,7 @@ impl Hour {
         }
     }
 
-    /// Judges what has arrived by now.
+    /// Judges the messages that have arrived by now.
     fn arrive(&mut self) {
         while let Some(first) = self.on_the_way.first_entry().filter(|first| first.key().0 <= self.now) {
             let at_us = first.key().0;
@@ -175,7 +176,7 @@ impl Hour {
         }
     }
 
-    /// Whether the true drone with this id is shown: its last sample, not old, with its own values.
+    /// Returns whether the station shows the true drone with this id: its last sample, not old, with its own values.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);
@@ -239,7 +240,7 @@ fn after_a_hostile_hour_the_true_drones_are_shown_true() {
     let refused = hour.intake.refused();
     assert!(refused.oversized > 1_000 && refused.bad_crc + refused.malformed + refused.foreign < 100_000);
     assert!(grown < 16 << 20, "{} kB", grown >> 10);
-    // A drone whose id was forged has the alarm.
+    // Each drone whose id was forged has the alarm `TwoSenders`.
     let told = TRUE.iter().all(|(system, _)| {
         fleet.iter().any(|(id, drone)| {
             id.who.to_string() == system.to_string() && drone.alarms_at(ended).has(Alarm::TwoSenders)

@@ -1,4 +1,4 @@
-//! Tests `horus-base record` in a separate process, which is killed, and on a full disk.
+//! Tests `horus-base record` in a separate process that is killed, and on a full disk.
 
 use crate::common;
 
@@ -14,11 +14,12 @@ use common::image;
 
 const BOUND: Duration = Duration::from_secs(60);
 
-/// Starts it from a shell that first sets a limit; returns its output and its address.
+/// Starts `horus-base` from a shell that first sets a limit. Returns the process, its output, and the address at which
+/// it receives datagrams.
 fn start(arguments: &[&str], file: &Path, limit: &str) -> (Child, BufReader<ChildStderr>, SocketAddr) {
     let mut command = Command::new("sh");
-    // Without the signal that the system sends with it, a file that must not grow makes a write fail, as a full disk
-    // does.
+    // When a file must not grow, the system sends a signal with the error. Without that signal the write fails, as on a
+    // full disk.
     command.arg("-c").arg(format!("trap '' XFSZ; {limit}; exec \"$0\" \"$@\"")).arg(env!("CARGO_BIN_EXE_horus-base"));
     command.args(arguments).args(["--datagrams", "127.0.0.1:0"]).arg(file);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -35,7 +36,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The HORUS time of each recorded image, ms, and the places where parts are cut off.
+/// Returns the HORUS time of each recorded image, ms, and the places where parts are cut off.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -52,7 +53,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // After three seconds at 100 Hz the process is killed. The instants of sending count.
+    // After three seconds at 100 Hz the process is killed. The instants at which images were sent are compared.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -62,7 +63,7 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
         thread::sleep(Duration::from_millis(10));
     }
     let killed = began.elapsed();
-    // On unix this is SIGKILL.
+    // On Unix, this kills the process by the signal SIGKILL.
     child.kill().unwrap();
     child.wait().unwrap();
     let (times, torn) = recorded(vec![file]);
@@ -81,7 +82,7 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
     let (mut time, second) = (70_000, folder.join("flight.1.mcap"));
-    // When the first part is full, the recorder tries another, as long as there are data to record.
+    // When the first part is full, the recorder tries another one, as long as there are data to record.
     while !second.metadata().is_ok_and(|second| second.len() > 10_000) {
         assert!(began.elapsed() < BOUND && child.try_wait().unwrap().is_none(), "it has not tried again");
         socket.send_to(&image(time), address).unwrap();
@@ -93,7 +94,8 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service is ended by TERM and not by the keyboard; the file is whole anyway, which is reported.
+    // A service is ended by TERM and not by the keyboard. The file is whole in this case too, which the program
+    // reports.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

@@ -1,5 +1,5 @@
-//! Tests ten minutes on carriers that lose half of all messages, repeat, reorder, damage, and carry foreign ones, in
-//! virtual time.
+//! Tests ten minutes, in virtual time, on carriers that lose half of all messages, repeat, reorder and damage messages,
+//! and carry foreign ones.
 
 use std::collections::HashSet;
 
@@ -25,7 +25,7 @@ impl Drawn {
         self.next() % limit
     }
 
-    /// True in `percent` of a hundred cases.
+    /// Returns true in `percent` of a hundred cases.
     fn chance(&mut self, percent: u64) -> bool {
         self.below(100) < percent
     }
@@ -47,7 +47,7 @@ fn image(timestamp: u32) -> Vec<u8> {
         .concat()
 }
 
-/// A message on its way.
+/// A message on its way to the base station.
 struct Message {
     arrives_us: u64,
     bytes: Vec<u8>,
@@ -55,7 +55,7 @@ struct Message {
     foreign: bool,
 }
 
-/// Carries `bytes`, sent at `now_us`.
+/// Puts `bytes`, sent at `now_us`, on their way, on which they may be lost, delayed, doubled or damaged.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -71,7 +71,7 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
         }
-        // The same bit may have flipped twice.
+        // The same bit may have flipped twice, so that the message is intact again.
         let damaged = bytes != original;
         on_the_way.push(Message { arrives_us: now_us + delay_us, bytes, damaged, foreign: false });
     }
@@ -81,14 +81,15 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Ten minutes of HORUS's objects, carried; returns the messages, every object that was sent, and the instants.
+/// Returns the messages of ten minutes of HORUS's objects, as carried, every object that was sent, and the instants of
+/// sending.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 6_000, ..Rates::default() });
     for cycle in 0..60_000_u32 {
         let now_us = u64::from(cycle) * 10_000;
-        // HORUS has been running for a while.
+        // HORUS has been running for a while when the ten minutes begin.
         let image = image(600_000 + 10 * cycle);
         let bundle = Bundle::datagram(&image).unwrap();
         sent.extend(bundle.objects().map(|(place, bytes)| (place, bytes.to_vec())));
@@ -105,7 +106,7 @@ fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>)
     (on_the_way, sent)
 }
 
-/// Takes what arrived, and compares the verdicts with what was sent.
+/// Judges messages that arrived, and compares the verdicts with the objects that were sent.
 struct Judge {
     fleet: Fleet,
     sent: HashSet<(Place, Vec<u8>)>,

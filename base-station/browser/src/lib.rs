@@ -1,12 +1,12 @@
-//! A headless Chromium for tests of a page: it opens and inspects the page, types into it, and reports its errors.
+//! Runs a headless Chromium for tests of a page: it opens and inspects the page, types into it, and reports its errors.
 //!
 //! # Design
 //!
-//! Chromium uses the DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero
-//! byte. There is no port, nothing listens, and Chromium ends when the pipes do, so no test leaves one behind. The
-//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. Libraries for it are `headless_chrome`
-//! and `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it code generated for
-//! a protocol of which a dozen commands are used here.
+//! Chromium is controlled by its DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended
+//! by a zero byte. There is no port, no program listens, and Chromium ends when the pipes do, so no test leaves a
+//! browser behind. The protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. Libraries for it are
+//! `headless_chrome` and `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it
+//! code generated for a protocol of which a dozen commands are used here.
 //!
 //! Only this machine is reachable: every other host name resolves to nothing, which shows as a failed request
 //! ([`Tab::requests`]).
@@ -24,21 +24,22 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
-/// The browser's program names, in the order of the search.
+/// The names of the browser's program, in the order in which they are searched for.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// The time limit for an answer, which exceeds that of a busy machine.
+/// The time limit for an answer of the browser, which exceeds the time that a busy machine takes.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The interval at which [`Tab::until`] checks.
+/// The interval at which [`Tab::until`] checks its condition.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The browser's program: the environment's `CHROMIUM`, or the first that is found. Where there is none, it is `None`
-/// and a message is printed; in an environment with `CI` it panics, because the browser must be installed there.
+/// Returns the browser's program: the environment's `CHROMIUM`, or the first that is found. Where there is none, this
+/// returns `None` and prints a message; in an environment with `CI` it panics, because the browser must be installed
+/// there.
 ///
 /// # Panics
 ///
-/// Panics where there is no browser and the environment has `CI`.
+/// Panics if there is no browser and the environment has `CI`.
 #[must_use]
 pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
@@ -57,20 +58,20 @@ pub fn program() -> Option<PathBuf> {
 /// The size at which the page is displayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen {
-    /// The width, CSS pixels.
+    /// The width of the page, CSS pixels.
     pub width: u32,
-    /// The height, CSS pixels.
+    /// The height of the page, CSS pixels.
     pub height: u32,
-    /// The screen's pixels per CSS pixel, in a row.
+    /// The number of the screen's pixels for each CSS pixel, along one axis.
     pub scale: u32,
-    /// Whether it is a phone's.
+    /// Whether the screen is a phone's.
     pub phone: bool,
 }
 
-/// A screen on a desk.
+/// The screen of a computer on a desk.
 pub const DESK: Screen = Screen { width: 1_280, height: 900, scale: 1, phone: false };
 
-/// A phone's, held upright.
+/// The screen of a phone that is held upright.
 pub const PHONE: Screen = Screen { width: 390, height: 844, scale: 2, phone: true };
 
 /// A browser with one page.
@@ -79,7 +80,7 @@ pub struct Tab {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
-    /// The DevTools session of the page, for every command.
+    /// The number of the page's DevTools session, which every command needs.
     session: String,
     commands: u64,
     events: VecDeque<Value>,
@@ -88,20 +89,21 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Starts the browser with an empty page. Its files go below `folder`, which is emptied first.
+    /// Starts the browser with an empty page. Its files are written below `folder`, which is emptied first.
     ///
     /// # Panics
     ///
-    /// Panics if it cannot be started, or does not answer.
+    /// Panics if the browser cannot be started, or does not answer.
     #[must_use]
     pub fn start(program: &Path, folder: &Path) -> Self {
-        // An earlier run may have left files.
+        // An earlier run may have left files in the folder.
         let _ = std::fs::remove_dir_all(folder);
-        // The pipes must be descriptors 3 and 4; the shell duplicates those that std sets up.
+        // The browser needs the pipes as descriptors 3 and 4; the shell duplicates those that std sets up.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // In a container the browser lacks shared memory, and as root it has no sandbox. The page is trusted.
+        // In a container the browser lacks shared memory, and as root it has no sandbox. It needs none, because the
+        // page is trusted.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -139,7 +141,7 @@ impl Tab {
         tab
     }
 
-    /// Carries a command out and returns its result.
+    /// Carries out a command of the DevTools protocol and returns its result.
     ///
     /// # Panics
     ///
@@ -185,7 +187,7 @@ impl Tab {
         self.events.push_back(event);
     }
 
-    /// Takes the events that the browser has sent.
+    /// Reads the events that the browser has sent, and records them.
     fn listen(&mut self) {
         loop {
             match self.from.recv_timeout(Duration::ZERO) {
@@ -209,7 +211,7 @@ impl Tab {
         }
     }
 
-    /// The value of a JavaScript expression, awaited if it is a promise.
+    /// Returns the value of a JavaScript expression, which is awaited if it is a promise.
     ///
     /// # Panics
     ///
@@ -221,7 +223,7 @@ impl Tab {
         done["result"]["value"].clone()
     }
 
-    /// The displayed text of the first element that a CSS selector finds.
+    /// Returns the displayed text of the first element that a CSS selector finds.
     pub fn text(&mut self, selector: &str) -> String {
         let text = self.eval(&format!("document.querySelector({}).innerText", Value::from(selector)));
         text.as_str().unwrap_or_default().trim().to_owned()
@@ -231,7 +233,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if that takes longer than a minute.
+    /// Panics if the expression is not true within a minute.
     pub fn until(&mut self, expression: &str) {
         let began = Instant::now();
         while self.eval(expression) != Value::Bool(true) {
@@ -257,9 +259,9 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if the key is not in its table.
+    /// Panics if the table of keys has no such key.
     pub fn press(&mut self, key: &str) {
-        // The table has key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/ and virtual-key
+        // The columns are key, code, Windows' code and text, from https://www.w3.org/TR/uievents-code/ and virtual-key
         // codes.
         let (key, code, number, text) = match (key, key.as_bytes()) {
             ("Tab", _) => ("Tab", "Tab".to_owned(), 9, ""),
@@ -285,7 +287,7 @@ impl Tab {
         }
     }
 
-    /// The output of a screen reader: role and name of each element of the page that it does not skip.
+    /// Returns what a screen reader would say: role and name of each element of the page that it does not skip.
     pub fn spoken(&mut self) -> Vec<(String, String)> {
         let tree = self.command("Accessibility.getFullAXTree", json!({}));
         let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
@@ -298,7 +300,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if it cannot be written.
+    /// Panics if the file cannot be written.
     pub fn picture(&mut self, path: &Path) {
         let shot = self.command("Page.captureScreenshot", json!({ "captureBeyondViewport": true }));
         let bytes = BASE64_STANDARD.decode(shot["data"].as_str().expect("a picture")).expect("base64");
@@ -306,13 +308,13 @@ impl Tab {
         written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     }
 
-    /// Takes the addresses that the page has requested since the last call.
+    /// Returns the addresses that the page has requested since the last call.
     pub fn requests(&mut self) -> Vec<String> {
         self.listen();
         std::mem::take(&mut self.requests)
     }
 
-    /// Takes the page's errors since the last call: exceptions, and errors and warnings of the console.
+    /// Returns the page's errors since the last call: exceptions, and errors and warnings of the console.
     pub fn troubles(&mut self) -> Vec<String> {
         self.listen();
         std::mem::take(&mut self.troubles)
@@ -321,7 +323,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // It may have ended already. Its helper processes end with it.
+        // The browser may have ended already. Its helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

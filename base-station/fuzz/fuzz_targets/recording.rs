@@ -1,4 +1,4 @@
-//! See `tests/parsers/bodies.rs` for what is asserted.
+//! Fuzzes the parser of recordings; `tests/parsers/bodies.rs` says what it must fulfil.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! The carriers that bring objects, and the objects' packing for each.
+//! Lists the carriers that bring objects; each module packs and unpacks the objects for one of them.
 //!
 //! A carrier is not trusted: it brings a [`Bundle`](crate::Bundle) of bytes, which [`Drone::take`](crate::Drone::take)
 //! judges.
@@ -7,7 +7,7 @@
 //! |---|---|
 //! | datagrams | a profile or an image as it is ([`Bundle::datagram`](crate::Bundle::datagram)) |
 //! | MAVLink 2 | in TUNNEL messages (`mavlink`, decision 17) |
-//! | a byte stream | the same, in frames that end with a zero byte ([`stream`]) |
+//! | a byte stream | a profile or an image as it is, in frames that end with a zero byte ([`stream`]) |
 //! | a broker | in messages that another base station publishes ([`published`], decision 19) |
 
 #[cfg(feature = "mavlink")]

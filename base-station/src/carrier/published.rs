@@ -1,20 +1,20 @@
-//! The messages that base stations exchange through a broker (decision 19).
+//! Defines the messages that base stations exchange through a broker (decision 19).
 //!
-//! One message holds what arrived of one drone at one instant: the unchanged objects, and the publishing station's
-//! verdict on each. A subscriber judges them again (black channel): a broker is one more carrier. All numbers are
-//! little-endian.
+//! One message holds the objects of one drone that arrived at one instant, unchanged, and the publishing station's
+//! verdict on each object. A subscriber judges the objects again (black channel): to it a broker is one more carrier.
+//! All numbers are little-endian.
 //!
 //! | offset | what |
 //! |---|---|
 //! | 0 | u8 number of the first object in the order of the map: 0 Link-Status to 6 GPS5, 7 Port-Status, 8 uplink |
 //! | 1 | u8 number n of successive objects from there |
 //! | 2 | u64 instant at which they arrived at the publishing station, µs since 1970 by its clock |
-//! | 10 | n × u8 verdict on each ([`VERDICTS`]) |
+//! | 10 | n × u8 verdict on each object ([`VERDICTS`]) |
 //! | 10 + n | the objects |
 //!
-//! The topic is `horus/1/STATION/DRONE`: 1 is the version of this format, STATION the publishing station's name, DRONE
-//! that station's name of the drone. Two stations may receive two drones with the same MAVLink system id, so a
-//! subscriber names a drone by both: `STATION/DRONE`.
+//! The topic is `horus/1/STATION/DRONE`: 1 is the version of this format, STATION the publishing station's name, and
+//! DRONE the name that this station has for the drone. Two stations may receive two drones with the same MAVLink system
+//! id, so a subscriber names a drone by both: `STATION/DRONE`.
 
 use core::fmt;
 
@@ -22,10 +22,10 @@ use profile::Rejection;
 
 use crate::{Bundle, DroneId, Place, Verdict};
 
-/// The common beginning of all topics.
+/// The beginning that all topics have in common.
 pub const TOPICS: &str = "horus/1";
 
-/// The verdicts, by their numbers; 255 is any other rejection.
+/// The verdicts on objects, each at its number in a message; 255 is any other rejection.
 pub const VERDICTS: [Verdict; 9] = [
     Verdict::New,
     Verdict::Duplicate,
@@ -38,16 +38,16 @@ pub const VERDICTS: [Verdict; 9] = [
     Verdict::Rejected(Rejection::Identifier),
 ];
 
-/// Bytes before the verdicts.
+/// The number of bytes in a message before the verdicts.
 const HEAD: usize = 10;
 
-/// The longest message, bytes: every object.
+/// The length of the longest message, bytes, which has every object.
 pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60 + 2 * 64;
 
-/// The most characters of a station's name.
+/// The greatest number of characters in a station's name.
 pub const MAX_STATION: usize = 32;
 
-/// The most characters of a name: the station's, a slash, and an IPv6 address with its port.
+/// The greatest number of characters in a name: a station's name, a slash, and an IPv6 address with its port.
 const MAX_NAME: usize = 96;
 
 /// The name of a drone that another station receives: `STATION/DRONE`.
@@ -58,7 +58,8 @@ pub struct Name {
 }
 
 impl Name {
-    /// A name, if it consists of a station's and a drone's with a slash between them, and is not too long.
+    /// Returns the name in this text, if it consists of a station's and a drone's with a slash between them, and is not
+    /// too long.
     #[must_use]
     pub fn new(name: &str) -> Option<Self> {
         let (station, drone) = name.split_once('/')?;
@@ -71,17 +72,17 @@ impl Name {
         Some(Self { text })
     }
 
-    /// The name of the drone in this topic.
+    /// Returns the name of the drone in this topic.
     #[must_use]
     pub fn of_topic(topic: &str) -> Option<Self> {
         Self::new(topic.strip_prefix(TOPICS)?.strip_prefix('/')?)
     }
 
-    /// The name as text.
+    /// Returns the name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(MAX_NAME);
-        // It only consists of ASCII characters.
+        // The name consists of ASCII characters only.
         core::str::from_utf8(&self.text[..end]).unwrap_or_default()
     }
 }
@@ -92,26 +93,26 @@ impl fmt::Debug for Name {
     }
 }
 
-/// Whether this is a valid name of a station: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and underscores.
-/// Characters with a meaning in topics are excluded.
+/// Returns whether this is a valid name of a station: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and
+/// underscores. Characters with a meaning in topics are excluded.
 #[must_use]
 pub fn is_station(name: &str) -> bool {
     let is_known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     (1..=MAX_STATION).contains(&name.len()) && name.chars().all(is_known)
 }
 
-/// The topic of a drone that the station of this name receives.
+/// Returns the topic for a drone whose messages the station of this name receives.
 #[must_use]
 pub fn topic(station: &str, drone: DroneId) -> String {
     format!("{TOPICS}/{station}/{drone}")
 }
 
-/// The arrival of one drone at one instant.
+/// The objects of one drone that arrived at one instant at the publishing station.
 #[derive(Clone, Copy, Debug)]
 pub struct Published<'a> {
-    /// The instant of its arrival at the publishing station, µs since 1970 by that station's clock.
+    /// The instant at which the objects arrived at the publishing station, µs since 1970 by that station's clock.
     pub at_us: u64,
-    /// The objects.
+    /// The objects that arrived.
     pub bundle: Bundle<'a>,
     verdicts: &'a [u8],
 }
@@ -128,18 +129,18 @@ impl<'a> Published<'a> {
         Some(Self { at_us: u64::from_le_bytes(*at_us), bundle, verdicts })
     }
 
-    /// The publishing station's verdict on each; `None` for a rejection that has no number.
+    /// Returns the publishing station's verdict on each object; `None` for a rejection that has no number.
     pub fn verdicts(&self) -> impl Iterator<Item = Option<Verdict>> + use<'a> {
         self.verdicts.iter().map(|number| VERDICTS.get(usize::from(*number)).copied())
     }
 }
 
-/// The message of an arrival of a drone at `at_us`, µs since 1970, with the verdict on each object.
+/// Returns the message for objects of a drone that arrived at `at_us`, µs since 1970, with the verdict on each object.
 #[must_use]
 pub fn message(at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) -> Vec<u8> {
     let first = bundle.objects().next().map_or(0, |(place, _)| place.index());
     let number = |verdict: &Verdict| VERDICTS.iter().position(|known| known == verdict).unwrap_or(255) as u8;
-    // There are nine places.
+    // The map has nine objects, so each number fits a byte.
     let mut message = vec![first as u8, verdicts.len() as u8];
     message.extend(at_us.to_le_bytes());
     message.extend(verdicts.iter().map(number));

@@ -1,27 +1,27 @@
-//! The state of one drone: the newest of each of its objects, their ages, and the alarms.
+//! Keeps the state of one drone: the newest of each of its objects, their ages, and the alarms.
 //!
 //! # Design
 //!
 //! **Each object is judged separately.** Its CRCs and its identifier determine whether it is intact ([`Place::judge`]).
-//! It is shown if it is newer than the displayed one of its kind. So if two messages arrive in the wrong order, the
-//! older one has no effect, unless the newer one has lost an object that the older one has: that one is then shown,
-//! with its age.
+//! It is shown if it is newer than the object of its kind that is shown. So if two messages arrive in the wrong order,
+//! the older one has no effect, unless an object is missing in the newer one that is in the older one: that object is
+//! then shown, with its age.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
-//! after three cycles in a row that each advance, once the displayed sender is quiet, if none of them is older than the
-//! time for which nothing newer came: a HORUS that was received two seconds ago cannot have been running for an hour
-//! since. The displayed data are then dropped. A single message that was repeated, delayed, reordered or inserted is
-//! never taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in
-//! a row can be; the next newer one ends that. Other messages belong to another sender ([`order`],
-//! [`fleet`](crate::fleet)). If a restarted HORUS is received again only after it has run for longer than before, its
-//! timestamps continue as if it had not restarted, and the time for which it did not run looks like delay. A changed
-//! reason of its last reset shows the restart; the reason stays the same as long as HORUS runs. The DPR's Link-Status
-//! and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR shows has the time of
-//! the base station that sent it, which cannot be compared with anything here: the last one is kept, is no sign of
-//! life, and is meaningful only to the sender of the uplink ([`uplink`](Drone::uplink)).
+//! after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may be older
+//! than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been running
+//! for an hour since its restart. The displayed data are then dropped. A single message that was repeated, delayed,
+//! reordered or inserted is never taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US)
+//! three delayed messages in a row can be; the next newer one ends that. Other messages belong to another sender
+//! ([`order`], [`fleet`](crate::fleet)). If the data of a restarted HORUS come again only after it has run for longer
+//! than before, its timestamps continue as if it had not restarted, and the time for which it did not run looks like
+//! delay. Such a restart shows only by a changed reason of HORUS's last reset, which stays the same as long as HORUS
+//! runs. The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that
+//! the DPR shows has the time of the base station that sent it, which cannot be compared with anything here: the last
+//! uplink is kept, is no sign of life, and is meaningful only to its sender ([`uplink`](Drone::uplink)).
 //!
-//! **Everything that is kept can be shown.** Values that contradict their own status are removed before they are kept
-//! ([`profile::range`]), so no display has to check again.
+//! **Everything that is kept can be shown.** Values that contradict the status of their own object are removed before
+//! they are kept ([`profile::range`]), so no display has to check again.
 //!
 //! **Alarms** follow from the kept data and the time; [`Drone::tick`] returns the changes. If the DPR's Link-Status
 //! arrives too, its bits are alarms as well.
@@ -40,51 +40,52 @@ use crate::alarm::{Alarms, Board};
 use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
 use order::{Order, Step};
 
-/// The age from which on a position is stale, µs: the page's limit of half a second, less the time for pushing and
-/// drawing.
+/// The age from which on a position is stale, µs: the page must report it within half a second, and needs the rest of
+/// that to receive and draw the state.
 pub const STALE_US: u64 = 400_000;
 
-/// The age from which on a receiver's or the link's data are old, µs: receivers take turns on a slow radio.
+/// The age from which on the data of a receiver or of the link are old, µs. It is long because receivers take turns on
+/// a slow radio.
 pub const OLD_US: u64 = 1_000_000;
 
 /// The time without intact data after which the drone counts as silent, µs.
 pub const SILENT_US: u64 = 1_000_000;
 
-/// The time for which a single event is an alarm, µs.
+/// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after its first arrival from which on more than [`FROZEN_REPEATS`] copies of a sample mean that it is
-/// frozen, µs.
+/// The time after a sample's first arrival from which on more than [`FROZEN_REPEATS`] copies of it mean that HORUS's
+/// timestamp is frozen, µs.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The number of duplicates of one sample that may come, [`FROZEN_US`] after it and later.
+/// The number of duplicates of one sample that may come [`FROZEN_US`] after it or later.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// It is intact and newer than the displayed one, and is shown now.
+    /// The object is intact and newer than the displayed one, and is shown now.
     New,
-    /// It is intact, and displayed already.
+    /// The object is intact, and displayed already.
     Duplicate,
-    /// It is intact, and older than the displayed one.
+    /// The object is intact, and older than the displayed one.
     Older,
-    /// It is intact, but continues nothing that was shown, and is not accepted yet.
+    /// The object is intact, but does not continue what was shown, and is not accepted yet.
     OutOfSequence,
-    /// Its place is vacant: HORUS sent it, and the DPR did not accept it.
+    /// There is no object in the place of this one: HORUS sent it, and the DPR did not accept it.
     Vacant,
-    /// It is not intact, or belongs to another place.
+    /// The object is not intact, or is in another object's place.
     Rejected(Rejection),
 }
 
 impl Verdict {
-    /// Whether it was intact and in its place.
+    /// Returns whether the object is intact and in its own place.
     #[must_use]
     pub const fn is_intact(self) -> bool {
         matches!(self, Self::New | Self::Duplicate | Self::Older | Self::OutOfSequence)
     }
 
-    /// The verdict's name for programs.
+    /// Returns the verdict's name for programs.
     #[must_use]
     pub const fn code(self) -> &'static str {
         match self {
@@ -102,27 +103,27 @@ impl Verdict {
     }
 }
 
-/// The newest object of its kind.
+/// The newest object of one kind, with the times of its arrivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held<T> {
-    /// Its values.
+    /// The values of the object.
     pub values: T,
-    /// The timestamp of its sender's clock, ms.
+    /// The timestamp of the object by its sender's clock, ms.
     pub timestamp: u32,
-    /// The instant of its first arrival, µs.
+    /// The instant at which the object first arrived, µs.
     pub arrived_us: u64,
-    /// Its delay against the fastest way, µs ([`age`](crate::age)).
+    /// The delay of the object beyond the shortest delay, µs ([`age`](crate::age)).
     pub late_us: u64,
-    /// The number of further arrivals, [`FROZEN_US`] after the first and later.
+    /// The number of further arrivals of the object, [`FROZEN_US`] after the first or later.
     repeats: u32,
-    /// Its frame CRC, which distinguishes two objects with one timestamp.
+    /// The frame CRC of the object, which distinguishes two objects with one timestamp.
     crc: u32,
-    /// Whether it marked an impossible position as valid.
+    /// Whether the object marked an impossible position as valid.
     implausible: bool,
 }
 
 impl<T> Held<T> {
-    /// Its least age at `now_us`, µs; the fastest way's own delay is not included.
+    /// Returns the least age of the object at `now_us`, µs; the shortest delay itself is not included.
     #[must_use]
     pub fn age_us(&self, now_us: u64) -> u64 {
         now_us.saturating_sub(self.arrived_us).saturating_add(self.late_us)
@@ -135,34 +136,34 @@ impl<T> Held<T> {
     }
 }
 
-/// Totals since the drone was first received.
+/// Totals of a drone's messages and objects since the drone was first received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Messages with objects of this drone.
+    /// The number of messages with objects of this drone.
     pub messages: u64,
     /// The number of objects that were shown.
     pub new: u64,
-    /// Intact objects that were displayed already.
+    /// The number of intact objects that were displayed already.
     pub duplicate: u64,
-    /// Intact objects that were older than the displayed one.
+    /// The number of intact objects that were older than the displayed one.
     pub older: u64,
-    /// Intact objects that continued nothing and were not accepted.
+    /// The number of intact objects that did not continue what was shown and were not accepted.
     pub out_of_sequence: u64,
-    /// Vacant places of objects.
+    /// The number of objects that were missing, because the DPR had not accepted them.
     pub vacant: u64,
-    /// Objects with a wrong frame or position CRC.
+    /// The number of objects with a wrong frame or position CRC.
     pub bad_crc: u64,
-    /// Intact objects in another object's place, or of another length.
+    /// The number of intact objects in another object's place, or of another length.
     pub misplaced: u64,
-    /// Messages whose intact objects of the profile are of different cycles.
+    /// The number of messages whose intact objects of the profile are of different cycles.
     pub mixed: u64,
-    /// Cycles of HORUS that did not arrive, or only after a newer one.
+    /// The number of cycles of HORUS that did not arrive, or only after a newer one.
     pub missed: u64,
-    /// Times that HORUS, or its time, began anew.
+    /// The number of times that HORUS restarted, or its time began anew.
     pub restarts: u64,
 }
 
-/// The state of one drone. See the [module](self).
+/// The data, ages and alarms of one drone. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Drone {
     horus: Order,
@@ -175,23 +176,23 @@ pub struct Drone {
     link: Option<Held<LinkValues>>,
     port_status: Option<Held<PortValues>>,
     uplink: Option<Uplink>,
-    /// The highest number of a receiver with an intact object.
+    /// The highest number of a receiver of which an intact object arrived.
     receivers: usize,
     counts: Counts,
     board: Board,
-    /// The instant of the last intact arrival, or else of the beginning of the wait, µs.
+    /// The instant of the last arrival of an intact object, or else the instant since which the drone is awaited, µs.
     heard_us: u64,
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
     strange_us: Option<u64>,
-    /// The instant at which another sender used this drone's id.
+    /// The instant at which another sender used this drone's id, µs.
     rival_us: Option<u64>,
-    /// Whether the last object was a stranger's.
+    /// Whether the last object came from another sender with this drone's id.
     stranger: bool,
 }
 
 impl Drone {
-    /// A drone without data, awaited since `now_us`.
+    /// Returns a drone without data, which is awaited since `now_us`.
     #[must_use]
     pub fn new(now_us: u64) -> Self {
         Self {
@@ -217,7 +218,8 @@ impl Drone {
         }
     }
 
-    /// Takes a message's objects, which arrived at `at_us`. Returns the verdict on each, in their order.
+    /// Judges a message's objects, which arrived at `at_us`, and keeps those that are accepted. Returns the verdict on
+    /// each, in their order.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
         self.stranger = false;
@@ -234,7 +236,7 @@ impl Drone {
         verdicts
     }
 
-    /// Takes the bytes that arrived at `at_us`, µs, in the place of an object.
+    /// Judges the bytes that arrived at `at_us`, µs, in the place of an object, and keeps the object if it is accepted.
     pub fn take(&mut self, place: Place, at_us: u64, bytes: &[u8]) -> Verdict {
         let verdict = match place.judge(bytes) {
             Shown::Vacant => Verdict::Vacant,
@@ -281,7 +283,7 @@ impl Drone {
             Step::Newest { .. } => {}
             Step::Restarted => {
                 self.dpr_ages = Ages::default();
-                // Port-Status has the clock of Link-Status.
+                // Port-Status has the clock of Link-Status, so it begins anew too.
                 self.port = Order::default();
                 self.port_status = None;
                 self.uplink = None;
@@ -313,19 +315,20 @@ impl Drone {
         Verdict::New
     }
 
-    /// The verdict on an object with the timestamp of the displayed one, whose frame CRC is `own`.
+    /// Returns the verdict on an object that has the timestamp of the displayed one; `own` is the frame CRC of the
+    /// displayed one.
     fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
         if own == Some(crc) {
             return Verdict::Duplicate;
         }
-        // One sender does not seal two contents with one timestamp.
+        // One sender never seals two different contents with one timestamp.
         self.rival_us = Some(at_us);
         Verdict::OutOfSequence
     }
 
     fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
-        // The receiver's index, from 0; Reported-Position has none.
+        // This is the receiver's index, from 0; Reported-Position has none.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
             Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
@@ -382,13 +385,13 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // An object that is intact in its place is of that place's kind.
+            // This does not occur, because an intact object in its place is of that place's kind.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
     }
 
-    /// Handles a restart of HORUS: earlier data are dropped.
+    /// Drops the earlier data, because HORUS has restarted.
     fn restart(&mut self, at_us: u64) {
         self.counts.restarts += 1;
         self.restarted_us = Some(at_us);
@@ -401,8 +404,9 @@ impl Drone {
         self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal())
     }
 
-    /// Whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data or are
-    /// late ones. The first object of the profile decides; in a message without one, the DPR's own do.
+    /// Returns whether a message's objects, which arrived at `at_us`, may belong to this drone: they continue its data,
+    /// or are late. Only the first object of the profile is examined or, in a message without one, the DPR's own
+    /// objects.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -426,18 +430,18 @@ impl Drone {
         fits
     }
 
-    /// Whether the last object was a stranger's ([`Step::Stranger`]), from another sender with this drone's id.
+    /// Returns whether the last object came from another sender with this drone's id ([`Step::Stranger`]).
     #[must_use]
     pub const fn met_stranger(&self) -> bool {
         self.stranger
     }
 
-    /// Records at `at_us` another sender with this drone's id.
+    /// Records that another sender used this drone's id at `at_us`.
     pub const fn note_rival(&mut self, at_us: u64) {
         self.rival_us = Some(at_us);
     }
 
-    /// The instant at which its HORUS started, µs of the caller's clock, by its newest sample.
+    /// Returns the instant at which the drone's HORUS started, by its newest sample, µs of the caller's clock.
     #[must_use]
     pub fn started_us(&self) -> Option<i64> {
         let held = self.reported.as_ref()?;
@@ -445,18 +449,18 @@ impl Drone {
         Some(taken_us.cast_signed().saturating_sub(i64::from(held.timestamp) * 1_000))
     }
 
-    /// Updates the alarms to `now_us`. Returns the changes.
+    /// Updates the alarms to `now_us`. Returns the alarms that began or ended.
     pub fn tick(&mut self, now_us: u64) -> Vec<Change> {
         let alarms = self.alarms_at(now_us);
         self.board.set(now_us, alarms)
     }
 
-    /// The alarms that held at the last [`tick`](Self::tick), the gravest first.
+    /// Returns the alarms that held at the last [`tick`](Self::tick), the gravest first.
     pub fn raised(&self) -> impl Iterator<Item = Raised> {
         self.board.raised()
     }
 
-    /// The alarms that hold at `now_us`.
+    /// Returns the alarms that hold at `now_us`.
     #[must_use]
     pub fn alarms_at(&self, now_us: u64) -> Alarms {
         let within = |what: Option<u64>, span_us: u64| what.is_some_and(|at| now_us.saturating_sub(at) <= span_us);
@@ -466,7 +470,7 @@ impl Drone {
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
         let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
-        // All data of a silent drone are old.
+        // All data of a silent drone are old, so there is no separate alarm for that.
         let old = |age_us: u64| age_us > OLD_US && !silent;
         let mut gps = self.gps.iter().flatten();
         let implausible = reported.is_some_and(|held| held.implausible);
@@ -505,56 +509,56 @@ impl Drone {
             .with(Alarm::Damaged, within(self.damaged_us, RECENT_US))
     }
 
-    /// The newest Reported-Position.
+    /// Returns the newest Reported-Position.
     #[must_use]
     pub const fn reported(&self) -> Option<&Held<ReportedValues>> {
         self.reported.as_ref()
     }
 
-    /// The newest data of receiver `receiver`, counted from 1.
+    /// Returns the newest object of receiver `receiver`, counted from 1.
     #[must_use]
     pub fn gps(&self, receiver: usize) -> Option<&Held<GpsValues>> {
         self.gps.get(receiver.checked_sub(1)?)?.as_ref()
     }
 
-    /// The newest Link-Status.
+    /// Returns the newest Link-Status.
     #[must_use]
     pub const fn link(&self) -> Option<&Held<LinkValues>> {
         self.link.as_ref()
     }
 
-    /// The newest Port-Status, which a drone forwards after it was sent an uplink.
+    /// Returns the newest Port-Status, which a drone forwards after an uplink was sent to it.
     #[must_use]
     pub const fn port_status(&self) -> Option<&Held<PortValues>> {
         self.port_status.as_ref()
     }
 
-    /// The last uplink of the base station that the DPR showed, as it arrived. If it equals the uplink that was sent,
-    /// the DPR has stored it; it does not show when.
+    /// Returns the last uplink of the base station that the DPR showed, as it arrived. If it equals the uplink that was
+    /// sent, the DPR has stored that; it does not show when.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()
     }
 
-    /// The highest number of a receiver with an intact object: 0 to 5.
+    /// Returns the highest number of a receiver of which an intact object arrived: 0 to 5.
     #[must_use]
     pub const fn receivers(&self) -> usize {
         self.receivers
     }
 
-    /// HORUS's newest time, ms since its start.
+    /// Returns HORUS's newest time, ms since its start.
     #[must_use]
     pub fn timestamp(&self) -> Option<u32> {
         self.horus.newest()
     }
 
-    /// The instant of the last intact arrival, µs.
+    /// Returns the instant at which an intact object last arrived, µs.
     #[must_use]
     pub const fn heard_us(&self) -> u64 {
         self.heard_us
     }
 
-    /// Totals.
+    /// Returns the totals of the drone's messages and objects.
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts

@@ -1,66 +1,69 @@
 //! Determines which timestamps continue the earlier ones on a link where the time of arrival is imprecise.
 //!
 //! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). That is impossible
-//! behind a radio that loses, reorders and delays: here a timestamp may skip any number of cycles, and come
+//! behind a radio that loses, reorders and delays messages: here a timestamp may skip any number of cycles, and come
 //! [late](crate::age). It must not run ahead of time, and it must not go back.
 //!
 //! # Discontinuities
 //!
-//! A timestamp that neither continues the earlier ones nor can be a late message starts a search: it is accepted once
-//! [`SEARCH_CYCLES`] in a row continue one another. Their meaning depends on the earlier sender:
+//! A timestamp that neither continues the earlier ones nor can be a late message's starts a search: it is accepted once
+//! [`SEARCH_CYCLES`] timestamps in a row continue one another. What they are then taken for depends on the earlier
+//! sender:
 //!
 //! | the earlier sender | the new timestamps | result |
 //! |---|---|---|
-//! | continued meanwhile | any | a [stranger](Step::Stranger): there are two senders |
+//! | continued meanwhile | any | a [stranger](Step::Stranger), since there are two senders |
 //! | is quiet for [`QUIET_US`] | recent enough for a restart, or ahead | a [restart](Step::Restarted) |
 //! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a replayed recording |
-//! | neither | any | not known yet |
+//! | has sent less than [`QUIET_US`] ago, but does not continue | any | not known yet |
 //!
-//! So no number of messages in the gap between two messages of the true sender can replace it.
+//! So no number of messages between two messages of the true sender can replace it.
 
 use profile::{Freshness, freshness};
 
-/// The lead over the fastest of the first samples that a timestamp may have, µs: the difference of delays in one
-/// carrier.
+/// The time by which one of the first timestamps may come earlier than the shortest delay allows, µs: the difference of
+/// delays in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// The lead that a timestamp may have after the first [`SEARCH_CYCLES`], µs.
+/// The time by which a timestamp may come earlier than the shortest delay allows, once [`SEARCH_CYCLES`] timestamps
+/// have come, µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// The excess of a restarted sender's timestamp over the time since its newest message, µs: the time for which that
-/// message may have been under way.
+/// The most by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message, µs:
+/// the time for which that message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
 /// The number of timestamps in a row, each advancing, after which a restart or another sender is accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The time since its last message within which a sender is never replaced, µs: a sender slower than 4 Hz is
-/// [stale](super::STALE_US) between two messages.
+/// The time since a sender's last message within which another sender never replaces it, µs: a sender slower than 4 Hz
+/// is [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
-/// The number of parallel searches, so that unrelated messages cannot keep a sender from being found.
+/// The number of searches that are made at the same time, so that unrelated messages cannot keep a sender from being
+/// found.
 const SEARCHES: usize = 4;
 
 /// The relation of a timestamp to the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// It is newer than all before it.
+    /// The timestamp is newer than all before it.
     Newest {
-        /// The number of whole cycles in between that did not arrive.
+        /// The number of whole cycles between this timestamp and the newest before it, which did not arrive.
         missed: u32,
     },
-    /// It equals the newest.
+    /// The timestamp equals the newest one.
     Same,
-    /// It is older than the newest.
+    /// The timestamp is older than the newest one.
     Older,
-    /// It continues nothing and is not accepted yet, so that its object is not shown.
+    /// The timestamp does not continue the earlier ones and is not accepted yet, so that its object is not shown.
     Search,
-    /// The sender has restarted: its earlier data are dropped.
+    /// The timestamp is of a sender that has restarted: the earlier data are dropped.
     Restarted,
-    /// It belongs to another sender, beside or instead of the earlier one.
+    /// The timestamp belongs to another sender, beside the earlier one or in place of it.
     Stranger,
 }
 
@@ -70,7 +73,7 @@ struct Seen {
     at_us: u64,
 }
 
-/// A run of timestamps that continue one another.
+/// A series of timestamps that continue one another.
 #[derive(Clone, Copy, Debug)]
 struct Search {
     began_us: u64,
@@ -85,7 +88,7 @@ enum Kind {
     },
     Same,
     Older,
-    /// It does not fit. `back` means that it is neither of a restart nor ahead.
+    /// The timestamp does not continue the earlier ones. `back` means that it is neither of a restart nor ahead.
     Strange {
         back: bool,
     },
@@ -95,14 +98,14 @@ enum Kind {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order {
     newest: Option<Seen>,
-    /// The number of newest ones since the sender started, at most [`SEARCH_CYCLES`].
+    /// The number of timestamps that were the newest since the sender started, at most [`SEARCH_CYCLES`].
     taken: u8,
     searches: [Option<Search>; SEARCHES],
 }
 
 impl Order {
-    /// Judges the timestamp, ms, of an object that arrived at `at_us` and was `early_us` earlier than the fastest
-    /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` is whether the sender's timestamps advance by whole
+    /// Judges the timestamp, ms, of an object that arrived at `at_us`, `early_us` earlier than with the shortest delay
+    /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` says whether the sender's timestamps advance by whole
     /// cycles.
     pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> Step {
         let seen = Seen { timestamp, at_us };
@@ -132,8 +135,8 @@ impl Order {
         Step::Restarted
     }
 
-    /// Whether a timestamp continues the earlier ones, or may be a late one; the arguments are those of
-    /// [`judge`](Self::judge).
+    /// Returns whether a timestamp continues the earlier ones, or may be that of a late message; the arguments are
+    /// those of [`judge`](Self::judge).
     #[must_use]
     pub fn fits(&self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> bool {
         !matches!(self.kind(Seen { timestamp, at_us }, grid, early_us), Kind::Strange { .. })
@@ -159,7 +162,7 @@ impl Order {
         }
     }
 
-    /// The search that a timestamp continues or begins, and its index.
+    /// Returns the search that a timestamp continues or begins, and the index of that search.
     fn search(&mut self, seen: Seen, grid: bool) -> Option<(usize, Search)> {
         let passed_us = |search: &Search| seen.at_us.saturating_sub(search.last.at_us);
         let continues = |search: &Search| match freshness(Some(search.last.timestamp), seen.timestamp) {
@@ -169,7 +172,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // It belongs to another object of the same cycle.
+            // The timestamp belongs to another object of the same cycle.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -182,21 +185,21 @@ impl Order {
         Some((place, search))
     }
 
-    /// The newest timestamp, ms.
+    /// Returns the newest timestamp, ms.
     #[must_use]
     pub fn newest(&self) -> Option<u32> {
         self.newest.map(|seen| seen.timestamp)
     }
 }
 
-/// Whether the timestamps advance by no more time than has passed here.
+/// Returns whether the timestamps advance by no more time than has passed here.
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
     step_us <= passed_us.saturating_add(drift_us(passed_us)).saturating_add(SLACK_US)
 }
 
-/// The possible drift of two clocks in this time, µs.
+/// Returns by how much two clocks may drift apart in this time, µs.
 const fn drift_us(passed_us: u64) -> u64 {
     passed_us / profile::sequence::TOLERANCE_SHARE as u64
 }
@@ -208,7 +211,7 @@ mod tests {
 
     const SECOND: u64 = 1_000_000;
 
-    /// A drone's order with its ages.
+    /// The timestamps and the ages of one sender.
     #[derive(Default)]
     struct Sender(Order, Ages);
 
@@ -225,7 +228,7 @@ mod tests {
             step
         }
 
-        /// A sender that has sent at 10 Hz for a minute, the last message at 60 s.
+        /// Returns a sender that has sent at 10 Hz for a minute; its last message is that of 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -284,7 +287,7 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // The burst succeeds once the true sender is quiet.
+        // The burst replaces the true sender once that is quiet.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {
@@ -302,7 +305,7 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // The new run may have started as the last message came, half a second before.
+        // The restarted sender may have started when the last message came, half a second before.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
@@ -318,7 +321,7 @@ mod tests {
 
     #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
-        // The lead that is allowed falls with the third sample.
+        // The time by which a timestamp may come too early becomes shorter with the third sample.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
             let mut order = Order::default();
             order.judge(60_000, 0, true, 0);
@@ -334,7 +337,7 @@ mod tests {
 
     #[test]
     fn who_speaks_beside_another_is_a_stranger_from_the_third_message_on() {
-        // The stranger is an hour behind, or as recent as a restart.
+        // The other sender is an hour behind, or as recent as a restart.
         for first in [10, 3_000_000] {
             let mut order = Sender::default();
             let mut found = vec![];
@@ -399,7 +402,7 @@ mod tests {
     #[test]
     fn a_search_continues_only_within_the_clocks_drift_and_slack() {
         let seen = |timestamp, at_us| Seen { timestamp, at_us };
-        // The lead is 10 s, 2 % of it, and 2 s.
+        // A timestamp may advance by the 10 s that have passed, 2 % of them, and 2 s.
         assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
         assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
     }

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// 10 ms, µs.
+/// The length of a cycle, 10 ms, in µs.
 const CYCLE: u64 = 10_000;
 
 fn gps(timestamp: u32, longitude: f64) -> GpsValues {
@@ -128,7 +128,7 @@ fn vacant_misplaced_and_mixed_objects_are_told_apart() {
     take(&mut drone, 0, &bytes);
     assert_eq!(drone.counts().mixed, 1);
 
-    // An empty image is a message, but has no object to show and is no sign of life.
+    // An empty image counts as a message, but has no object to show and is no sign of life.
     take(&mut drone, 5_000_000, &[0; 244]);
     assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
 }
@@ -177,7 +177,8 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on() {
 #[test]
 fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
-    // HORUS is received until 0.27 s after its start, and a second later again, 0.28 s after its next start.
+    // HORUS's data come until 0.27 s after its start, and again a second later, when it has run for 0.28 s since its
+    // next start.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
         let mut drone = Drone::new(0);
         (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
@@ -197,7 +198,7 @@ fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
         assert_eq!((drone.counts().restarts, drone.gps(3)), (1, None), "what was before is forgotten");
         assert_eq!(codes(&mut drone, 1_270_000), ["restarted", "horus-unasked-reset"]);
     }
-    // Otherwise it looks like a message that was held back.
+    // If the reason of the last reset is the same, the sample looks like one that was held back.
     let drone = taken(status(), 0..0);
     assert!((989_000..=990_000).contains(&drone.reported().unwrap().age_us(1_270_000)));
     assert_eq!(drone.counts().restarts, 0);
@@ -320,7 +321,7 @@ fn every_value_has_an_age_and_an_alarm_of_its_own() {
         let expected: &[&str] = if at <= OLD_US { &[] } else { &["receivers-old", "link-status-old"] };
         assert_eq!(codes(&mut drone, at), expected, "{at}");
     }
-    // One old receiver suffices.
+    // The alarm holds if the data of one receiver are old.
     let at = 251 * CYCLE;
     take(&mut drone, at, &profile(2_520).as_bytes()[..184]);
     assert_eq!(codes(&mut drone, at), ["receivers-old", "link-status-old"]);
@@ -430,7 +431,7 @@ fn the_newest_port_status_is_kept_whatever_arrives_after_it() {
         assert_eq!(drone.uplink().map(Uplink::timestamp), Some(timestamp));
     }
     assert_eq!(drone.heard_us(), heard_us);
-    // Port-Status has the clock of Link-Status, and restarts with it.
+    // Port-Status has the clock of Link-Status, and begins anew with it.
     for timestamp in [10, 110, 210] {
         take(&mut drone, Place::LinkStatus, link(timestamp, LinkStatusBits::new()).as_bytes());
     }
@@ -446,7 +447,7 @@ fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
         let link = link(timestamp, LinkStatusBits::new());
         drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
     };
-    // The DPR's timestamps advance by any amount.
+    // The timestamps of the DPR's objects may advance by any amount.
     assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
     assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
 }
@@ -472,7 +473,7 @@ fn a_late_sample_fits_a_horus_without_its_crystal_for_longer() {
         let mut drone = Drone::new(0);
         let status = status().with_without_crystal(without_crystal);
         take(&mut drone, 0, profile_with(70_000, status).as_bytes());
-        // It is 10.1 s late, of which 0.2 s may be the clock's.
+        // The object is 10.1 s late, of which 0.2 s may be due to the clock.
         drone.fits(10_000_000, &Bundle::datagram(profile(69_900).as_bytes()).unwrap())
     };
     assert_eq!([false, true].map(fits), [false, true]);
@@ -500,7 +501,7 @@ fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
 
 #[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
-    // The clock is 1 % slow: more than crystals differ by, and less than HORUS may be off by without one.
+    // HORUS's clock is 1 % slow: more than crystals differ by, and less than HORUS may be off by without its crystal.
     let (first, second) = (0, 10_100_000);
     let mut drone = Drone::new(0);
     for (at, timestamp) in [(first, 10), (second, 10_010)] {
@@ -537,14 +538,14 @@ monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s a
     assert_eq!(drone.words(1_240_000), expected);
 }
 
-/// The fate of one message on the way.
+/// What becomes of one message on its way.
 #[derive(Clone, Debug)]
 struct Fate {
-    /// The number of copies that arrive.
+    /// The number of copies of the message that arrive.
     copies: u8,
-    /// The delay of each copy, in cycles.
+    /// The delay of each copy of the message, in cycles.
     delays: [u8; 3],
-    /// A bit of it that flips.
+    /// The bit of the message that flips, if any.
     flips: Option<u16>,
 }
 
@@ -592,7 +593,7 @@ proptest! {
         }
     }
 
-    /// Bytes that were not sealed are never shown.
+    /// Bytes that are no sealed object are never shown.
     #[test]
     fn anything_may_arrive(messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..20)) {
         let mut drone = Drone::new(0);

@@ -1,4 +1,4 @@
-//! The state of a drone as text.
+//! Formats the state of a drone as text.
 
 use core::fmt::{self, Write as _};
 
@@ -6,7 +6,7 @@ use profile::{FixType, GpsStatus, HorusState, ResetReason};
 
 use super::{Counts, Drone, Held};
 
-/// HORUS's state as text; a state without a name here belongs to a later version.
+/// Returns HORUS's state as text; a state that has no name here belongs to a later version.
 #[must_use]
 pub const fn state(state: Option<HorusState>) -> &'static str {
     match state {
@@ -22,7 +22,7 @@ pub const fn state(state: Option<HorusState>) -> &'static str {
     }
 }
 
-/// A receiver's fix as text.
+/// Returns a receiver's fix as text.
 #[must_use]
 pub const fn fix(fix: Option<FixType>) -> &'static str {
     match fix {
@@ -36,7 +36,7 @@ pub const fn fix(fix: Option<FixType>) -> &'static str {
     }
 }
 
-/// The reason of the last start of HORUS or the DPR, as text.
+/// Returns the reason of the last start of HORUS or the DPR, as text.
 #[must_use]
 pub const fn reset(reason: Option<ResetReason>) -> &'static str {
     match reason {
@@ -50,7 +50,7 @@ pub const fn reset(reason: Option<ResetReason>) -> &'static str {
     }
 }
 
-/// The age of a receiver's solution when HORUS sent it, as text.
+/// Returns the age, as text, that a receiver's solution had when HORUS sent it.
 #[must_use]
 pub fn solution_age(status: GpsStatus) -> String {
     match status.solution_age_ms() {
@@ -61,7 +61,7 @@ pub fn solution_age(status: GpsStatus) -> String {
 }
 
 impl Drone {
-    /// The state at `now_us`: a line per object, each with its age, the alarms, and the link's totals.
+    /// Returns the state at `now_us` as text: a line for each object, with its age, the alarms, and the link's totals.
     #[must_use]
     pub fn words(&self, now_us: u64) -> String {
         let mut words = String::new();
@@ -115,12 +115,12 @@ impl Drone {
     }
 }
 
-/// The age, and the end of the line.
+/// Writes the age of an object, and the end of the line.
 fn age<T>(f: &mut String, held: &Held<T>, now_us: u64) -> fmt::Result {
     writeln!(f, "  {:.2} s ago", held.age_us(now_us) as f64 / 1e6)
 }
 
-/// Position and attitude of one object, in degrees and metres, without the end of the line.
+/// Writes position and attitude of one object, in degrees and metres, without the end of the line.
 fn row(f: &mut String, valid: bool, [latitude, longitude, altitude]: [f64; 3], attitude: [f32; 3]) -> fmt::Result {
     if !valid {
         return write!(f, "no position");

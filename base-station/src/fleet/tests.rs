@@ -19,7 +19,7 @@ fn profile(timestamp: u32) -> Profile<1> {
     profile_in(timestamp, HorusState::Monitoring)
 }
 
-/// A source of this port.
+/// Returns the source of messages that come from this port.
 fn source(port: u16) -> Source {
     Source { from: Some(SocketAddr::from(([10, 0, 0, 1], port))), ..Source::default() }
 }
@@ -54,7 +54,7 @@ fn drones_are_kept_apart_and_strangers_make_none() {
 
 #[test]
 fn two_drones_with_one_system_id_are_two_and_both_say_so() {
-    // The drones are an hour apart, or started at the same instant.
+    // The HORUS of the second drone started an hour earlier than that of the first, or at the same instant.
     for ahead in [3_600_000, 0] {
         let mut fleet = Fleet::default();
         for tenth in 0..30_u32 {
@@ -124,7 +124,7 @@ fn forged_messages_from_a_drones_own_address_blind_nobody() {
         assert!(fleet.get(Who::System(7).first()).unwrap().reported().unwrap().age_us(at) < 20_000, "{tenth}");
     }
     assert_eq!((names(&fleet), has(&fleet, "7", at, Alarm::Stale)), (vec!["7".to_owned()], false));
-    // A burst takes the true sender's place while that is silent; its third message restores it.
+    // A burst replaces the true sender while that is silent; the true sender's third message restores it.
     let lost = at + SECOND;
     for burst in 0..3 {
         take(&mut fleet, 7, 1, lost + burst, &profile(9_000_000 + 10 * burst as u32));
@@ -155,7 +155,7 @@ fn a_drone_whose_address_changed_is_one_again_after_silence() {
     }
     let over = |alarm| went.iter().any(|(id, change)| id == "7" && change.alarm == alarm && !change.raised);
     assert!(over(Alarm::Silent) && over(Alarm::Stale), "what was raised of it is over: {went:?}");
-    // Another drone's sender, which started at another time, stays.
+    // The sender of another drone, whose HORUS started at another instant, is kept.
     let mut fleet = Fleet::default();
     for tenth in 0..300_u32 {
         let at = 100_000 * u64::from(tenth);
@@ -194,7 +194,7 @@ fn invented_drones_push_no_speaking_drone_out() {
     assert_eq!((fleet.iter().len(), fleet.dropped()), (MAX_DRONES, 10_001 - MAX_DRONES as u64));
     assert!(!has(&fleet, "1", at, Alarm::Stale));
     assert_eq!(take(&mut fleet, 2, 3, at + 200, &profile(10)).1, [Verdict::New; 2], "a new one finds room");
-    // Invented senders of a drone do not displace it either.
+    // Invented senders with the drone's own id do not displace it either.
     for invented in 0..50 {
         take(&mut fleet, 1, 100 + invented, at + 300, &profile(10));
     }

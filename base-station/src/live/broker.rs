@@ -1,17 +1,17 @@
-//! A broker between base stations: MQTT 5, by the `rumqttc-v5-next` crate (decision 19).
+//! Connects base stations through a broker: MQTT 5, by the `rumqttc-v5-next` crate (decision 19).
 //!
 //! # Design
 //!
 //! **A carrier like the others.** Objects and verdicts are published ([`published`]); a subscriber judges, records and
-//! shows them as if they had come over a line. The broker is not trusted.
+//! shows the objects as if they had come over a line. The broker is not trusted.
 //!
-//! **Live, not stored.** The quality of service is 0, nothing is retained, and no session outlives its connection: a
-//! successor comes a tenth of a second later, and a stored message would only arrive when it is old. Messages that are
-//! not published because there is no connection, or because the broker is too slow, are counted and reported; the
+//! **Live, not stored.** The quality of service is 0, no message is retained, and no session outlives its connection:
+//! the next message comes a tenth of a second later, and a stored one would arrive only when it is old. Messages that
+//! are not published because there is no connection, or because the broker is too slow, are counted and reported; the
 //! publishing station's recording has them.
 //!
-//! **Reconnection.** A connection that ends is made anew after [`RETRY`], and one that is silent for [`SILENCE`] is
-//! ended: a broker answers a ping every [`KEEP_ALIVE_S`].
+//! **Reconnection.** A connection that ends is made anew after [`RETRY`], and one without traffic for [`SILENCE`] is
+//! ended: the broker would have answered a ping every [`KEEP_ALIVE_S`].
 //!
 //! **TLS**, where requested, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
@@ -32,7 +32,7 @@ use crate::carrier::published::{self, MAX_MESSAGE, Name, TOPICS};
 use crate::intake::{Carried, Kind};
 use crate::{Bundle, DroneId, Verdict, Who};
 
-/// The time from a failure to the next attempt.
+/// The time from a failure of the connection to the next attempt.
 pub const RETRY: Duration = Duration::from_millis(500);
 
 /// The interval of pings to the broker, s.
@@ -41,26 +41,27 @@ pub const KEEP_ALIVE_S: u16 = 5;
 /// The time without traffic after which a connection is ended.
 pub const SILENCE: Duration = Duration::from_secs(12);
 
-/// The most messages that may wait for the broker: three tenths of a second of a thousand drones at 10 Hz.
+/// The greatest number of messages that may wait for the broker: three tenths of a second of a thousand drones at 10
+/// Hz.
 const WAITING: usize = 3_000;
 
-/// The longest packet that is accepted: a message, its topic, and room for a broker's additions.
+/// The length of the longest packet that is accepted, bytes: a message, its topic, and room for a broker's additions.
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
 /// A broker's address and login.
 #[derive(Clone)]
 pub struct Broker {
-    /// Its name or address.
+    /// The name or the address of the broker.
     pub host: String,
-    /// Its port; by custom 1883, with TLS 8883.
+    /// The port of the broker; by custom 1883, with TLS 8883.
     pub port: u16,
-    /// User and password, if it needs them. They are encrypted on the way like everything else: by TLS, or not at all.
+    /// User and password, if the broker needs them. They are encrypted on their way only if the connection is, by TLS.
     pub login: Option<(String, String)>,
-    /// TLS, if it is to be used.
+    /// The settings of TLS, if it is to be used.
     pub tls: Option<Tls>,
 }
 
-/// The password stays out of logs.
+/// The output does not show the password, so that it stays out of logs.
 impl std::fmt::Debug for Broker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{self}")
@@ -76,7 +77,7 @@ impl std::fmt::Display for Broker {
 
 impl Broker {
     fn options(&self) -> MqttOptions {
-        // Without a client id the broker assigns one, so that no two stations displace each other.
+        // Without a client id the broker assigns one, so that no station can take over another one's session.
         let mut options = MqttOptions::new("", (self.host.as_str(), self.port));
         options.set_keep_alive(KEEP_ALIVE_S).set_clean_start(true).set_max_packet_size(Some(MAX_PACKET));
         if let Some((user, password)) = &self.login {
@@ -88,7 +89,7 @@ impl Broker {
         options
     }
 
-    /// The connection's error as text.
+    /// Returns the error of the connection as text.
     fn words(&self, error: &ConnectionError) -> String {
         let tls = self.tls.as_ref().and_then(|tls| tls.words(error, &self.host));
         tls.unwrap_or_else(|| error.to_string())
@@ -105,10 +106,10 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Passes on what arrived of a drone at `at_us`, µs since 1970, with the verdict on each object. Counts it as lost
-    /// if there is no connection, or too much waits. It never blocks.
+    /// Passes on the objects of a drone that arrived at `at_us`, µs since 1970, with the verdict on each object. Counts
+    /// them as lost if there is no connection, or too many messages wait. This never blocks.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
-        // Subscribed data are not published again: two brokers that feed each other would loop.
+        // Data that came from a broker are not published again, because two brokers that feed each other would loop.
         if matches!(drone.who, Who::Named(_)) {
             return;
         }
@@ -121,22 +122,22 @@ impl Outlet {
         }
     }
 
-    /// The number of messages that were not passed on.
+    /// Returns the number of messages that were not passed on.
     #[must_use]
     pub fn unpublished(&self) -> u64 {
         self.unpublished.load(Ordering::Relaxed)
     }
 }
 
-/// The other end of an [`Outlet`], which has no connection yet.
+/// The broker's end of an [`Outlet`], which has no connection yet.
 pub struct Unconnected {
     broker: Broker,
     events: EventLoop,
     outlet: Outlet,
 }
 
-/// An outlet to a broker for the station of this name ([`is_station`](published::is_station)). Nothing is published
-/// before [`connect`](Unconnected::connect).
+/// Returns an outlet to a broker for the station of this name ([`is_station`](published::is_station)). Nothing is
+/// published before [`connect`](Unconnected::connect).
 #[must_use]
 pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
     let (client, events) = AsyncClient::builder(broker.options()).capacity(WAITING).build();
@@ -150,11 +151,12 @@ pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
 }
 
 impl Unconnected {
-    /// Connects, on a thread of its own, for as long as the station exists. Errors are reported through `inlet`.
+    /// Connects to the broker, on a thread of its own, for as long as the station exists. Errors are reported through
+    /// `inlet`.
     ///
     /// # Errors
     ///
-    /// The system provides no event loop.
+    /// Returns an error if the system provides no event loop.
     pub fn connect(self, inlet: Inlet) -> io::Result<()> {
         let Self { broker, events, outlet } = self;
         spawn(broker, events, inlet, move |event| {
@@ -168,23 +170,24 @@ impl Unconnected {
     }
 }
 
-/// Receives what all stations publish, or the one of this name, on a thread of its own for as long as the station here
-/// exists. `line` is the number of this line in recordings.
+/// Receives the messages that all stations publish, or those of the station of this name, on a thread of its own for as
+/// long as the station here exists. `line` is the number of this line in recordings.
 ///
 /// # Errors
 ///
-/// The system provides no event loop.
+/// Returns an error if the system provides no event loop.
 pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock, inlet: Inlet) -> io::Result<()> {
     let (client, events) = AsyncClient::builder(broker.options()).capacity(16).build();
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The request waits for the connection; the queue has room, because the last connection left it empty.
+        // The subscription is sent once there is a connection; the queue has room for it, because the last connection
+        // left the queue empty.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
             let topic = std::str::from_utf8(&published.topic).ok();
-            // A retained message may be of any age, and does not contain it.
+            // A retained message may be of any age, and does not state its age.
             match topic.and_then(Name::of_topic).filter(|_| !published.retain) {
                 Some(name) => {
                     let (from, bytes) = (name.as_str().to_owned(), published.payload.to_vec());
@@ -197,7 +200,7 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     })
 }
 
-/// An event of a connection.
+/// A change of the connection to the broker, or a message from it.
 enum Happened<'a> {
     Connected,
     Lost,
@@ -208,7 +211,7 @@ fn is_granted(answer: &SubAck) -> bool {
     answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
 }
 
-/// Keeps a connection going until there is no station any more, or `each` returns false.
+/// Keeps a connection to the broker until there is no station any more, or `each` returns false.
 fn spawn(
     broker: Broker,
     mut events: EventLoop,
@@ -238,7 +241,7 @@ fn spawn(
                     Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
-                // The waiting messages will be old by the next connection.
+                // The messages that wait now will be old when there is a connection again.
                 events.clean();
                 events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });

@@ -1,12 +1,12 @@
-//! The last minutes of every drone, for a page that is opened late.
+//! Keeps the last minutes of every drone, for a page that is opened later.
 //!
-//! A sample is stored each [`PERIOD_US`] for [`KEPT_US`]: the drone's position, and for the time since the sample
-//! before the greatest age of its data and the least number of agreeing receivers, so that a brief fault shows.
+//! A sample is stored every [`PERIOD_US`] and kept for [`KEPT_US`]: the drone's position and, over the time since the
+//! sample before, the greatest age of its data and the least number of agreeing receivers, so that a brief fault shows.
 //!
-//! **Bound.** There is room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB a drone, 58 MB a
-//! thousand, and 237 MB for the most drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
-//! stored as 1e-7 degrees (1 cm), as GNSS receivers give them: they are only drawn. The page's numbers come from
-//! elsewhere.
+//! **Bound.** There is room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB for a drone, 58
+//! MB for a thousand, and 237 MB for the greatest number of drones that are kept
+//! ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are stored in 1e-7 degrees (1 cm), as GNSS receivers state
+//! them: they are only drawn. The numbers on the page come from elsewhere.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -21,10 +21,10 @@ pub const PERIOD_US: u64 = 1_000_000;
 /// The time for which samples are kept, µs.
 pub const KEPT_US: u64 = 600_000_000;
 
-/// The most samples of a drone, while one is added.
+/// The greatest number of samples of a drone, while one is added.
 const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
 
-/// A sample is no larger than this, bytes.
+/// The greatest size of a sample, bytes.
 pub const SAMPLE_BYTES: usize = 96;
 
 const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
@@ -32,23 +32,24 @@ const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
 /// The shortest interval at which all drones are examined, µs.
 const LOOK_US: u64 = 20_000;
 
-/// Latitude and longitude, 1e-7 degrees.
+/// A latitude and a longitude, 1e-7 degrees.
 type Place = [i32; 2];
 
 /// The state of a drone at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// The instant, µs of the station's clock.
+    /// The instant of the sample, µs of the station's clock.
     pub at_us: u64,
-    /// Reported-Position, if it was valid and not stale.
+    /// The place of Reported-Position, if it was valid and not stale.
     voted: Option<Place>,
-    /// The receivers' positions that were valid and not old.
+    /// The places of the receivers, where their positions were valid and not old.
     gps: [Option<Place>; MAX_RECEIVERS],
     /// The reported height, m, if it was valid and not stale; otherwise NaN.
     height: f32,
-    /// The greatest age of Reported-Position since the sample before, s; NaN before there was one.
+    /// The greatest age of Reported-Position since the sample before, s; NaN before there was a Reported-Position.
     age: f32,
-    /// The least number of agreeing receivers since the sample before, while there was a position that was not stale.
+    /// The least number of agreeing receivers since the sample before, over the time in which there was a position that
+    /// was not stale.
     agree: Option<u8>,
 }
 
@@ -71,37 +72,39 @@ impl Sample {
         }
     }
 
-    /// The latitude and longitude that were reported, degrees, if they were valid and not stale.
+    /// Returns the latitude and longitude that were reported, degrees, if they were valid and not stale.
     #[must_use]
     pub fn voted(&self) -> Option<[f64; 2]> {
         self.voted.map(degrees)
     }
 
-    /// The latitude and longitude of the first `receivers` receivers, degrees, where they were valid and not old.
+    /// Returns the latitude and longitude of the first `receivers` receivers, degrees, where they were valid and not
+    /// old.
     pub fn gps(&self, receivers: usize) -> impl Iterator<Item = Option<[f64; 2]>> {
         self.gps.into_iter().take(receivers).map(|place| place.map(degrees))
     }
 
-    /// The reported height, m.
+    /// Returns the reported height, m.
     #[must_use]
     pub fn height(&self) -> Option<f32> {
         Some(self.height).filter(|height| !height.is_nan())
     }
 
-    /// The greatest age of the reported position since the sample before, s.
+    /// Returns the greatest age of the reported position since the sample before, s.
     #[must_use]
     pub fn age(&self) -> Option<f32> {
         Some(self.age).filter(|age| !age.is_nan())
     }
 
-    /// The least number of agreeing receivers since the sample before.
+    /// Returns the least number of agreeing receivers since the sample before.
     #[must_use]
     pub const fn agree(&self) -> Option<u8> {
         self.agree
     }
 }
 
-/// Degrees are at most 180, so 1e-7 of them fit; larger values or NaN do not occur in valid objects.
+/// Converts degrees to 1e-7 degrees. An i32 holds 180 degrees in that unit; larger values or NaN do not occur in valid
+/// objects.
 fn place(latitude: f64, longitude: f64) -> Place {
     [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
 }
@@ -110,16 +113,16 @@ fn degrees(place: Place) -> [f64; 2] {
     place.map(|part| f64::from(part) / 1e7)
 }
 
-/// One drone's samples.
+/// The samples of one drone.
 #[derive(Clone, Debug)]
 struct Track {
     samples: VecDeque<Sample>,
-    /// The greatest age since the last sample.
+    /// The greatest age of Reported-Position since the last sample.
     age: f32,
     agree: Option<u8>,
 }
 
-/// The last minutes of every drone. See the [module](self).
+/// The samples of all drones over the last minutes. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct History {
     tracks: BTreeMap<DroneId, Track>,
@@ -128,7 +131,7 @@ pub struct History {
 }
 
 impl History {
-    /// Examines every drone, if that is due.
+    /// Examines every drone and stores its sample, if that is due.
     pub fn look(&mut self, now_us: u64, fleet: &Fleet) {
         if self.looked_us.is_some_and(|looked_us| now_us < looked_us + LOOK_US) {
             return;
@@ -156,7 +159,7 @@ impl History {
         }
     }
 
-    /// A drone's samples, the oldest first.
+    /// Returns a drone's samples, the oldest first.
     pub fn of(&self, id: DroneId) -> impl Iterator<Item = &Sample> {
         self.tracks.get(&id).into_iter().flat_map(|track| &track.samples)
     }
@@ -181,7 +184,8 @@ mod tests {
         fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
-    /// A drone that is received every 100 ms, except from 5 s to 6.5 s, and two of whose receivers agree only at 3.1 s.
+    /// Returns the history of a drone from which data come every 100 ms, except from 5 s to 6.5 s. Its three receivers
+    /// agree, except at 3.1 s, when only two of them do.
     fn flown(seconds: u32) -> History {
         let (mut history, mut fleet) = (History::default(), Fleet::default());
         for ms in (0..=seconds * 1_000).step_by(20) {

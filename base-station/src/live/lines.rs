@@ -1,5 +1,5 @@
-//! The lines of a real base station: sockets and serial ports. This module receives; the station's own messages on
-//! MAVLink lines, if enabled, go through [`Mouths`](super::mouths::Mouths).
+//! Receives bytes over the lines of a real base station, which are sockets and serial ports. The station's own messages
+//! on MAVLink lines, if enabled, go through [`Mouths`](super::mouths::Mouths).
 
 use std::io::{self, Read};
 use std::net::{SocketAddr, UdpSocket};
@@ -14,23 +14,24 @@ use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 /// The longest time that a read of a serial port blocks.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
 
-/// The system's buffer for arriving bytes while this process does not run: a second of a thousand drones.
+/// The size of the system's buffer for bytes that arrive while this process does not run: a second of a thousand
+/// drones.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
 /// The time after which a failed serial port is tried again.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// The longest interval between checks whether the station still exists.
+/// The longest interval at which a line checks whether the station still exists.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Listens to a UDP port and returns its address.
+/// Receives datagrams on a UDP port and returns the port's address.
 ///
 /// # Errors
 ///
-/// The address cannot be bound.
+/// Returns an error if the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // The system may grant less, which is not an error.
+    // The system may grant a smaller buffer, which is no error.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
@@ -38,7 +39,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
         inlet.mouths.add_socket(line, socket.try_clone()?);
     }
     thread::spawn(move || {
-        // One more byte reveals a datagram that is too long.
+        // A datagram that fills one more byte than allowed is too long.
         let mut buffer = vec![0; MAX_DATAGRAM + 1];
         loop {
             let event = match socket.recv_from(&mut buffer) {
@@ -64,8 +65,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
     Ok(bound)
 }
 
-/// Listens to a serial port, and opens it again whenever it fails, because a radio may be unplugged and plugged in
-/// again.
+/// Receives bytes on a serial port, and opens it again whenever it fails, because a radio may be unplugged and plugged
+/// in again.
 pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inlet: Inlet) {
     thread::spawn(move || {
         let mut buffer = vec![0; 4_096];

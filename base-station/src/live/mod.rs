@@ -1,19 +1,19 @@
-//! A running base station: lines, the clock, the recorder's thread, and the page's notifications.
+//! Runs a base station: its lines, its clock, the recorder's thread, and the notifications to the page.
 //!
 //! # Threads
 //!
 //! | thread | what |
 //! |---|---|
-//! | one for each line | waits for bytes, timestamps them, passes them on |
-//! | station | judges and keeps what arrives, updates alarms every [`TICK`] |
-//! | recorder | writes, so that a slow disk delays nothing |
+//! | one for each line | waits for bytes, timestamps them, passes them on to the station |
+//! | station | judges and keeps the objects that arrive, updates alarms every [`TICK`] |
+//! | recorder | writes the recording, so that a slow disk delays nothing else |
 //! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
-//! | page | serves it, where the program has other things to do ([`server`]) |
+//! | page | serves the page, where the program has other things to do ([`server`]) |
 //!
 //! In a playback, one thread that reads the recording replaces the threads of the lines.
 //!
-//! Bounded queues connect them. Where one is full, the newest item is dropped and counted, and the page shows the
-//! count.
+//! Bounded queues connect the threads. When a queue is full, the newest item is dropped and counted, and the page shows
+//! the count.
 
 pub mod broker;
 pub mod history;
@@ -46,16 +46,16 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The most arrivals that may wait for the station: six seconds of a thousand drones at 10 Hz.
+/// The greatest number of arrivals that may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// The time for which unpublished data are reported, µs.
+/// The time for which the page reports data that could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
-/// µs since 1970, of a clock that does not go back: the system's time at the start, plus the elapsed time.
+/// A clock of µs since 1970 that does not go back: the system's time at the start, plus the elapsed time.
 #[derive(Clone, Debug)]
 pub struct Clock {
     unix_us: u64,
@@ -72,20 +72,20 @@ enum Passed {
 }
 
 impl Clock {
-    /// A clock that begins now.
+    /// Returns a clock that begins now.
     #[must_use]
     pub fn begin() -> Self {
         Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
     }
 
-    /// A clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. It stands
-    /// still in between, and must not be set back.
+    /// Returns a clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. The
+    /// clock stands still in between, and must not be set back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
     }
 
-    /// The time now.
+    /// Returns the present time of the clock, µs since 1970.
     #[must_use]
     pub fn now_us(&self) -> u64 {
         let passed_us = match &self.passed {
@@ -96,7 +96,7 @@ impl Clock {
     }
 }
 
-/// The system's time.
+/// Returns the system's time, µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
@@ -105,20 +105,20 @@ fn unix_us() -> u64 {
 /// An event of a line.
 #[derive(Debug)]
 pub enum Event {
-    /// Bytes arrived.
+    /// Bytes arrived on the line.
     Carried(Carried),
-    /// A line failed, or works again.
+    /// The line failed, or works again.
     Line {
-        /// Its name.
+        /// The name of the line.
         name: String,
-        /// The error as text; `None` if it works.
+        /// The error as text; `None` if the line works.
         why: Option<String>,
     },
     /// A record of a recording that is played back.
     Played(Record),
-    /// A playback begins anew at this time, µs: all state is dropped.
+    /// A playback begins anew at this instant of its recording, µs: all state is dropped.
     Restart(u64),
-    /// No further events are accepted.
+    /// The station ends; no further events are accepted.
     End,
 }
 
@@ -131,7 +131,8 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Passes an event on, or counts it if too many wait. Returns whether the station still exists.
+    /// Passes an event on to the station, or counts it as dropped if too many wait. Returns whether the station still
+    /// exists.
     #[must_use]
     pub fn offer(&self, event: Event) -> bool {
         match self.to.try_send(event) {
@@ -144,13 +145,14 @@ impl Inlet {
         }
     }
 
-    /// Ends the station, once it has taken the waiting events.
+    /// Ends the station, once it has processed the waiting events.
     pub fn close(&self) {
-        // Without a station there is nothing to end.
+        // If there is no station any more, there is nothing to end.
         let _ = self.to.send(Event::End);
     }
 
-    /// Passes an event on and waits for room, for a playback. Returns whether the station still exists.
+    /// Passes an event on to the station, for a playback, and waits until there is room. Returns whether the station
+    /// still exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
@@ -160,26 +162,26 @@ impl Inlet {
 /// The state of a station.
 #[derive(Debug, Default)]
 pub struct StationData {
-    /// All drones.
+    /// All lines and drones from which data arrive.
     pub intake: Intake,
-    /// Their last minutes.
+    /// The last minutes of all drones.
     pub history: History,
-    /// The changes of alarms of all drones, the newest last: at most [`KEPT_CHANGES`].
+    /// The alarms of all drones that began or ended, the newest last: at most [`KEPT_CHANGES`].
     pub alarms: VecDeque<(DroneId, Change)>,
-    /// The lines that do not work, with the errors.
+    /// The lines that do not work, each with its error.
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
-    /// The reason why nothing is recorded, if it should be.
+    /// The reason why nothing is recorded although it should be; `None` if there is none.
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The time up to which the state is complete, µs.
+    /// The instant up to which the state includes everything, µs.
     pub now_us: u64,
 }
 
 impl StationData {
-    /// Keeps a change of an alarm.
+    /// Keeps the beginning or the end of an alarm.
     fn note(&mut self, drone: DroneId, change: Change) {
         if self.alarms.len() == KEPT_CHANGES {
             self.alarms.pop_front();
@@ -187,13 +189,13 @@ impl StationData {
         self.alarms.push_back((drone, change));
     }
 
-    /// Adds the present state to the history.
+    /// Adds the present state of all drones to the history.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
     }
 }
 
-/// A running station, for its readers.
+/// A running station, for threads that read its state.
 #[derive(Clone, Debug)]
 pub struct Station {
     known: Arc<Mutex<StationData>>,
@@ -203,24 +205,24 @@ pub struct Station {
 }
 
 impl Station {
-    /// Sets the station's own messages from now on.
+    /// Enables the station's own messages, which `voice` makes.
     pub fn speak(&self, voice: Voice) {
         self.known().voice = Some(voice);
     }
 
-    /// The present state. Holding the guard stops the station.
+    /// Returns the present state. The station waits while the returned guard exists.
     pub fn known(&self) -> MutexGuard<'_, StationData> {
-        // A reader that panicked has changed nothing.
+        // A thread that panicked while it had the state has changed nothing in it.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A counter that increases with every arrival, and with every [`TICK`].
+    /// Returns a counter that increases with every arrival, and with every [`TICK`].
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
         self.changes.clone()
     }
 
-    /// Arrivals that were dropped because too many waited.
+    /// Returns the number of arrivals that were dropped because too many waited.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
@@ -230,9 +232,9 @@ impl Station {
 /// A station's source of time.
 #[derive(Clone, Debug)]
 pub enum Time {
-    /// By a clock.
+    /// The time is that of a clock.
     Clock(Clock),
-    /// By a playback.
+    /// The time is that of a playback.
     Playback(Arc<playback::Player>),
 }
 
@@ -245,8 +247,8 @@ impl Time {
     }
 }
 
-/// Starts a station. It ends when an inlet is closed, or all of them are gone; the handle then returns when everything
-/// is written. `told` gets every change of an alarm.
+/// Starts a station. It ends when an inlet is closed, or all inlets are gone; the handle returns when everything is
+/// written after that. `told` gets each alarm that begins or ends.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -257,7 +259,7 @@ pub fn start(
     start_publishing(verifier, files, time, None, told)
 }
 
-/// Does the same as [`start`], and passes judged data on to a broker if there is an `outlet`.
+/// Starts a station as [`start`] does, and passes judged data on to a broker if there is an `outlet`.
 #[must_use]
 pub fn start_publishing(
     verifier: Option<Verifier>,
@@ -283,7 +285,7 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// Reports unpublished data as long as that goes on.
+/// Reports on the page that data are not published, for as long as that goes on.
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -320,7 +322,7 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // Waiting events are taken together, so that readers are not notified for each of a thousand drones.
+        // Waiting events are processed together, so that readers are not notified for each of a thousand drones.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -345,7 +347,7 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The time is the recording's, because the playback's own is ahead of it during a jump.
+                    // The time is that of the recording, because the playback's own time is ahead of it during a jump.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

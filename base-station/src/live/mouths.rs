@@ -1,4 +1,4 @@
-//! The sending side of the lines: messages go out on the socket or port that also receives.
+//! Sends messages on the lines of a base station: on the socket or port that also receives.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -26,12 +26,12 @@ impl std::fmt::Debug for Mouths {
 }
 
 impl Mouths {
-    /// A line that is a socket.
+    /// Adds a line that is a socket.
     pub(super) fn add_socket(&self, line: u16, socket: UdpSocket) {
         self.with(|mouths| mouths.insert(line, Mouth::Socket(socket)));
     }
 
-    /// A line that is a serial port, which was opened.
+    /// Adds a line that is a serial port, which was opened.
     pub(super) fn add_port(&self, line: u16, port: Box<dyn SerialPort>) {
         self.with(|mouths| mouths.insert(line, Mouth::Port(port)));
     }
@@ -41,7 +41,7 @@ impl Mouths {
         self.with(|mouths| mouths.remove(&line));
     }
 
-    /// Sends a message. A lost one is not an error, as on any carrier: it, or the next one, is sent again.
+    /// Sends a message. A message that is lost is no error, as on any carrier: it, or the next one, is sent again.
     pub fn send(&self, to: To, bytes: &[u8]) {
         self.with(|mouths| match (to.line, to.address) {
             (Some(line), _) => {
@@ -49,7 +49,7 @@ impl Mouths {
                     mouth.send(to, bytes);
                 }
             }
-            // The first line with addresses is used.
+            // An address without a line is reached over the first line with addresses.
             (None, Some(_)) => {
                 if let Some(mouth) = mouths.values_mut().find(|mouth| matches!(mouth, Mouth::Socket(_))) {
                     mouth.send(to, bytes);
@@ -73,7 +73,8 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // One call is limited by the port's timeout: a radio that accepts nothing delays the station no longer.
+            // One call takes no longer than the port's timeout, so a radio that accepts nothing delays the station no
+            // longer than that.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

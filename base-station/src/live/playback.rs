@@ -1,4 +1,4 @@
-//! Plays a recording back, at any pace, from any place.
+//! Plays a recording back, at any pace and from any place in it.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -9,47 +9,47 @@ use std::time::{Duration, Instant};
 use super::{Event, Inlet};
 use crate::recorder::{Reader, Record};
 
-/// A recording: its parts, in their order.
+/// The files of a recording, which are its parts, in their order.
 #[derive(Clone, Debug)]
 pub struct Recording {
     parts: Vec<PathBuf>,
 }
 
-/// The contents of a recording.
+/// A summary of a recording's contents.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Contents {
-    /// Arrivals.
+    /// The number of arrivals.
     pub records: u64,
-    /// The first one's time, µs since 1970.
+    /// The instant of the first arrival, µs since 1970.
     pub first_us: u64,
-    /// The last one's time, µs since 1970.
+    /// The instant of the last arrival, µs since 1970.
     pub last_us: u64,
-    /// Parts that are damaged or cut off, and where, as text.
+    /// The parts that are damaged or cut off, and where, as text.
     pub torn: Vec<String>,
 }
 
 impl Recording {
-    /// A recording of these files.
+    /// Returns the recording that consists of these files.
     #[must_use]
     pub const fn new(parts: Vec<PathBuf>) -> Self {
         Self { parts }
     }
 
-    /// The size of all files, bytes.
+    /// Returns the size of all files of the recording, bytes.
     ///
     /// # Errors
     ///
-    /// A file's metadata cannot be read.
+    /// Returns an error if a file's metadata cannot be read.
     pub fn bytes(&self) -> io::Result<u64> {
         self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
     }
 
-    /// Passes each record to `each` until that returns false; `progress` gets the number of bytes that were read.
-    /// Returns the parts that are cut off.
+    /// Passes each record of the recording to `each` until that returns false; `progress` gets the number of bytes that
+    /// were read. Returns the parts that are cut off.
     ///
     /// # Errors
     ///
-    /// A file cannot be read.
+    /// Returns an error if a file cannot be read.
     pub fn read(&self, mut each: impl FnMut(Record) -> bool, mut progress: impl FnMut(u64)) -> io::Result<Vec<String>> {
         let (mut torn, mut before) = (vec![], 0);
         for part in &self.parts {
@@ -67,11 +67,11 @@ impl Recording {
         Ok(torn)
     }
 
-    /// Reads all of it and returns its contents.
+    /// Reads the whole recording and returns a summary of its contents.
     ///
     /// # Errors
     ///
-    /// A file cannot be read.
+    /// Returns an error if a file cannot be read.
     pub fn contents(&self, progress: impl FnMut(u64)) -> io::Result<Contents> {
         let mut contents = Contents::default();
         let count = |record: Record| {
@@ -91,18 +91,18 @@ impl Recording {
 /// The place and the pace of a playback.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
-    /// The recording's time at `since`, µs.
+    /// The time within the recording at the instant `since`, µs.
     at_us: u64,
     since: Instant,
-    /// The multiple of real time; 0 while it stands still.
+    /// The pace as a multiple of real time; 0 while the playback stands still.
     speed: f64,
-    /// The target of a jump, µs.
+    /// The instant in the recording to which a user has jumped, µs.
     jump_us: Option<u64>,
-    /// The number of changes by users.
+    /// The number of changes of pace or place that users have made.
     changes: u64,
 }
 
-/// A playback's time, which can be stopped, sped up and moved.
+/// The time of a playback, which can be stopped, sped up and moved.
 #[derive(Debug)]
 pub struct Player {
     first_us: u64,
@@ -111,11 +111,11 @@ pub struct Player {
     changed: Condvar,
 }
 
-/// The fastest pace.
+/// The fastest pace, as a multiple of real time.
 pub const MAX_SPEED: f64 = 100.0;
 
 impl Player {
-    /// A player of a recording with these contents, that begins at `from_us`.
+    /// Returns a player for a recording with these contents, which begins at `from_us`.
     #[must_use]
     pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
         let from_us = from_us.clamp(contents.first_us, contents.last_us);
@@ -125,31 +125,31 @@ impl Player {
         Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
     }
 
-    /// The recording's time now, µs since 1970; at most its end.
+    /// Returns the present time within the recording, µs since 1970; at most its end.
     #[must_use]
     pub fn now_us(&self) -> u64 {
         self.at(&self.pace())
     }
 
-    /// The recording's beginning and end, µs since 1970.
+    /// Returns the instants at which the recording begins and ends, µs since 1970.
     #[must_use]
     pub const fn span_us(&self) -> (u64, u64) {
         (self.first_us, self.last_us)
     }
 
-    /// The multiple of real time; 0 while it stands still.
+    /// Returns the pace as a multiple of real time; 0 while the playback stands still.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.pace().speed
     }
 
-    /// The number of changes of the pace or the place, which shows whether a change has taken effect.
+    /// Returns the number of changes of pace or place, which shows whether a change has taken effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
     }
 
-    /// Sets the pace: 0 to [`MAX_SPEED`].
+    /// Sets the pace as a multiple of real time: 0 to [`MAX_SPEED`].
     pub fn set_speed(&self, speed: f64) {
         let mut pace = self.pace();
         let changes = pace.changes + 1;
@@ -157,7 +157,7 @@ impl Player {
         self.changed.notify_all();
     }
 
-    /// Jumps to this time, µs since 1970.
+    /// Jumps to this instant of the recording, µs since 1970.
     pub fn jump(&self, to_us: u64) {
         let mut pace = self.pace();
         let (to_us, changes) = (to_us.clamp(self.first_us, self.last_us), pace.changes + 1);
@@ -175,7 +175,7 @@ impl Player {
         pace.at_us.saturating_add(passed as u64).min(self.last_us)
     }
 
-    /// Waits until the recording's time is `at_us`. Returns false if a jump ended the wait.
+    /// Waits until the time within the recording is `at_us`. Returns false if a jump ended the wait.
     fn wait(&self, at_us: u64) -> bool {
         let mut pace = self.pace();
         loop {
@@ -193,14 +193,15 @@ impl Player {
         }
     }
 
-    /// Feeds a station with the recording until the station ends.
+    /// Feeds a station with the recording, by the player's time, until the station ends.
     ///
     /// # Errors
     ///
-    /// A file cannot be read.
+    /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // Everything before the place is judged as well, without waiting, because the state there depends on it.
+            // The records before the place to which the player jumps are judged as well, without waiting, because the
+            // state there depends on them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -213,7 +214,7 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the end, and after a jump, it waits for the next place.
+            // At the end of the recording, and after a jump, the player waits for the next change of place.
             if !self.wait(u64::MAX) {
                 continue;
             }
@@ -248,7 +249,8 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file; a forgotten recorder stands for one that was killed.
+    /// Records these cycles into a file. With `killed`, the recorder is not finished, like that of a process that was
+    /// killed.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();
@@ -272,7 +274,7 @@ mod tests {
         assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
         assert!((195..=200).contains(&contents.records), "{} records", contents.records);
 
-        // The playback stands still at 15 s: everything until then is fed, and nothing after.
+        // The playback stands still at 15 s: all data until then are fed to the station, and none after.
         let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
         let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
         let feeding = Arc::clone(&player);

@@ -1,4 +1,4 @@
-//! The recorder's thread.
+//! Runs the recorder on a thread of its own.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +10,7 @@ use crate::intake::{Carried, Judged};
 use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
 
-/// The most messages that may wait for the disk.
+/// The greatest number of messages that may wait for the disk.
 const WAITING: usize = 65_536;
 
 enum What {
@@ -28,7 +28,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Records into these files.
+    /// Starts a recorder that writes these files.
     #[must_use]
     pub fn start(files: Files) -> Self {
         let (to, from) = sync_channel(WAITING);
@@ -38,23 +38,23 @@ impl Recording {
         Self { to, trouble, thread }
     }
 
-    /// Records an arrival.
+    /// Records bytes that arrived, the verdicts on their objects, and the newly displayed data.
     pub fn carried(&self, carried: Carried, judged: Vec<Judged>, samples: Vec<Sample>) {
         let at_us = carried.at_us;
         self.offer(at_us, What::Carried(carried, judged, samples));
     }
 
-    /// Records the state of an uplink since `at_us`.
+    /// Records the state that an uplink has since `at_us`.
     pub fn uplink(&self, at_us: u64, told: UplinkChange) {
         self.offer(at_us, What::Uplink(at_us, told));
     }
 
-    /// Records a change of an alarm.
+    /// Records an alarm that began or ended.
     pub fn alarm(&self, drone: DroneId, change: Change) {
         self.offer(change.at_us, What::Alarm(drone, change));
     }
 
-    /// The reason why nothing is recorded at present, if so.
+    /// Returns the reason why nothing is recorded at present, if there is one.
     #[must_use]
     pub fn trouble(&self) -> Option<Trouble> {
         self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -64,7 +64,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// The error as text.
+    /// Returns the recorder's error as text.
     pub fn finish(self) -> Result<(), String> {
         drop(self.to);
         self.thread.join().unwrap_or_else(|_| Err("the recorder's thread died".into()))
@@ -83,7 +83,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time is that of the recorded data, and continues while none come.
+    // The recorder's time is that of the recorded data, and goes on while no data come.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

@@ -1,17 +1,17 @@
-//! Limits of the page's connections: their number, duration and memory.
+//! Limits the connections to the page: their number, duration and memory.
 //!
 //! # Limits
 //!
-//! | subject | limit | beyond it |
+//! | subject | limit | what happens beyond the limit |
 //! |---|---|---|
-//! | connections at once | 512 | closed at once |
-//! | a request's head, with the time until the next one | 5 s | closed |
-//! | its length | 16 KiB, 64 fields | refused with 431 |
-//! | a reader that accepts no data | 10 s | closed |
-//! | streams of states | [`MAX_WATCHERS`](super::page::MAX_WATCHERS) | refused with 503 |
+//! | connections at once | 512 | a further one is closed at once |
+//! | time for a request's head, and from the last request to the next | 5 s | the connection is closed |
+//! | length of a request's head | 16 KiB, 64 fields | the request is refused with 431 |
+//! | time for which a reader accepts no data | 10 s | the connection is closed |
+//! | streams of states | [`MAX_WATCHERS`](super::page::MAX_WATCHERS) | a further one is refused with 503 |
 //!
-//! A connection holds its buffers and one state, whatever its reader does. So the memory of all of them is bounded, and
-//! a slow one delays no other.
+//! A connection holds its buffers and one state, whatever its reader does. So the memory of all connections is bounded,
+//! and a slow one delays no other.
 
 use std::io;
 use std::sync::Arc;
@@ -26,39 +26,39 @@ use tokio::sync::Semaphore;
 use tokio::time::sleep;
 use tokio_io_timeout::TimeoutStream;
 
-/// The limits, which differ in tests.
+/// The limits of connections, which are shorter in tests.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// The most connections that may be open at once.
+    /// The greatest number of connections that may be open at once.
     pub connections: usize,
-    /// The time within which a request's head must arrive.
+    /// The time within which the head of a request must arrive.
     pub head: Duration,
     /// The time without accepted data after which a reader is dropped.
     pub stall: Duration,
 }
 
-/// The limits of the [module](self). The connections, with all other files, stay below the 1024 files that systems
-/// allow a process.
+/// The limits that the [module](self) states. With this number of connections and all other files, the process stays
+/// below the 1024 files that systems allow it.
 impl Default for Limits {
     fn default() -> Self {
         Self { connections: 512, head: Duration::from_secs(5), stall: Duration::from_secs(10) }
     }
 }
 
-/// The number of bytes that a connection reads ahead: no head is longer.
+/// The number of bytes that a connection reads ahead, which is also the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of unread bytes that the system may hold for a reader: a few states.
+/// The number of bytes that the system may hold for a reader which has not read them: a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
-/// The pause in accepting after an error that does not concern one connection (no more files).
+/// The time for which no connection is accepted after an error that concerns all of them (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
-/// Serves `router` to all clients, within the limits of this [module](self). It does not end.
+/// Serves `router` to all clients, within the limits that this [module](self) states. It does not end.
 ///
 /// # Errors
 ///
-/// There are none at present: an error of one connection ends that one.
+/// Returns no error at present: an error of one connection ends only that connection.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io::Result<()> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut http = http1::Builder::new();
@@ -68,18 +68,19 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // It is dropped and so closed; a later attempt succeeds once a place is free.
+        // There is no room, so the new connection is dropped, which closes it; a later attempt succeeds once there is
+        // room.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // The system may grant less, which is not an error.
+        // The system may grant a smaller buffer, which is no error.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        // A state must be sent at once, whatever the one before it waits for.
+        // A state must be sent at once, even while the state before it is not acknowledged.
         let _ = stream.set_nodelay(true);
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(limits.stall));
         let connection =
             http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(router.clone()));
         tokio::spawn(async move {
-            // A reader that disconnects, or sends no valid request, is not an error of the page.
+            // If a reader disconnects, or sends no valid request, that is no error of the page.
             let _ = connection.await;
             drop(place);
         });

@@ -1,4 +1,4 @@
-//! Serves the page on a thread of its own, for a program with other work.
+//! Serves the page on a thread of its own, for a program that has other work.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -12,7 +12,7 @@ use tokio::sync::oneshot;
 use super::serve::{self, Limits};
 use super::{Station, page};
 
-/// A page that is served until this is dropped.
+/// A page that is served until this value is dropped.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -27,16 +27,16 @@ impl Server {
     ///
     /// # Errors
     ///
-    /// The address cannot be bound, or the system provides no event loop.
+    /// Returns an error if the address cannot be bound, or the system provides no event loop.
     pub fn start(station: Station, address: SocketAddr) -> io::Result<Self> {
         Self::of(address, |address| page::router(station, None, address))
     }
 
-    /// Does the same as [`start`](Self::start) for any pages: `router` makes them, once the address is known.
+    /// Serves pages as [`start`](Self::start) does: those that `router` makes once the address is known.
     ///
     /// # Errors
     ///
-    /// The errors are those of [`start`](Self::start).
+    /// Returns an error in the cases in which [`start`](Self::start) does.
     pub fn of(address: SocketAddr, router: impl FnOnce(SocketAddr) -> Router) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
@@ -57,7 +57,7 @@ impl Server {
                         told.store(true, Ordering::Relaxed);
                     }
                 };
-                // Open event streams would delay a graceful end.
+                // A graceful end would wait for open event streams.
                 tokio::select! {
                     _ = ended => {}
                     served = async { tokio::join!(served, interrupts).0 } => {
@@ -71,13 +71,13 @@ impl Server {
         Ok(Self { address, interrupted, end: Some(end), thread: Some(thread) })
     }
 
-    /// The page's address.
+    /// Returns the address of the page.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Whether the user has requested from the keyboard that the process ends.
+    /// Returns whether the user has requested from the keyboard that the process ends.
     #[must_use]
     pub fn interrupted(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed)
@@ -86,7 +86,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // Either of them may be over already.
+        // The channel's other end and the thread may be gone already.
         let _ = self.end.take().map(|end| end.send(()));
         let _ = self.thread.take().map(JoinHandle::join);
     }

@@ -1,18 +1,19 @@
-//! TLS to a broker, by `rustls` with `ring` (decision 19).
+//! Encrypts connections to a broker by TLS, with `rustls` and `ring` (decision 19).
 //!
-//! The authority that signs the broker's certificate is always explicit, and no other counts: a fleet's broker has one
-//! that the fleet signed itself, and for a public one the user gives the system's bundle of authorities. The broker's
-//! certificate must be for the name in the broker's address, and TLS be of version 1.2 or 1.3. Errors are reported in
-//! words that show what to mend.
+//! The authority that signs the broker's certificate is always named explicitly, and no other is trusted: a fleet's own
+//! broker has a certificate that the fleet signed itself, and for a public broker the user gives the system's bundle of
+//! authorities. The broker's certificate must be for the name in the broker's address, and TLS must be of version 1.2
+//! or 1.3. Errors are reported in words that show what to correct.
 //!
-//! Without this crate's feature `tls` there is no [`Tls`], and [`Tls::new`] returns that error.
+//! If this crate is built without its feature `tls`, no [`Tls`] can exist, and [`Tls::new`] returns
+//! [`Unusable::NotBuilt`].
 
 use std::error::Error;
 use std::fmt;
 
 use rumqttc::Transport;
 
-/// The reason why there can be no TLS with these certificates.
+/// The reason why TLS cannot be used with these certificates.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unusable {
     /// This program was built without TLS.
@@ -21,9 +22,9 @@ pub enum Unusable {
     NoAuthority,
     /// There is no readable certificate of this station.
     NoCertificate,
-    /// There is no readable private key; it must not be encrypted.
+    /// There is no readable private key. An encrypted key cannot be read.
     NoKey,
-    /// Certificate and key do not match, or are of an unknown kind; the reason as text.
+    /// Certificate and key do not match, or are of an unknown kind; the text has the reason.
     Refused(String),
 }
 
@@ -59,7 +60,7 @@ mod with {
 
     use super::{Error, Transport, Unusable};
 
-    /// The text before an alert's name in the messages of `rustls`.
+    /// The text that comes before an alert's name in the error messages of `rustls`.
     const ALERT: &str = "received fatal alert: ";
 
     /// The trusted authorities, and this station's own certificate if it has one.
@@ -67,15 +68,16 @@ mod with {
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
-        /// Trusts a broker whose certificate one of the `authorities` signed. `client` is this station's certificate,
-        /// followed by the intermediate ones, and its private key, for a broker that requires them. All are PEM.
+        /// Returns settings by which a broker is trusted if one of the `authorities` signed its certificate. `client`
+        /// is this station's certificate, followed by the intermediate ones, and its private key, for a broker that
+        /// requires them. All of these are PEM.
         ///
         /// # Errors
         ///
-        /// The files contain none, or they cannot be used.
+        /// Returns an error if the files contain no certificate or key, or one that cannot be used.
         pub fn new(authorities: &[u8], client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             let mut roots = RootCertStore::empty();
-            // A system's bundle may have one that is too old to be read.
+            // A system's bundle may contain a certificate that is too old to be read.
             roots.add_parsable_certificates(CertificateDer::pem_slice_iter(authorities).flatten());
             if roots.is_empty() {
                 return Err(Unusable::NoAuthority);
@@ -99,7 +101,7 @@ mod with {
             Transport::tls_with_config(TlsConfiguration::Rustls(Arc::clone(&self.0)))
         }
 
-        /// The text of a TLS error with the broker `host`, if it was one.
+        /// Returns the text of a TLS error with the broker `host`, if `error` is one.
         pub(in crate::live) fn words(&self, error: &rumqttc::ConnectionError, host: &str) -> Option<String> {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
@@ -111,11 +113,11 @@ mod with {
         }
     }
 
-    /// TLS's own error among the causes of an error.
+    /// Returns the TLS error among the causes of an error.
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // An I/O error holds the inner error itself, not as its source.
+            // An I/O error does not return the error in it as its source, so that one is taken out of it.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -145,7 +147,7 @@ mod with {
         }
     }
 
-    /// The broker's complaint in an alert of this name (RFC 8446, section 6).
+    /// Returns in words what the broker reports by the alert of this name (RFC 8446, section 6).
     fn alert(name: &str) -> String {
         match name {
             "CertificateRequired" => {
@@ -155,7 +157,7 @@ mod with {
             "UnknownCA" | "BadCertificate" | "CertificateUnknown" | "DecryptError" => {
                 format!("it does not believe this station's certificate: {name}")
             }
-            // TLS 1.2 has no better alert for a missing certificate.
+            // TLS 1.2 has no alert that describes a missing certificate better.
             name => format!("it ends TLS with {name}"),
         }
     }
@@ -165,16 +167,16 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// A placeholder that has no value.
+    /// A type without values, in place of the settings of TLS.
     #[derive(Clone)]
     pub enum Tls {}
 
     impl Tls {
-        /// Always fails, because TLS was not built.
+        /// Always fails, because this program was built without TLS.
         ///
         /// # Errors
         ///
-        /// The error is always [`Unusable::NotBuilt`].
+        /// Returns [`Unusable::NotBuilt`] in all cases.
         pub const fn new(_authorities: &[u8], _client: Option<(&[u8], &[u8])>) -> Result<Self, Unusable> {
             Err(Unusable::NotBuilt)
         }

@@ -1,23 +1,23 @@
-//! The recorder: it stores every byte that a carrier brought, its time, and the verdict on each object, in an MCAP
-//! file.
+//! Records every byte that a carrier brought, with its time and the verdict on each object, in an MCAP file.
 //!
 //! # Design
 //!
-//! **Contents.** `/carried` has the bytes and the verdicts, and suffices for a playback; `/alarms` has the changes of
-//! alarms; `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link; `/uplinks` has
-//! the uplinks that this station sent to drones, and their states. Schemas are in the file, in ROS 1's language, so
-//! that Foxglove and other tools can open it.
+//! **Contents.** `/carried` has the bytes and the verdicts, which suffice for a playback; `/alarms` has the alarms that
+//! began or ended; `/drone/ID/…` has positions for maps, the state with agreement and attitude, and the link;
+//! `/uplinks` has the uplinks that this station sent to drones, and their states. Schemas are in the file, in ROS 1's
+//! language, so that Foxglove and other tools can open it.
 //!
 //! **Crashes.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the disk. So a
 //! killed process, or a power loss, costs the last half second. Earlier data stay readable: [`Reader`] checks each
-//! chunk's CRC before it returns any of it, and ends where the file was cut. A damaged chunk costs only itself.
+//! chunk's CRC before it returns any of the chunk's data, and ends where the file was cut. If a chunk is damaged, only
+//! that chunk is lost.
 //!
 //! **A full disk** does not end the recorder: lost data are counted and reported ([`Recorder::trouble`]), and after
-//! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a torn one. The trouble is
-//! over once data are on the disk again, not when a file could be made.
+//! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a part that was cut off. The
+//! trouble is over once data are on the disk again, not when a file could be made.
 //!
-//! **Parts.** After [`PART_BYTES`] a part is finished and another begun, so that MCAP's index of a part takes bounded
-//! memory in a recording of any length.
+//! **Parts.** After [`PART_BYTES`] a part of the recording is finished and another one begun, so that MCAP's index of a
+//! part takes bounded memory in a recording of any length.
 
 mod reading;
 mod ros;
@@ -43,36 +43,36 @@ use crate::{Change, DroneId, Fleet, Place, Verdict};
 pub use reading::{Reader, Record};
 pub use ros::Found;
 
-/// The longest time until a chunk is written, µs.
+/// The longest time until a chunk is written to the disk, µs.
 pub const FLUSH_US: u64 = 500_000;
 
-/// The time after a failure until the next attempt, µs.
+/// The time after a failure until the recorder tries again, µs.
 pub const RETRY_US: u64 = 1_000_000;
 
-/// The size at which a part is finished, bytes.
+/// The size at which a part of a recording is finished, bytes.
 pub const PART_BYTES: u64 = 512 << 20;
 
 /// The destination of a recording's parts.
 pub trait Parts {
-    /// A part.
+    /// The type of a part, to which its data are written.
     type Part: Write;
 
-    /// Makes the part of this number, from 0.
+    /// Makes the part of this number, from 0. An existing part is never overwritten.
     ///
     /// # Errors
     ///
-    /// It cannot be made. An existing one is never overwritten.
+    /// Returns an error if the part cannot be made.
     fn make(&mut self, number: u32) -> io::Result<Self::Part>;
 
     /// Forces the data of the last part onto the disk.
     ///
     /// # Errors
     ///
-    /// That fails.
+    /// Returns an error if the data cannot be forced onto the disk.
     fn sync(&mut self) -> io::Result<()>;
 }
 
-/// Parts as files beside each other: `flight.mcap`, `flight.1.mcap`, …
+/// The parts of a recording as files beside each other: `flight.mcap`, `flight.1.mcap`, …
 #[derive(Debug)]
 pub struct Files {
     path: PathBuf,
@@ -80,12 +80,12 @@ pub struct Files {
     made: Made,
 }
 
-/// The files that were made so far, for display.
+/// The names of the files that were made so far, for display.
 #[derive(Clone, Debug, Default)]
 pub struct Made(Arc<Mutex<Vec<PathBuf>>>);
 
 impl Made {
-    /// Their names, in their order.
+    /// Returns the names of the files, in the order in which they were made.
     #[must_use]
     pub fn names(&self) -> Vec<PathBuf> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -93,19 +93,19 @@ impl Made {
 }
 
 impl Files {
-    /// Files of this name.
+    /// Returns the files of a recording; the first has this name.
     #[must_use]
     pub fn new(path: PathBuf) -> Self {
         Self { path, last: None, made: Made::default() }
     }
 
-    /// The files that are made over time; an existing file's name is skipped.
+    /// Returns the list of the files that are made over time. A name that an existing file has is skipped.
     #[must_use]
     pub fn made(&self) -> Made {
         self.made.clone()
     }
 
-    /// The name of the part of this number.
+    /// Returns the file name of the part with this number.
     #[must_use]
     pub fn name(path: &Path, number: u32) -> PathBuf {
         match (number, path.extension().and_then(|extension| extension.to_str())) {
@@ -135,9 +135,9 @@ impl Parts for Files {
 /// The reason why nothing is recorded at present.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trouble {
-    /// The error as text.
+    /// The recorder's error as text.
     pub why: String,
-    /// The instant of its beginning, µs.
+    /// The instant since which nothing is recorded, µs.
     pub since_us: u64,
 }
 
@@ -146,14 +146,14 @@ pub struct Trouble {
 pub enum Sample {
     /// A valid position, of Reported-Position or a receiver: degrees north, degrees east, m above the ellipsoid.
     Position(DroneId, Place, [f64; 3]),
-    /// HORUS's state, and the drone's attitude.
+    /// HORUS's state, and the attitude of the drone.
     State(DroneId, ReportedValues),
-    /// Link-Status.
+    /// The values of Link-Status.
     Link(DroneId, LinkValues),
 }
 
 impl Sample {
-    /// The samples of newly `judged` objects that `fleet` now shows.
+    /// Returns the samples of newly `judged` objects that `fleet` now shows.
     #[must_use]
     pub fn of(judged: &[Judged], fleet: &Fleet) -> Vec<Self> {
         let mut samples = vec![];
@@ -175,7 +175,7 @@ impl Sample {
                     let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
                     samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-                // The sender of an uplink reports its state.
+                // Port-Status and uplinks have no samples; the sender of an uplink reports its state.
                 Place::PortStatus | Place::Uplink => {}
             }
         }
@@ -188,12 +188,12 @@ struct Open<W: Write> {
     writer: Writer<NoSeek<W>>,
     channels: HashMap<String, u16>,
     sequence: u32,
-    /// The number of message bytes since it was begun.
+    /// The number of message bytes that were written since the part was begun.
     bytes: u64,
     flushed_us: u64,
 }
 
-/// A recorder. See the [module](self).
+/// The writer of a recording. See the [module](self).
 pub struct Recorder<P: Parts> {
     parts: P,
     open: Option<Open<P::Part>>,
@@ -205,13 +205,13 @@ pub struct Recorder<P: Parts> {
 }
 
 impl<P: Parts> Recorder<P> {
-    /// A recorder; no file is made before the first record.
+    /// Returns a recorder; it makes no file before the first record.
     #[must_use]
     pub const fn new(parts: P) -> Self {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }
     }
 
-    /// Records an arrival, its verdicts, and the newly displayed data.
+    /// Records bytes that arrived, the verdicts on their objects, and the newly displayed data.
     pub fn carried(&mut self, carried: &Carried, judged: &[Judged], samples: &[Sample]) {
         let at_us = carried.at_us;
         self.put(at_us, "/carried", ros::CARRIED, &ros::carried(carried, judged));
@@ -227,18 +227,18 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records the state of an uplink that this station sends.
+    /// Records the state of an uplink that this station sends, as it changed at `at_us`.
     pub fn uplink(&mut self, at_us: u64, told: &UplinkChange) {
         self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }
 
-    /// Records a change of an alarm.
+    /// Records an alarm that began or ended.
     pub fn alarm(&mut self, drone: DroneId, change: Change) {
         let data = ros::alarm(drone, change.alarm, change.raised);
         self.put(change.at_us, "/alarms", ros::ALARM, &data);
     }
 
-    /// Writes the data that are not written yet; to be called at least every [`FLUSH_US`].
+    /// Writes the data that are not written yet, if that is due; to be called at least every [`FLUSH_US`].
     pub fn tick(&mut self, now_us: u64) {
         let Some(open) = &mut self.open else { return };
         if now_us.saturating_sub(open.flushed_us) < FLUSH_US {
@@ -263,24 +263,24 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Finishes the file.
+    /// Finishes the file of the present part.
     ///
     /// # Errors
     ///
-    /// The error as text; data that were flushed before are readable anyway.
+    /// Returns the recorder's error as text. Data that were written to the disk before are readable anyway.
     pub fn finish(mut self) -> Result<(), String> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open.writer.finish().map_err(|error| error.to_string())?;
         self.parts.sync().map_err(|error| error.to_string())
     }
 
-    /// The reason why nothing is recorded at present, if so.
+    /// Returns the reason why nothing is recorded at present, if there is one.
     #[must_use]
     pub const fn trouble(&self) -> Option<&Trouble> {
         self.trouble.as_ref()
     }
 
-    /// Messages that were not recorded.
+    /// Returns the number of messages that were not recorded.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
@@ -297,7 +297,8 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Returns whether it was recorded; it is not while it is too early to try again.
+    /// Records a message. Returns whether it was recorded; it is not while it is too early to try again after a
+    /// failure.
     fn try_put(&mut self, at_us: u64, topic: &str, schema: ros::Schema, data: &[u8]) -> Result<bool, String> {
         if self.open.is_none() {
             if self.tried_us.is_some_and(|tried| self.trouble.is_some() && at_us.saturating_sub(tried) < RETRY_US) {
@@ -325,7 +326,7 @@ impl<P: Parts> Recorder<P> {
         Ok(true)
     }
 
-    /// Begins the next part whose name is free.
+    /// Begins the next part whose file name is free.
     fn begin(&mut self, at_us: u64) -> Result<Open<P::Part>, String> {
         let part = loop {
             match self.parts.make(self.next_part) {

@@ -1,17 +1,17 @@
-//! Reads a recording, whole or cut off.
+//! Reads a recording, whether it is whole or cut off.
 //!
 //! # Design
 //!
 //! The input may be damaged anywhere, and no length in it can be trusted. The reader of the `mcap` crate (0.26) trusts
-//! several: it allocates a record's buffer by the claimed length before it reads any of it, a string's too (up to 4
-//! GiB), and subtracts without a check from a record that is longer than the rest of its chunk, or an attachment that
-//! is shorter than its CRC. So this module parses the frames of a file itself, by <https://mcap.dev/spec>: an opcode, a
+//! several lengths. It allocates the buffer of a record, or of a string (up to 4 GiB), by the claimed length before it
+//! reads any of it, and it subtracts without a check if a record is longer than the rest of its chunk, or an attachment
+//! shorter than its CRC. So this module parses the frames of a file itself, by <https://mcap.dev/spec>: an opcode, a
 //! length and that number of bytes, in a chunk as outside of one. It reads only three kinds of records: chunks,
 //! channels and messages.
 //!
 //! **Memory.** One record outside of chunks is held, in a buffer that grows with the bytes that are really there: at
 //! most twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read once and checked once, and reading
-//! ends at the first damage.
+//! ends at the first damage outside of a chunk.
 
 use std::collections::HashSet;
 use std::io::{self, Read};
@@ -23,7 +23,8 @@ use mcap::records::op;
 use super::ros::{self, Found, array, string, take};
 use crate::intake::Carried;
 
-/// The longest chunk that a [`Recorder`](super::Recorder) writes, bytes: half a second of a thousand drones is 2 MB.
+/// The length that no chunk of a [`Recorder`](super::Recorder) exceeds, bytes; a longer record ends the reading. Half a
+/// second of a thousand drones is 2 MB.
 pub(super) const LONGEST: u64 = 256 << 20;
 
 /// The size of a record's opcode and length, bytes.
@@ -32,12 +33,12 @@ const HEAD: usize = 1 + 8;
 /// The size of a message's channel, sequence number and two times, bytes.
 const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
-/// An arrival, and the verdicts at that time.
+/// Bytes that arrived, and the verdicts on their objects when they were recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// The arrival.
+    /// The bytes that arrived.
     pub carried: Carried,
-    /// The verdict on each object.
+    /// The verdict on each object in the bytes.
     pub found: Vec<Found>,
 }
 
@@ -45,7 +46,7 @@ pub struct Record {
 enum Stop {
     /// The file cannot be read.
     Io(io::Error),
-    /// The file was cut or damaged here; the text has the details.
+    /// The file was cut or damaged at this place; the text has the details.
     Torn(String),
 }
 
@@ -61,25 +62,25 @@ impl From<McapError> for Stop {
     }
 }
 
-/// Reads the arrivals of a recording, in order, without ever holding more than a chunk.
+/// Reads the arrivals of a recording, in order, and never holds more than a chunk.
 pub struct Reader<R> {
     from: R,
     begun: bool,
-    /// The last record outside of chunks, without its head.
+    /// The last record outside of chunks, without its opcode and length.
     body: Vec<u8>,
-    /// The part of it that holds a chunk's remaining records.
+    /// The range of `body` that holds a chunk's remaining records.
     chunk: Range<usize>,
-    /// The channels with arrivals.
+    /// The numbers of the channels that have arrivals.
     channels: HashSet<u16>,
     read: u64,
     torn: Option<String>,
-    /// Damaged chunks, as text.
+    /// The damaged chunks, as text: where they are, and what is wrong.
     lost: Vec<String>,
     ended: bool,
 }
 
 impl<R: Read> Reader<R> {
-    /// A reader from the recording's first byte on.
+    /// Returns a reader that begins at the recording's first byte.
     pub fn new(from: R) -> Self {
         Self {
             from,
@@ -94,32 +95,33 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// The number of bytes of the file that were read.
+    /// Returns the number of bytes of the file that were read.
     pub const fn bytes_read(&self) -> u64 {
         self.read
     }
 
-    /// The place where the file was cut or damaged, as text, once it was reached. All records before it were returned.
+    /// Returns the place where the file was cut or damaged, as text, once it was reached. All records before it were
+    /// returned.
     pub fn torn(&self) -> Option<&str> {
         self.torn.as_deref()
     }
 
-    /// The damaged chunks so far, which are left out, as text: the places and the reasons.
+    /// Returns the damaged chunks found so far, which are left out, as text: the places and the reasons.
     pub fn lost(&self) -> &[String] {
         &self.lost
     }
 
-    /// The most bytes that the reader has held so far.
+    /// Returns the greatest number of bytes that the reader has held so far.
     #[cfg(test)]
     pub(super) const fn held(&self) -> usize {
         self.body.capacity()
     }
 
-    /// The next arrival.
+    /// Returns the next arrival in the recording.
     ///
     /// # Errors
     ///
-    /// The file cannot be read. A file that is cut off is no error.
+    /// Returns an error if the file cannot be read. A file that is cut off is no error.
     pub fn next_record(&mut self) -> io::Result<Option<Record>> {
         while !self.ended {
             match self.step() {
@@ -135,7 +137,7 @@ impl<R: Read> Reader<R> {
         Ok(None)
     }
 
-    /// Parses one more record, in the chunk or outside.
+    /// Parses one more record, in the present chunk or outside of chunks.
     fn step(&mut self) -> Result<Option<Record>, Stop> {
         if !self.begun {
             self.begin()?;
@@ -167,7 +169,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // This record's length gives the place of the next, so only this one is lost.
+                // The length of this chunk tells where the next record is, so only this chunk is lost.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",
@@ -194,7 +196,7 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Reads `length` bytes in place of the held ones. Returns whether there were as many.
+    /// Reads `length` bytes into the buffer, in place of those that it holds. Returns whether there were as many.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -204,13 +206,13 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// The opcode and the length at the beginning of a record.
+/// Returns the opcode and the length at the beginning of a record.
 fn head(mut bytes: &[u8]) -> Option<(u8, u64)> {
     let [opcode] = *take::<1>(&mut bytes)?;
     Some((opcode, u64::from_le_bytes(*take::<8>(&mut bytes)?)))
 }
 
-/// The range of a chunk's records in its body, once they have been verified.
+/// Returns the range of a chunk's records in its body, once they have been verified.
 fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     let (crc, compression, length, rest) = chunk_head(body).ok_or(McapError::UnexpectedEoc)?;
     if !compression.is_empty() {
@@ -218,7 +220,7 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     }
     let short = McapError::BadChunkLength { header: length, available: rest.len() as u64 };
     let records = usize::try_from(length).ok().and_then(|length| rest.get(..length)).ok_or(short)?;
-    // The value 0 means that there is none.
+    // A CRC of 0 means that the chunk has none.
     if crc != 0 {
         let calculated = crc32fast::hash(records);
         if calculated != crc {
@@ -229,18 +231,19 @@ fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
     Ok(start..start + records.len())
 }
 
-/// A chunk's CRC, its compression, the length of its records, and the rest.
+/// Returns a chunk's CRC, its compression, the length of its records, and the bytes after these.
 fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     let mut rest = body;
-    // First and last time, and the uncompressed length, are skipped.
+    // The times of the first and the last message, and the uncompressed length, are not needed.
     take::<{ 8 + 8 + 8 }>(&mut rest)?;
     let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
     let compression = string(&mut rest)?;
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record that is no chunk. `is_lossy` means that an earlier chunk was lost, perhaps with the definitions of
-/// channels, so that each message is tested for being an arrival. Stores a channel of arrivals, and returns an arrival.
+/// Parses a record that is no chunk. If the record defines a channel of arrivals, its number is added to `channels`; if
+/// it is an arrival, it is returned. `is_lossy` means that an earlier chunk was lost, perhaps with the definitions of
+/// channels, so that each message is tested for being an arrival.
 fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
@@ -262,10 +265,10 @@ fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) ->
     }
 }
 
-/// A channel's number and its topic.
+/// Returns the number and the topic of the channel that a record defines.
 fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
     let id = u16::from_le_bytes(*take::<2>(&mut body)?);
-    // The schema is skipped.
+    // The number of the channel's schema is not needed.
     take::<2>(&mut body)?;
     Some((id, array(&mut body)?))
 }

@@ -1,5 +1,5 @@
-//! The messages of a recording, in the serialisation of ROS 1, which every MCAP tool reads with the schema beside it:
-//! numbers are little-endian without padding, strings and arrays follow their length as a u32.
+//! Encodes the messages of a recording in the serialisation of ROS 1, which every MCAP tool reads with the schema
+//! beside it: numbers are little-endian without padding, and strings and arrays follow their length as a u32.
 
 use profile::{LinkValues, ReportedValues};
 
@@ -8,14 +8,14 @@ use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
 use crate::{Alarm, DroneId, Place, Verdict};
 
-/// A schema: its name and its text in the language of ROS 1.
+/// The description of a kind of message: its name, and its fields as text in the language of ROS 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schema {
     pub(super) name: &'static str,
     pub(super) text: &'static str,
 }
 
-/// Bytes that arrived, and the verdict on each object in them.
+/// The schema of bytes that arrived, with the verdict on each object in them.
 pub(super) const CARRIED: Schema = Schema {
     name: "horus_msgs/Carried",
     text: "# Bytes as they arrived at the base station, and what was found of each object in them.
@@ -35,7 +35,7 @@ string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it 
 ",
 };
 
-/// A change of an alarm.
+/// The schema of an alarm that began or ended.
 pub(super) const ALARM: Schema = Schema {
     name: "horus_msgs/Alarm",
     text: "# An alarm came or went.
@@ -46,7 +46,7 @@ string words
 ",
 };
 
-/// A position, as ROS has it, for maps.
+/// The schema of a position for maps, which ROS defines.
 pub(super) const FIX: Schema = Schema {
     name: "sensor_msgs/NavSatFix",
     text: "std_msgs/Header header
@@ -68,7 +68,7 @@ uint16 service
 ",
 };
 
-/// HORUS's state.
+/// The schema of HORUS's state.
 pub(super) const STATE: Schema = Schema {
     name: "horus_msgs/State",
     text: "# What HORUS says of itself in Reported-Position. What is not known is NaN.
@@ -87,7 +87,7 @@ float32[3] acceleration     # m/s2, front, right, down, gravity removed
 ",
 };
 
-/// The state of the link from HORUS to the DPR.
+/// The schema of the state of the link from HORUS to the DPR.
 pub(super) const LINK: Schema = Schema {
     name: "horus_msgs/Link",
     text: "# Link-Status, as the DPR sealed it.
@@ -103,7 +103,7 @@ float32 sample_age_ms       # of Reported-Position when the image was made
 ",
 };
 
-/// The state of an uplink.
+/// The schema of the state of an uplink.
 pub(super) const UPLINK: Schema = Schema {
     name: "horus_msgs/Uplink",
     text: "# An uplink object that this station sends to a drone's DPR, and what is known of it now.
@@ -117,7 +117,7 @@ string why                  # it was refused
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // No array comes near 4 GiB; a length that does not fit would give a shorter array, not a wrong one.
+    // No array comes near 4 GiB. A length that does not fit would make a shorter array, not a wrong one.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));
@@ -198,30 +198,30 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
     out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
     out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
     put(&mut out, b"wgs84");
-    // The service of the fix is unknown.
+    // The value 0 says that the satellite system of the fix is unknown.
     out.push(0);
     out.extend(0_u16.to_le_bytes());
     for value in [latitude, longitude, altitude] {
         out.extend(value.to_le_bytes());
     }
     out.extend([0; 9 * 8]);
-    // The covariance is unknown.
+    // The value 0 says that the covariance is unknown.
     out.push(0);
     out
 }
 
-/// An object of a recording: its drone, its place, and the verdict at that time.
+/// An object in a recording, and the verdict on it when it was recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// The drone's id as text.
+    /// The id of the drone as text.
     pub drone: String,
-    /// The object.
+    /// The kind of the object.
     pub place: Place,
-    /// The verdict's [code](Verdict::code).
+    /// The [code](Verdict::code) of the verdict.
     pub verdict: String,
 }
 
-/// Reads a [`CARRIED`] message; `None` if it is none.
+/// Decodes a [`CARRIED`] message; `None` if `data` is no such message.
 pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     let mut rest = data;
     let at_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
@@ -241,14 +241,14 @@ pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     Some((Carried { at_us, kind: Kind::of(kind)?, line, from, bytes }, found))
 }
 
-/// The next `N` bytes.
+/// Takes the next `N` bytes from the front of `rest`; `None` if there are fewer.
 pub(super) fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
     let (taken, after) = rest.split_first_chunk()?;
     *rest = after;
     Some(taken)
 }
 
-/// The next bytes, with their number in front.
+/// Takes a length, and that number of bytes after it, from the front of `rest`.
 pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(*take::<4>(rest)?);
     let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
@@ -256,20 +256,20 @@ pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(taken)
 }
 
-/// The next text, with its length in front.
+/// Takes a length, and text of that length after it, from the front of `rest`.
 pub(super) fn string(rest: &mut &[u8]) -> Option<String> {
     String::from_utf8(array(rest)?.to_vec()).ok()
 }
 
 fn strings(rest: &mut &[u8]) -> Option<Vec<String>> {
     let count = u32::from_le_bytes(*take::<4>(rest)?);
-    // Each takes at least four bytes, so a wrong count causes no more work than there are bytes.
+    // Each string takes at least four bytes, so a wrong count causes no more work than there are bytes.
     (0..count).map(|_| string(rest)).collect()
 }
 
-/// Evaluates a verdict's text.
+/// Evaluates the text of a recorded verdict.
 impl Found {
-    /// Whether it was shown.
+    /// Returns whether the object was shown.
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.verdict == Verdict::New.code()
@@ -314,7 +314,8 @@ mod tests {
         }
     }
 
-    /// The number of bytes of a schema's message whose strings and arrays of variable length total `text` bytes.
+    /// Returns the length of a message of this schema, bytes, if its strings and arrays of variable length total `text`
+    /// bytes.
     fn length(schema: Schema, text: usize) -> usize {
         let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
         let size = |kind| match kind {
@@ -347,7 +348,8 @@ mod tests {
 
     #[test]
     fn a_fix_has_the_length_that_its_schema_gives() {
-        // Header 4 + 8 + (4 + 5), status 1 + 2, three and nine numbers, one byte.
+        // The length consists of the header (4 + 8 + (4 + 5)), the status (1 + 2), three and nine numbers, and one
+        // byte.
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0]).len(), 21 + 3 + 12 * 8 + 1);
         assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0])[4..12], [1, 0, 0, 0, 0x00, 0x65, 0xCD, 0x1D]);
     }

@@ -8,7 +8,7 @@ use crate::intake::{Intake, Kind};
 
 const START: u64 = 1_790_000_000_000_000;
 
-/// Keeps a recording's parts in memory, like a disk of a limited size.
+/// The parts of a recording in memory, in place of a disk of limited size.
 #[derive(Clone, Default)]
 struct Disk {
     parts: Rc<RefCell<Vec<Vec<u8>>>>,
@@ -58,7 +58,7 @@ fn profile(timestamp: u32) -> Profile<1> {
     Profile::seal(&reported, &[GpsValues { status, latitude, longitude, ..GpsValues::absent(timestamp) }])
 }
 
-/// The arrival at 10 Hz of this number, sometimes a duplicate, a damaged one or a foreign one.
+/// Returns the arrival of this number, at 10 Hz; some are a duplicate, a damaged one or a foreign one.
 fn arrival(cycle: u32) -> Carried {
     let mut bytes = profile(70_000 + 100 * (cycle - u32::from(cycle % 7 == 1))).as_bytes().to_vec();
     match cycle % 11 {
@@ -70,7 +70,7 @@ fn arrival(cycle: u32) -> Carried {
     Carried { at_us: START + 100_000 * u64::from(cycle), kind: Kind::Datagrams, line: 0, from, bytes }
 }
 
-/// Records these arrivals and returns the verdicts on each.
+/// Records these arrivals and returns each with the verdicts on its objects.
 fn record(recorder: &mut Recorder<Disk>, cycles: std::ops::Range<u32>) -> Vec<(Carried, Vec<Judged>)> {
     let mut intake = Intake::default();
     let recorded = cycles.map(|cycle| {
@@ -148,7 +148,8 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
     let mut recorder = Recorder::new(disk.clone());
     let mut recorded = vec![];
     let mut intake = Intake::default();
-    // The file's length after each arrival is what a process leaves when it is killed then.
+    // The file's length after each arrival is the length of the file that a process leaves if it is killed at that
+    // time.
     let mut left = vec![];
     for cycle in 0..60 {
         let carried = arrival(cycle);
@@ -164,7 +165,7 @@ fn a_file_cut_anywhere_keeps_all_but_the_last_half_second() {
         assert!(records.len() + 5 > cycle, "{} of {cycle}", records.len());
         assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)));
     }
-    // A power loss may leave any part of the data that were being written.
+    // A power loss may leave any part of the data that were being written at that time.
     let mut before = 0;
     for length in 0..file.len() {
         let (records, _) = read(&file[..length]);
@@ -203,7 +204,7 @@ fn a_flipped_bit_costs_its_chunk_alone_and_is_told() {
     assert!(starts.len() > 10, "{}", starts.len());
     for start in &starts {
         let mut damaged = file.clone();
-        // The bit is in the middle of the chunk's records.
+        // The bit that flips is in the middle of the chunk's records.
         damaged[start + 200] ^= 0x10;
         let mut reader = Reader::new(&damaged[..]);
         let mut records = vec![];
@@ -217,7 +218,7 @@ fn a_flipped_bit_costs_its_chunk_alone_and_is_told() {
     }
 }
 
-/// The offsets of a file's chunks.
+/// Returns the offsets of the chunks in a file.
 fn chunks(file: &[u8]) -> Vec<usize> {
     let (mut at, mut found) = (mcap::MAGIC.len(), vec![]);
     while let Some(head) = file.get(at..at + 9).filter(|_| at + 8 < file.len()) {
@@ -237,7 +238,7 @@ fn a_disk_that_stays_full_is_told_without_a_pause() {
     record(&mut recorder, 0..100);
     let since = recorder.trouble().unwrap().since_us;
     for second in 1..20 {
-        // A file can be made repeatedly and holds what is in memory, but no data reach the disk.
+        // Here a file can be made again and again and holds the data that are in memory, but no data reach the disk.
         record(&mut recorder, 100 * second..100 * second + 7);
         assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
     }
@@ -255,7 +256,7 @@ fn a_full_disk_is_told_and_ends_nothing() {
     let (before, _) = read(&disk.parts.borrow()[0]);
     assert!(!before.is_empty());
 
-    // With room again the recorder continues in another part.
+    // When there is room again, the recorder continues in another part.
     *disk.free.borrow_mut() = None;
     let recorded = record(&mut recorder, 200..300);
     assert_eq!((recorder.trouble(), recorder.lost()), (None, lost));
@@ -298,12 +299,12 @@ fn files_are_never_overwritten() {
     assert_eq!(found, [true, true, false]);
 }
 
-/// A record's head: its opcode, and its claimed length.
+/// Returns the first bytes of a record: its opcode, and the length that it claims.
 fn head(opcode: u8, length: u64) -> Vec<u8> {
     [&[opcode][..], &length.to_le_bytes()].concat()
 }
 
-/// A recording without its end, and the length of its readable part.
+/// Returns a recording without its end, and the length of its readable part.
 fn unfinished() -> (Vec<u8>, usize) {
     let disk = Disk::default();
     let mut recorder = Recorder::new(disk.clone());
@@ -315,14 +316,15 @@ fn unfinished() -> (Vec<u8>, usize) {
     (file, records.len())
 }
 
-/// Reads everything; returns the number of arrivals, the reason of the end, and the bytes held and read.
+/// Reads a whole file. Returns the number of arrivals, the reason why reading ended, and the numbers of bytes held and
+/// read.
 fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
     let mut reader = Reader::new(from);
     let mut count = 0;
     while reader.next_record().unwrap().is_some() {
         count += 1;
     }
-    // An invalid chunk is left out, and its claim is reported.
+    // An invalid chunk is left out, and the reason is reported.
     let told = reader.lost().iter().map(String::as_str).chain(reader.torn()).collect::<Vec<_>>().join("; ");
     (count, told, reader.held(), reader.bytes_read())
 }
@@ -342,7 +344,7 @@ fn a_record_with_a_false_length_takes_no_excessive_memory() {
             assert!(bytes <= damaged.len() as u64);
         }
     }
-    // An endless input is read no further than the limit of memory.
+    // An endless input is read only up to the limit of memory.
     let endless = |claimed| io::Read::chain(io::Cursor::new([&file[..], &head(0x80, claimed)].concat()), io::repeat(0));
     let (count, torn, _, bytes) = read_through(endless(1 << 40));
     assert_eq!((count, bytes), (records, (file.len() + 9) as u64));
@@ -366,7 +368,7 @@ fn what_is_claimed_within_a_chunk_is_not_believed_either() {
     let cases = [
         (whole(&head(op::MESSAGE, 1 << 40)), inside),
         (whole(&head(op::MESSAGE, u64::MAX)), inside),
-        // The length reaches to the end of the bytes after the chunk.
+        // The claimed length reaches to the end of the bytes after the chunk.
         (whole(&head(op::MESSAGE, 9)), inside),
         (whole(&[op::MESSAGE, 1, 0]), inside),
         (whole(&channel), "a channel that is malformed"),

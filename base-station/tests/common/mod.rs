@@ -1,21 +1,20 @@
-//! Helpers of several tests.
+//! Helpers that several tests use.
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
 use profile::{GpsStatus, GpsValues, HorusState, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
-/// Reports that this test is not run because something is `missing`, and `how` to get it. Fails it where the
-/// environment has `CI`, because a test that ran on nothing must not look as if it had passed where no one reads its
-/// output.
+/// Reports that this test is not run because something is `missing`, and `how` to get it. If the environment has `CI`,
+/// the test fails, because nobody would notice there that it was not run.
 ///
 /// # Panics
 ///
-/// Panics where `CI` is set.
+/// Panics if the environment has `CI`.
 pub(crate) fn not_run(missing: &str, how: &str) {
     assert!(std::env::var_os("CI").is_none(), "not run: {missing} ({how})");
     eprintln!("not run: {missing} ({how})");
 }
 
-/// The DPR's image of three receivers at this time of HORUS's, ms: Link-Status, then the profile.
+/// Returns the DPR's image of three receivers at this time of HORUS's clock, ms: Link-Status, then the profile.
 pub(crate) fn image(timestamp: u32) -> Vec<u8> {
     let status = ReportedStatus::new()
         .with_position_valid(true)
@@ -33,11 +32,11 @@ pub(crate) fn image(timestamp: u32) -> Vec<u8> {
     [link.as_bytes(), Profile::<3>::seal(&reported, &[gps; 3]).as_bytes()].concat()
 }
 
-/// Numbers drawn from a seed (SplitMix64).
+/// Pseudorandom numbers from a seed (SplitMix64).
 pub(crate) struct Drawn(pub(crate) u64);
 
 impl Drawn {
-    /// The next one.
+    /// Returns the next number.
     pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut x = self.0;
@@ -46,7 +45,7 @@ impl Drawn {
         x ^ (x >> 31)
     }
 
-    /// One below `end`.
+    /// Returns a number below `end`.
     pub(crate) fn below(&mut self, end: u64) -> u64 {
         self.next() % end
     }

@@ -1,5 +1,5 @@
-//! The invariants of each parser of a carrier's bytes for any input, and initial inputs. The fuzz targets and the
-//! ordinary tests share them.
+//! Checks, for each parser of a carrier's bytes, what must hold for any input, and makes the initial inputs. The fuzz
+//! targets and the ordinary tests share both.
 #![allow(dead_code, reason = "a fuzz target uses one of them")]
 
 use base_station::carrier::mavlink::{Forwarder, Key, Rates, Received, Receiver, Signer, Verifier};
@@ -13,13 +13,13 @@ use profile::{GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, Report
 /// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000_000_000;
 
-/// The longest payload of the frames of a stream, bytes.
+/// The length of the longest payload in a frame of a stream, bytes.
 const LONGEST: usize = 396;
 
-/// Each parser by the name of its fuzz target.
+/// The name of a fuzz target, and the function that checks its parser with an input.
 pub(crate) type Body = (&'static str, fn(&[u8]));
 
-/// All parsers.
+/// The checks of all parsers.
 pub(crate) const ALL: [Body; 5] = [
     ("mavlink", mavlink),
     ("datagram", datagram),
@@ -43,7 +43,7 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// MAVLink, in datagrams and in a stream, with a key and without.
+/// Checks the parser of MAVLink, in datagrams and in a stream, with a key and without.
 pub(crate) fn mavlink(bytes: &[u8]) {
     // A false start of a message is recognised once enough bytes have followed.
     let ended = [bytes, &[0; 600]].concat();
@@ -62,7 +62,7 @@ pub(crate) fn mavlink(bytes: &[u8]) {
     let _ = Receiver::default().datagram(NOW, bytes);
 }
 
-/// Checks that displayed objects are intact, and that a drone exists only after an intact object.
+/// Judges an input. Checks that displayed objects are intact, and that a drone exists only after an intact object.
 fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     let carried = Carried { at_us: NOW, kind, line: 1, from: from.into(), bytes: bytes.to_vec() };
     let mut intake = Intake::default();
@@ -82,13 +82,13 @@ fn judged(kind: Kind, from: &str, bytes: &[u8]) -> Vec<Judged> {
     judged
 }
 
-/// Profiles and images without framing.
+/// Checks the parser of datagrams, which are profiles and images without framing.
 pub(crate) fn datagram(bytes: &[u8]) {
     let found = judged(Kind::Datagrams, "127.0.0.1:4000", bytes);
     assert_eq!(found.len(), Bundle::datagram(bytes).map_or(0, |bundle| bundle.objects().count()));
 }
 
-/// Frames that end with a zero byte.
+/// Checks the parser of frames that end with a zero byte.
 pub(crate) fn framed(bytes: &[u8]) {
     let mut deframer = Deframer::new(LONGEST);
     for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)).flatten() {
@@ -107,7 +107,7 @@ pub(crate) fn framed(bytes: &[u8]) {
     });
 }
 
-/// A broker's message, and a topic.
+/// Checks the parsers of a broker's messages and of topics.
 pub(crate) fn message(bytes: &[u8]) {
     judged(Kind::Published, "north/7", bytes);
     if let Some(read) = Published::read(bytes)
@@ -121,7 +121,7 @@ pub(crate) fn message(bytes: &[u8]) {
     }
 }
 
-/// A recording, whole, cut off or invented.
+/// Checks the parser of recordings, which may be whole, cut off or invented.
 pub(crate) fn recording(bytes: &[u8]) {
     let mut reader = Reader::new(bytes);
     let mut intake = Intake::default();
@@ -144,7 +144,7 @@ fn image(time: u32) -> Vec<u8> {
     [link.as_bytes(), Profile::<3>::seal(&reported, &[GpsValues::absent(time); 3]).as_bytes()].concat()
 }
 
-/// One part, in memory.
+/// One part of a recording, in memory.
 #[derive(Clone, Default)]
 struct Memory(std::sync::Arc<std::sync::Mutex<Vec<u8>>>);
 
@@ -171,7 +171,7 @@ impl Parts for Memory {
     }
 }
 
-/// The recorder's output of a second.
+/// Returns the file that the recorder writes in a second.
 fn recorded() -> Vec<u8> {
     let memory = Memory::default();
     let mut recorder = Recorder::new(memory.clone());
@@ -188,7 +188,7 @@ fn recorded() -> Vec<u8> {
     memory.0.lock().expect("one thread").clone()
 }
 
-/// The initial inputs: the parser's name, the input's, and its bytes.
+/// Returns the initial inputs: the name of the parser, the name of the input, and its bytes.
 pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let image = image(70_000);
     let bundle = Bundle::datagram(&image).expect("an image of three receivers");
@@ -202,7 +202,7 @@ pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         std::iter::from_fn(|| forwarder.poll(1_000_000, NOW)).flatten().collect::<Vec<u8>>()
     };
     let (plain, signed) = (sent(None, 1_000_000), sent(Some(Signer::new(key(), 3)), 0));
-    // The first is cut off in its signature, with the others after it.
+    // The first message is cut off in its signature and followed by whole ones.
     let cut = [&signed[..118], &signed[..]].concat();
     let verdicts = Fleet::default().take(base_station::Who::System(7), base_station::Source::default(), NOW, &bundle).1;
     let whole = published::message(NOW, &bundle, &verdicts);

@@ -1,5 +1,5 @@
-//! Tests every parser of a carrier's bytes on its fuzz corpus and on inputs that differ from it in a few places. `cargo
-//! xtask fuzz` continues from there.
+//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ in a few places from those of
+//! the corpus. `cargo xtask fuzz` continues from there.
 
 mod bodies;
 use crate::common;
@@ -21,7 +21,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
     entries.map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect()
 }
 
-/// The corpus of a parser, in the order of its names.
+/// Returns the corpus of a parser, in the order of the file names.
 fn corpus(parser: &str) -> Vec<Vec<u8>> {
     let folder = folder("corpus").join(parser);
     names(&folder).iter().map(|name| std::fs::read(folder.join(name)).unwrap()).collect()

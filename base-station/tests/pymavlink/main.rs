@@ -1,6 +1,7 @@
-//! Tests against pymavlink, the library of MAVProxy and of most scripts. It reads what is sent here, and sends what is
-//! read here, plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones.
-//! Its end is `peer.py`. A recording of its messages is replayed without it in `carrier::mavlink`.
+//! Tests this crate against pymavlink, the library of MAVProxy and of most scripts. Each of the two reads what the
+//! other sends, plain and signed, in datagrams, in a stream and over sockets, among other messages and truncated ones.
+//! The program that uses pymavlink is `peer.py`. A recording of its messages is replayed without it in
+//! `carrier::mavlink`.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -27,7 +28,7 @@ const SECOND: u64 = 1_000_000;
 /// An instant in 2026, µs since 1970.
 const NOW: u64 = 1_790_000_000 * SECOND;
 
-/// The bytes 0, 1, … 31.
+/// The secret key as hexadecimal digits: the bytes 0, 1, … 31.
 const KEY: &str = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
 
 /// pymavlink in a separate process.
@@ -38,7 +39,7 @@ struct Peer {
 }
 
 impl Peer {
-    /// Starts it with the Python that has pymavlink; `None`, with a message, where there is none.
+    /// Starts pymavlink with the Python that has it; if there is none, prints a message and returns `None`.
     fn start() -> Option<Self> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
         let own = here.join("../target/pymavlink/bin/python").into_os_string();
@@ -76,7 +77,8 @@ impl Peer {
         self.answer()
     }
 
-    /// The messages in each piece of one stream; signed with the key if there is one.
+    /// Returns the messages that pymavlink finds in each piece of one stream. If `signed` is set, it accepts only those
+    /// signed with the key.
     fn parse(&mut self, signed: bool, pieces: &[Vec<u8>]) -> Vec<Vec<Value>> {
         let pieces: Vec<String> = pieces.iter().map(|piece| hex(piece)).collect();
         let mut request = json!({ "do": "parse", "pieces": pieces });
@@ -91,7 +93,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It ends by itself when its input does; a failed test does not wait for that.
+        // The process ends by itself when its input does; a failed test does not wait for that.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -114,7 +116,7 @@ fn forwarder(signed: bool, standard_us: u64) -> Forwarder {
     if signed { forwarder.signed(Signer::new(key(), 5)) } else { forwarder }
 }
 
-/// The messages of `cycles` cycles, one by one.
+/// Returns the messages that a forwarder sends in `cycles` cycles, one by one.
 fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     let mut sent = vec![];
     for cycle in 0..cycles {
@@ -125,7 +127,7 @@ fn sent(forwarder: &mut Forwarder, cycles: u32) -> Vec<Vec<u8>> {
     sent
 }
 
-/// The payload of a TUNNEL that pymavlink read, and its type.
+/// Returns the type and the payload of a TUNNEL that pymavlink read.
 fn payload(message: &Value) -> (u16, Vec<u8>) {
     let fields = &message["fields"];
     let length = fields["payload_length"].as_u64().unwrap() as usize;
@@ -138,7 +140,7 @@ fn payload(message: &Value) -> (u16, Vec<u8>) {
     (u16::try_from(fields["payload_type"].as_u64().unwrap()).unwrap(), all[..length].to_vec())
 }
 
-/// The objects of an image in their messages: payload type and bytes.
+/// Returns the objects of an image as they are in messages: payload type and bytes.
 fn expected(image: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let gps =
         |first: u8, from: usize, to: usize| (tunnel::payload_type(Place::Gps(first)).unwrap(), image[from..to].into());
@@ -173,7 +175,7 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         }
         assert_eq!(standard.len(), 60);
     }
-    // A receiver that requires signatures refuses unsigned messages, those with another key, and repetitions.
+    // If pymavlink requires signatures, it refuses unsigned messages, those signed with another key, and repeated ones.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
     assert_eq!(refused(&mut peer, &sent(&mut forwarder(false, 0), 3)), 0);
     let other = Signer::new(Key::new([7; 32]), 5);
@@ -208,7 +210,7 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         };
         let all: Vec<Vec<u8>> = objects.iter().map(|(_, bytes)| bytes.clone()).collect();
 
-        // Each message is a datagram, in order, followed by the same one cut off.
+        // Each message is a datagram, in order, and is followed by the same message cut off.
         let mut receiver = Receiver::new(verifier());
         let mut received = vec![];
         for (nth, (ours, frame)) in frames.iter().enumerate() {
@@ -244,7 +246,7 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         }
         assert!(unpack(&received) == all, "{} of {}", received.len(), all.len());
 
-        // A receiver with another key accepts none of it.
+        // A receiver with another key accepts none of these messages.
         if signed {
             let mut receiver = Receiver::new(Some(Verifier::new(Key::new([7; 32]))));
             assert!(frames.iter().all(|(_, frame)| receiver.datagram(NOW, frame).is_empty()));
@@ -286,7 +288,8 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage pymavlink continues behind a false message, and loses those that begin in it.
+    // After damage, pymavlink takes the bytes there for a message, continues after it, and loses the messages that
+    // begin in it.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());
@@ -295,7 +298,7 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
 #[test]
 fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let Some(mut peer) = Peer::start() else { return };
-    // The first direction is to pymavlink, as to any ground station.
+    // First this crate sends to pymavlink, as to any ground station.
     let port = peer.ask(&json!({ "do": "listen" })).as_u64().unwrap();
     let frames = sent(&mut forwarder(false, SECOND), 5);
     peer.request(&json!({ "do": "hear", "count": frames.len() }));
@@ -308,7 +311,7 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let expected_of = |cycles: u32| (0..cycles).flat_map(|cycle| expected(&image(70_000 + 10 * cycle)));
     assert_eq!(tunnels.map(payload).collect::<Vec<_>>(), expected_of(5).collect::<Vec<_>>());
 
-    // The second direction is from pymavlink to a running station.
+    // Then pymavlink sends to a running station.
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(None, None, Time::Clock(clock.clone()), |_, _| {});
     let bound = lines::udp("127.0.0.1:0".parse().unwrap(), Kind::MavlinkDatagrams, 0, clock, inlet.clone()).unwrap();
@@ -319,7 +322,8 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
         let drone = known.intake.fleet().iter().next();
         drone.map(|(id, drone)| (id.to_string(), drone.timestamp(), drone.counts().new))
     };
-    // Reported-Position of the last cycle comes before its GPS objects do: all must have come, and each once.
+    // Reported-Position of the last cycle comes before the GPS objects of that cycle. The test waits until all have
+    // come, each once.
     let began = Instant::now();
     while shown() != Some(("42".into(), Some(70_040), 5 * 5)) {
         assert!(began.elapsed() < Duration::from_secs(20), "arrived is {:?}", shown());
@@ -342,7 +346,7 @@ fn an_autopilot_sends_to_a_station_once_it_receives_its_heartbeat() {
         expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
     let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
 
-    // A station that only listens is unknown to it, so it sends nothing.
+    // A station that only listens is unknown to pymavlink, so pymavlink sends nothing to it.
     assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
     assert_eq!(station.known().intake.fleet().iter().len(), 0);
 

@@ -3,19 +3,20 @@
 /// The largest spread, peak to peak, of the time from a HORUS tick to its transmit command, which leaves as chip select
 /// rises: docs/design.md#timing.
 pub const TICK_TO_COMMAND_JITTER: u64 = 100;
-/// The value of [`TICK_TO_COMMAND_JITTER`] on the pessimistic clock, where an interrupt may meet the longest
-/// instruction: docs/design.md#timing.
+/// The largest spread, peak to peak, of the time from a HORUS tick to its transmit command on the pessimistic clock,
+/// where an interrupt may come during the longest instruction: docs/design.md#timing.
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air. The front end itself
 /// scatters by up to 2.3 µs: see docs/design.md#timing.
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// The longest time from a frame's last bit until its image is readable, where the listener reads its FIFO while it
-/// fills. It holds whatever the flight controller does: docs/design.md#timing.
+/// The longest time from a frame's last bit until its image is readable, where the listener reads its FIFO while the
+/// FIFO fills. This bound holds whatever the flight controller does: docs/design.md#timing.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
-/// The DPR may take no longer to put a new image in either.
+/// The DPR must also put a new image into its SPI peripheral within this time.
 pub const SSI_READY: u64 = 10_000;
-/// The longest time from a sample until it is readable: a sample is readable before its successor is taken.
+/// The longest time from the instant at which HORUS takes a sample until the flight controller can read that sample. A
+/// sample is readable before its successor is taken.
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 /// The length of a cycle: docs/design.md#timing.
 pub const CYCLE: u64 = 10_000_000;
@@ -43,7 +44,7 @@ pub const START: u64 = 100_000_000;
 
 /// The most by which the time between two ticks may differ from 10 ms. Without its crystal HORUS runs on an oscillator
 /// that is trimmed to 1 % and may be off by 2 % over temperature (docs/design.md#status-words, bit 7); 0.1 % is added
-/// for the clock that measures it.
+/// for the clock that measures the time between ticks.
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// The largest spread, peak to peak, of the time between two ticks from one start of HORUS to the next. It is small
 /// because HORUS's timer counts one oscillator.
@@ -64,8 +65,8 @@ pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 /// The time after the field's return within which no frame is required. HORUS checks its front end before the next
 /// tick's frame, so the cycle in which the field came back has none.
 pub const FIELD_READY: u64 = CYCLE;
-/// The time after the field at the DPR's antenna has gone or come within which Link-Status must say so: two
-/// publications without a frame, 12.5 ms each, and the time that the front end takes to notice.
+/// The time after the field at the DPR's antenna has gone or come within which Link-Status must state the change: two
+/// publications without a frame, 12.5 ms each, and the time that the front end takes to detect the change.
 pub const FIELD_TOLD: u64 = 30_000_000;
 /// The longest time that HORUS's watchdog takes to bite: 100 ms of an oscillator of nominally 32 kHz that may run at 17
 /// kHz (DS9405).
@@ -79,47 +80,48 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The longest time that the DPR's watchdog takes to bite: 100 ms of an RC oscillator of 32.768 kHz that may be off by
 /// 2 % (nRF52840 PS 5.4). Another 2 % are allowed, because parts were seen that barely keep the specified 2 %.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// The longest time, for HORUS and for the DPR, in which a board's watchdog is fed once more after one of its tasks
-/// died, because that task had checked in before. Every task of HORUS checks in once a cycle. The DPR's SSI task may do
-/// so only at the end of a transaction (`dpr_fw::ssi`). A flight controller that misbehaves delays that end, and delays
-/// it for good if the scrub task, which asks for signs of life, is dead. Then the watchdog bites earlier than this,
-/// unless it is fed just in time.
+/// The longest time, for HORUS and for the DPR, for which a board's watchdog may still be fed after one of the board's
+/// tasks has died, because that task had checked in before. Every task of HORUS checks in once a cycle. The DPR's SSI
+/// task may check in only at the end of a transaction (`dpr_fw::ssi`). A flight controller that misbehaves delays the
+/// end of a transaction, and delays it for good if the scrub task is dead, which asks the SSI task for a sign of life.
+/// The watchdog then bites earlier than after this time, unless it is fed just before.
 pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, DPR_WATCHDOG_LONGEST];
-/// The time after a tick from which on an arriving message is certainly not in that tick's objects. HORUS takes what
-/// its objects say between the tick and the first slot, which is at most 0.12 ms later (docs/design.md#timing and
-/// `profile::air::send_slot_us`). A margin is included, and a message that arrives between the tick and this time may
-/// be in the objects or not.
+/// The time after a tick from which on an arriving message is certainly not in that tick's objects. HORUS takes the
+/// values of its objects between the tick and the first slot, which is at most 0.12 ms later (docs/design.md#timing and
+/// `profile::air::send_slot_us`). A margin is included. A message that arrives between the tick and this time may be in
+/// the objects or not.
 pub const SAMPLED_AFTER_TICK: u64 = 350_000;
 /// The time before a tick by which the last byte of a message must have crossed its line to be in that tick's objects
-/// for certain. HORUS looks how full a line's ring is when the line falls idle (22 µs), at every half of the ring (5.5
-/// ms) and, if it overlooks both, once a tick after the objects of that tick are made (10 ms). Parsing in pieces of 64
-/// bytes, at a priority below all other tasks, takes less than 2 ms.
+/// for certain. HORUS checks how full a line's receive ring is when the line falls idle (22 µs), at every half of the
+/// ring (5.5 ms) and, if it misses both, once a tick after the objects of that tick are made (10 ms). Parsing in pieces
+/// of 64 bytes, at a priority below all other tasks, takes less than 2 ms.
 pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
 /// A solution is valid until it is older than its receiver's period plus this time: docs/design.md#validity.
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
 /// A solution is stale from the age of its receiver's period plus this time on: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
-/// A receiver counts as heard for this long after a message: docs/design.md#status-words.
+/// The time after a receiver's last message for which HORUS's status calls that receiver heard:
+/// docs/design.md#status-words.
 pub const HEARD: u64 = 250_000_000;
 /// The longest period that HORUS accepts from a receiver, ms: docs/design.md#validity.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that HORUS accepts from a receiver, ms: 50 Hz, twice the rate of the fastest receivers.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
-/// The time within which HORUS must have read some of what a receiver on a bus offers, counted from the offer or from
-/// the return of its bus. HORUS reads such a receiver in every cycle and tries again at once where that fails. The
-/// value is a receiver's longest period, because after that a position that rests on this receiver is not valid any
-/// more (docs/design.md#validity).
+/// The time within which HORUS must have read some of the bytes that a receiver on a bus offers, counted from the offer
+/// or from the instant at which the bus works again. HORUS reads such a receiver in every cycle and tries again at once
+/// where a read fails. The value is a receiver's longest period, because after that a position that rests on this
+/// receiver is not valid any more (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
 /// The waiting time in a receiver on a bus beyond which bytes count as old when HORUS reads them. HORUS may drop old
-/// bytes, and it may drop what it reads within [`READ_SETTLED`] of them. HORUS reads in every cycle and may leave one
-/// cycle out.
+/// bytes, and it may drop what it reads within [`READ_SETTLED`] after it has read old bytes. HORUS reads in every cycle
+/// and may leave one cycle out.
 pub const NEWS: u64 = 25_000_000;
-/// The time that HORUS may need to be sure of what is new, after bytes that may be old or after a bus that failed: see
-/// [`NEWS`].
+/// The time for which HORUS may drop what it reads from a receiver on a bus, counted from the last bytes that may be
+/// old ([`NEWS`]) or from a failure of the bus. HORUS needs this time to be sure which bytes are new.
 pub const READ_SETTLED: u64 = 100_000_000;
-/// The waiting time in a receiver on a bus beyond which HORUS must not use bytes: they are no current solution, and do
-/// not make the receiver count as heard.
+/// The waiting time in a receiver on a bus beyond which HORUS must not use bytes: they are no current solution, and
+/// they do not make the receiver count as heard.
 pub const TOO_OLD: u64 = 50_000_000;
 /// The number of waiting bytes in a receiver beyond which HORUS leaves some of them for its next cycle (decision 16),
 /// and may drop them.
@@ -128,29 +130,32 @@ pub const READ_AT_ONCE: u64 = 256;
 /// counts them.
 pub const DYNAMIC_MODEL: u8 = 7;
 /// The time within which a receiver has to be set as HORUS needs it, counted from HORUS's start, the loss of a setting,
-/// or the end of a fault of the receiver or its line. It covers 1.5 s until HORUS begins anew, 0.7 s at each of two bit
-/// rates, and two messages without an answer, 1 s each.
+/// or the end of a fault of the receiver or its line. The time covers 1.5 s until HORUS begins to set the receiver
+/// anew, 0.7 s at each of two bit rates, and two messages without an answer, 1 s each.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
-/// The time within which there must be a position, counted from HORUS's start or from the instant at which enough
-/// receivers work again. The receivers have to be set, one of them has a solution only once a second, and a result that
-/// jumps is held back.
+/// The time within which HORUS must send a valid position, counted from HORUS's start or from the instant at which
+/// enough receivers work again. By then the receivers have been set, the slowest one has sent a solution (one a
+/// second), and a voted position that jumps has been held back.
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
-/// The time after a fault of a receiver during which its position may be missing and the receiver may be excluded.
+/// The time after a fault of a receiver during which HORUS's objects may lack that receiver's position and may call the
+/// receiver excluded.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
 /// The greatest age of a position that is shown as valid: the aircraft was there at most this long ago.
 /// docs/design.md#validity calls a solution valid for the longest period and [`VALID_BEYOND_PERIOD`], and a receiver
 /// takes up to [`BEFORE_ARRIVAL`] and [`BEFORE_ARRIVAL_SPREAD`] to send it.
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
-/// The largest error of a valid position, horizontal and vertical, m. It is five times the error that the worst of the
-/// receivers exceeds in one of 68 cases.
+/// The largest error of a valid position, horizontal and vertical, m. Each limit is five times the error that the worst
+/// of the receivers exceeds in one of 68 cases.
 pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
 
-/// The step in which a GPS object's status states the age of its solution: docs/design.md#status-words.
+/// The step, ns, in which a GPS object's status states the age of its solution: docs/design.md#status-words.
 pub const AGE_STEP: u64 = 25_000_000;
-/// The code that a GPS object's status states for the oldest solution: see [`AGE_STEP`].
+/// The code for the greatest age, in steps of [`AGE_STEP`], that a GPS object's status can state for its solution. An
+/// older solution has this code too.
 pub const AGE_OLDEST: u64 = 62;
-/// The code that a GPS object's status states if there never was a solution: see [`AGE_STEP`].
+/// The code in place of the solution's age, in steps of [`AGE_STEP`], that a GPS object's status states if there never
+/// was a solution.
 pub const AGE_NEVER: u64 = 63;
 
 // ---- The voted position: decision 15
@@ -170,12 +175,13 @@ pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 pub const FASTEST_MM_S: u32 = 200_000;
 /// The heights above the ellipsoid at which a valid position may lie, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// The time, ns, by which a position is older than its message, since a receiver has to compute and send it. It is
-/// assumed for the candidate whose message took neither the longest nor the shortest time (decision 15, brought to the
-/// tick).
+/// The time, ns, by which a position is older than its message, since a receiver has to compute and send the position.
+/// Among the candidates, which are the receivers whose position may be voted on, this time is assumed for the one whose
+/// message took neither the longest nor the shortest time (decision 15, brought to the tick).
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
-/// The most, ns, by which another candidate's latency may differ from that of the candidate in the middle. Where it
-/// seems to differ by more, [`BEFORE_ARRIVAL`] is assumed for that candidate.
+/// The most, ns, by which a candidate's latency may differ from that of the candidate in the middle
+/// ([`BEFORE_ARRIVAL`]). Where the latency seems to differ by more, [`BEFORE_ARRIVAL`] is assumed for that candidate
+/// too.
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
 /// The least and the greatest distance, m, within which two receivers agree whatever accuracies they state: first
 /// horizontal, then vertical.
@@ -188,21 +194,25 @@ pub const AGREEMENT_SIGMAS: f64 = 3.0;
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// The difference along each axis, m/s², up to which two accelerations agree.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// The time after which a result that jumped must be shown. It is shown when it has held for one second
-/// (docs/design.md#voting); the tolerances are those of [`RETURNED`].
+/// The time after which a voted position that jumped must be shown, although HORUS held it back at first. HORUS shows
+/// such a position when it has lasted for one second (docs/design.md#voting). The value has the tolerances of
+/// [`RETURNED`].
 pub const HELD_BACK: u64 = RETURNED;
-/// The time before which a result that jumped must not be shown: see [`HELD_BACK`].
+/// The time before which a voted position that jumped must not be shown yet: see [`HELD_BACK`].
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
-/// What a position's age adds to its accuracy is its speed times this many seconds, and half of
-/// [`UNCERTAIN_ACCELERATION`] times the square of the age.
+/// The factor, s, by which a receiver's speed makes its accuracy worse when HORUS brings its position to the tick. The
+/// position's age adds half of [`UNCERTAIN_ACCELERATION`] times the square of that age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The acceleration, m/s², that is assumed for a position's change since its message: see [`UNCERTAIN_SPEED_S`].
+/// The acceleration, m/s², that is assumed for the change of an aircraft's velocity since a receiver's message: see
+/// [`UNCERTAIN_SPEED_S`].
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
-/// The time after which an excluded receiver must have returned: it returns when it was a candidate and agreed for one
-/// second. The time counts from the last instant at which it may not have done so. HORUS's clock may be off by 2 %, and
-/// it may be in doubt what HORUS had taken at a tick.
+/// The time after which an excluded receiver must take part in the vote again. HORUS readmits a receiver when it has
+/// been a candidate and has agreed with the voted position for one second. The judge counts from the last instant at
+/// which the receiver may not have agreed. HORUS's clock may be off by 2 %, and it may be uncertain which messages
+/// HORUS had taken at a tick.
 pub const RETURNED: u64 = 1_100_000_000;
-/// The time before which an excluded receiver must not have returned: see [`RETURNED`], whose tolerances it has.
+/// The time before which an excluded receiver must not take part in the vote again. It has the tolerances of
+/// [`RETURNED`].
 pub const NOT_RETURNED: u64 = 950_000_000;
 /// The share of a distance by which two ways of turning degrees into metres may differ. Decision 15 names none, and a
 /// sphere in place of the ellipsoid is off by up to 1 %.
@@ -223,19 +233,19 @@ pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;
 /// the error of the crystals of both boards and of the flight controller (100 ppm and 1000 ppm of
 /// [`CLIENT_AGE_LIMIT`]).
 pub const CLIENT_AGE_SHORT: u64 = 300_000;
-/// The most, ns, by which the age that a client states may be above the true one. The client takes the image to be as
-/// old as one can be, and Link-Status rounds to 0.1 ms.
+/// The most, ns, by which the age that a client states may be above the true one. The client assumes that the image is
+/// as old as an image can be, and Link-Status rounds to 0.1 ms.
 pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
-/// The number of transactions in a row, each of which brings a cycle in sequence with a valid position, after which the
-/// client must have found the sequence.
+/// The number of transactions in a row after which the client must have found the sequence, if each of them brings a
+/// cycle in sequence with a valid position.
 pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
 /// The most, ns, by which the base station's age may differ from the true one. The base station does not know the delay
 /// of any transmission and takes the shortest one as zero. The value covers an air that holds frames back by up to 45
 /// ms, an image that is read when it expires, and the crystals.
 pub const STATION_AGE_OFF: u64 = 120_000_000;
-/// The time after which the base station must show a profile that continues nothing that it has shown, once such
-/// profiles arrive in sequence. The base station accepts a drone that has restarted when profiles from before the
-/// restart have been absent for 250 ms, and the alarms of a restart last for 1 s.
+/// The time after which the base station must show a profile that does not continue the sequence shown before, as after
+/// a restart of HORUS, once such profiles arrive in sequence. The base station accepts a drone that has restarted when
+/// profiles from before the restart have been absent for 250 ms, and the alarms of a restart last for 1 s.
 pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// The age, ns, beyond which the base station calls a position stale (documentation of the base station).
 pub const STATION_STALE: u64 = 400_000_000;
@@ -244,11 +254,11 @@ pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- Receivers' lines
 
-/// The silence of a line after which HORUS may have ended a message that had begun. HORUS does that after 50 ms.
+/// The silence of a line after which HORUS may have given up a message that had begun. HORUS gives it up after 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
-/// The silence of a line after which HORUS must have ended a message that had begun. HORUS notices the 50 ms at its
-/// next look (10 ms) and then gives the parser 64 zeros at each further look; the zeros of four looks are more than the
-/// longest message that the parser takes.
+/// The silence of a line after which HORUS must have given up a message that had begun. HORUS detects the 50 ms at its
+/// next check of the line, one every 10 ms, and then gives the parser 64 zeros at each further check; the zeros of four
+/// checks are more than the longest message that the parser accepts.
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The time without a transaction after which the judge reports that the flight controller makes none. The flight
 /// controller reads in every one of its control cycles, which are much shorter.
@@ -256,11 +266,12 @@ pub const NO_TRANSACTION: u64 = 100_000_000;
 /// The time after a restart of HORUS during which a frame may break off. HORUS loads a frame while its beginning is on
 /// the air, so a frame under way at a restart runs out of bytes within the air time of the longest frame.
 pub const CUT_SHORT: u64 = 6_000_000;
-/// The number of transactions that the DPR serves between two images. A flight controller that runs away gets no more
-/// (`dpr_fw::ssi`).
+/// The number of transactions that the DPR serves between two images. A flight controller that makes transactions
+/// without a pause is not served more often (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
-/// The time after the DPR's readiness following a transaction during which the DPR need not notice the next
-/// transaction's end (`dpr_fw::ssi`): 95 µs by a counter of µs, and the work between the two instants.
+/// The time during which the DPR need not notice the end of a further transaction, counted from the instant at which it
+/// became ready again after a transaction (`dpr_fw::ssi`): 95 µs by a counter of µs, and the processor's work before
+/// and after.
 pub const SSI_PAUSE: u64 = 100_000;
 /// The shortest time after its publication at which an image expires. The DPR's clock counts [`EXPIRY`] and is off by
 /// no more than 2 % (docs/design.md#sequence).
@@ -273,7 +284,8 @@ pub const DOWNLINK: u64 = 100_000_000;
 /// The longest time from a frame's end, or a deadline, until a transaction gets the image that follows from it, where
 /// no narrower bound applies. Three more transactions of the listener's front end and a commit may come between.
 pub const PUBLICATION: u64 = 400_000;
-/// The value of [`PUBLICATION`] on the pessimistic clock.
+/// The longest time on the pessimistic clock from a frame's end, or a deadline, until a transaction gets the image that
+/// follows from it, where no narrower bound applies: see [`PUBLICATION`].
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 /// The longest time from the instant at which the values of Link-Status are taken until FRESH rises, which is the rest
 /// of the commit.
@@ -300,10 +312,10 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// a listener that was being configured or backs off starts anew.
 pub const ARMED: u64 = 50_000_000;
 /// The time without a frame after which a listener may be bringing its front end up anew. The DPR does that after 0.5
-/// s, and it counts a little more time than passes.
+/// s, and the time that it counts may be a little longer than the time that has passed.
 pub const SILENCE: u64 = 450_000_000;
-/// The time after the first frame that follows such a silence ([`SILENCE`]) within which further frames may be missed
-/// and Link-Status may still report a fault. A bring-up takes 12 ms.
+/// The time after the first frame that follows a silence of [`SILENCE`] within which further frames may be missed and
+/// Link-Status may still report a fault. A bring-up takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
 /// The shortest time between the end of one frame and the beginning of the next in which a listener can receive both:
 /// docs/design.md#air-frame.
@@ -315,25 +327,25 @@ pub const SECOND_FRAME: u64 = 7_000_000;
 /// The time for which Link-Status shows a restart of HORUS (docs/design.md#link-status), so that no control cycle
 /// overlooks it.
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
-/// HORUS's clock is implausible if it differs by more than one part in this number over a second: see
-/// docs/design.md#sequence.
+/// The DPR calls HORUS's clock implausible if the time that it counts over a second differs by more than one part in
+/// this number from the time of the DPR's clock: see docs/design.md#sequence.
 pub const CLOCK_SHARE: u64 = 50;
-/// The shortest time over which the DPR compares the two clocks: docs/design.md#sequence.
+/// The shortest time over which the DPR compares HORUS's clock with its own: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
 /// The most by which two crystals may differ, parts per million: twice 50, and as much again for the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
 /// The time after a bit of one of the DPR's buffers was hit, or was last stuck, during which that buffer may be in use.
 /// Three receive buffers and four images take turns, one in each cycle.
 pub const BUFFER_REPLACED: u64 = 5 * CYCLE;
-/// The number of cycles from the end of a cause to the first valid object that HORUS sent after it, where no front end
-/// has to be brought up again: a frame, the three cycles that find the sequence (docs/design.md#sequence), and the
-/// flight controller's reading.
+/// The number of cycles from the end of a disturbance to the first valid object that HORUS sent after it, where no
+/// front end has to be brought up again: a frame, the three cycles that find the sequence (docs/design.md#sequence),
+/// and the flight controller's reading.
 pub const RECOVERY_CYCLES: u64 = 5;
-/// The number of cycles from the end of a cause to the first valid object where a front end has to be brought up: after
-/// a restart of either board, and after a fault of either front end. The firmware then backs off up to 64 ms between
-/// two attempts.
+/// The number of cycles from the end of a disturbance to the first valid object that HORUS sent after it, where a front
+/// end has to be brought up: after a restart of either board, and after a fault of either front end. The firmware then
+/// backs off up to 64 ms between two attempts.
 pub const BRING_UP_CYCLES: u64 = 15;
-/// The time within which the DPR's Link-Status must say that the front end has ceased to answer. The DPR looks at a
+/// The time within which the DPR's Link-Status must report that the front end has ceased to answer. The DPR checks a
 /// silent chip every 20 ms, and publishes every 10 ms after a missed frame.
 pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// The longest time, 15 cycles, from the return of a front end that was out of order until its firmware has brought it
@@ -348,27 +360,28 @@ pub const SELF_TEST: u64 = 5_000_000_000;
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: a self-test of a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// The most, ms, by which Port-Status is made before Link-Status of the same image: one cycle, and the time for which
-/// its task waits.
+/// The most, ms, by which Port-Status may be made before Link-Status of the same image: one cycle, and the time for
+/// which the task that makes it waits.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
 /// The longest time from a bit flip in HORUS's flash until its field is off: two passes over its flash, 9.1 s for a
 /// program of the largest size allowed, and a margin for missing idle time.
 pub const HORUS_FLASH_FOUND: u64 = 10_000_000_000;
-/// The longest time from a bit flip in the DPR's flash until Link-Status says so: two passes over its flash, 15.4 s,
-/// and a margin for missing idle time.
+/// The longest time from a bit flip in the DPR's flash until Link-Status reports a flash fault: two passes over its
+/// flash, 15.4 s, and a margin for missing idle time.
 pub const DPR_FLASH_FOUND: u64 = 17_000_000_000;
 /// The longest time, ns, from the warning of a falling supply until the board is in its safe state: an interrupt, and
 /// the writes to the front end or the SPI peripheral.
 pub const SAFE_STATE: u64 = 1_000_000;
-/// The number of cycles shown with a stuck bit after which each buffer of that kind has been scrubbed. Three receive
-/// buffers and four images take turns, one in each cycle, and a buffer is scrubbed before it is used again.
+/// The number of new cycles that may be read while a bit of a DPR buffer is stuck before Link-Status must report a RAM
+/// fault. Three receive buffers and four images take turns, one in each cycle, and a buffer is scrubbed before it is
+/// used again, so after this number of cycles each buffer has been scrubbed.
 pub const SCRUBBED_CYCLES: u32 = 8;
-/// The time after a flight controller has misused the SSI during which the judge requires nothing of the DPR: the
-/// transaction under way ends, and the next image is put in.
+/// The time after the end of a flight controller's misuse of the SSI during which the judge requires nothing of the
+/// DPR: the transaction under way ends, and the next image is put in.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
 /// The longest time from a frame's last bit until its image is readable, where the FIFO is read at the frame's end
-/// only: docs/design.md#timing. It also holds for a frame whose LEN was damaged, since the DPR cannot tell then when
-/// its objects are complete.
+/// only: docs/design.md#timing. This bound also holds for a frame whose LEN was damaged, since the DPR cannot tell then
+/// when its objects are complete.
 pub const STORE_AND_FORWARD: u64 = 360_000;

@@ -7,7 +7,7 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// How long a board has been running, and whether it hangs.
+/// What is known of a board's present run: since when it has been running, and whether it hangs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
     /// Whether the board has a supply.
@@ -31,12 +31,12 @@ impl Running {
     }
 }
 
-/// What HORUS put on the air, and what the DPR must or may make of the frames that reached its antenna.
+/// The frames that HORUS put on the air, and what the DPR must or may do with the frames that reached its antenna.
 #[derive(Clone, Debug)]
 struct Air {
     truth: Truth,
     expectation: Expectation,
-    /// The delivery that belongs to the event being judged, if any.
+    /// The frame that the event being judged brought to the DPR's antenna, if any.
     delivery: Option<Delivery>,
 }
 
@@ -53,13 +53,13 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// What is known of the air; `None` only while it takes an event, because it is moved out then to read this
-    /// context.
+    /// The record of the frames on the air; `None` only while that record processes an event, because it is moved out
+    /// then to read this context.
     air: Option<Box<Air>>,
 }
 
 impl Context {
-    /// Returns the state at power-on of both boards.
+    /// Returns the state of a run at power-on of both boards.
     ///
     /// # Panics
     ///
@@ -84,7 +84,7 @@ impl Context {
         }
     }
 
-    /// Takes the next event.
+    /// Processes the next event of the log.
     pub fn take(&mut self, event: &Event) {
         self.now = event.at;
         self.frame = None;
@@ -141,7 +141,7 @@ impl Context {
         self.air.as_ref().expect("it is away while an event is taken alone")
     }
 
-    /// Returns what HORUS put on the air.
+    /// Returns the record of what HORUS put on the air.
     ///
     /// # Panics
     ///
@@ -151,7 +151,7 @@ impl Context {
         &self.air().truth
     }
 
-    /// Returns what the DPR must or may make of the frames that reached its antenna.
+    /// Returns what a correct DPR must or may do with the frames that reached its antenna.
     ///
     /// # Panics
     ///
@@ -171,7 +171,7 @@ impl Context {
         self.air().delivery.as_ref()
     }
 
-    /// Resets the window when the DPR starts anew, because a request from before the start is lost.
+    /// Resets the window on the map when the DPR starts anew, because a request from before the start is lost.
     fn forget_window(&mut self, board: Board) {
         if board == Board::Dpr {
             self.window = Window::default();
@@ -185,7 +185,7 @@ impl Context {
         }
     }
 
-    /// Returns since when a board runs.
+    /// Returns what is known of a board's present run.
     #[must_use]
     pub fn running(&self, board: Board) -> Running {
         match board {
@@ -200,13 +200,13 @@ impl Context {
         &self.disturbances
     }
 
-    /// Returns the instant of the last event, ns.
+    /// Returns the instant of the last event of the log, ns.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.now
     }
 
-    /// Returns the profile's layout.
+    /// Returns the layout of the profile, which depends on the number of receivers.
     #[must_use]
     pub fn layout(&self) -> Layout {
         self.layout

@@ -2,17 +2,17 @@
 //!
 //! A [`Disturbance`] states what is disturbed and how. The log states beside it when it begins and when its cause goes
 //! away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance may take away
-//! ([`Excuse`]) and for how long after its cause has gone. [`Disturbances`] keeps what is excused at present; the rules
-//! ask it and keep no windows of their own.
+//! ([`Excuse`]) and for how long after its cause has gone. [`Disturbances`] keeps the excuses that hold at present; the
+//! rules query it and keep no times of their own.
 //!
-//! Each excuse has an end. What a firmware keeps until its next start (a counter, a flag) is excused until that start,
-//! and everything else for a bounded time after the cause has gone. When the disturbed board starts, the excuses of its
-//! earlier disturbances end, unless their cause is still there.
+//! Each excuse has an end. An effect that a firmware keeps until its next start (a counter, a flag) is excused until
+//! that start, and everything else for a bounded time after the cause has gone. When the disturbed board starts, the
+//! excuses of its earlier disturbances end, unless their cause is still there.
 //!
 //! # Where to add a disturbance
 //!
 //! A new disturbance needs its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns. A
-//! disturbance without a line excuses nothing.
+//! disturbance without such a line excuses nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -62,12 +62,13 @@ pub enum Disturbance {
         /// The board whose supply is off.
         board: Board,
     },
-    /// A restart of a board, which the log also states separately.
+    /// A restart of a board. The log also has an event for the restart itself.
     Restart {
         /// The board that restarts.
         board: Board,
     },
-    /// A hang of a board. The log also states it separately if the board has a supply and does not hang already.
+    /// A hang of a board. The log also has an event for the hang itself, if the board has a supply and does not hang
+    /// already.
     Hang {
         /// The board that hangs.
         board: Board,
@@ -77,7 +78,7 @@ pub enum Disturbance {
     DeadTask {
         /// The board whose task is dead.
         board: Board,
-        /// The number by which the task checks in.
+        /// The number under which the dead task checks in before the watchdog is fed.
         task: u8,
     },
     /// A bit of a board's memory.
@@ -119,9 +120,9 @@ pub enum Conduct {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wire {
-    /// The DPR's FRESH wire.
+    /// The wire FRESH, from the DPR to the flight controller.
     Fresh,
-    /// HORUS's TICK wire.
+    /// The wire TICK, on which HORUS's timer shows its ticks.
     Tick,
     /// The log's view of the pins that tell HORUS's state.
     Inputs,
@@ -145,7 +146,7 @@ pub enum Memory {
     Receive,
     /// The buffers from which the SSI reads the DPR's images.
     Images,
-    /// RAM, at any address.
+    /// Any address of the board's RAM.
     Ram,
     /// The board's flash.
     Flash,
@@ -153,7 +154,7 @@ pub enum Memory {
     Registers,
 }
 
-/// What a disturbance may take away, or bring about.
+/// What the judge excuses while a disturbance lasts: a fault or an absence that would otherwise be a violation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
     /// A transmit command of HORUS may have no frame, a frame may break off or be missing, and the field may drop.
@@ -209,17 +210,18 @@ pub enum Excuse {
 /// When an excuse ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// The excuse ends this many ns after the cause has gone, or at the next start of the board that was disturbed.
+    /// The excuse ends this many ns after the disturbance's cause has gone, or at the next start of the board that was
+    /// disturbed.
     After(u64),
-    /// The excuse ends at this board's next start after the cause has gone, because the board keeps some state until
-    /// then.
+    /// The excuse ends at this board's next start after the disturbance's cause has gone, because the board keeps some
+    /// state until then.
     Start(Board),
 }
 
 use End::{After, Start};
 
 impl Disturbance {
-    /// Returns what the disturbance may take away, and until when.
+    /// Returns each excuse that the disturbance brings, and when that excuse ends.
     #[rustfmt::skip]
     const fn takes(self) -> &'static [(Excuse, End)] {
         use Board::{Dpr, Horus};
@@ -255,7 +257,7 @@ impl Disturbance {
                 (Excuse::Transactions, After(0)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // The DPR counts frames that are cut off, lost or damaged.
+            // The DPR's firmware counts frames that are cut off, lost or damaged.
             Self::Air | Self::Emission | Self::Restart { board: Horus } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Hang { board: Horus } => &[
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -280,7 +282,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // Bytes of the receiver's line may be lost.
+            // Bytes that the receiver puts on its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
                 (Excuse::Taking, After(bounds::READ_SETTLED)),
@@ -326,7 +328,7 @@ impl Disturbance {
         }
     }
 
-    /// Returns whether the disturbance may take this away.
+    /// Returns whether the disturbance brings this excuse.
     #[must_use]
     pub fn may_take(self, excuse: Excuse) -> bool {
         self.takes().iter().any(|(own, _)| *own == excuse)
@@ -339,7 +341,8 @@ impl Disturbance {
         matches!(self, Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. })
     }
 
-    /// Returns the board that is disturbed, whose next start ends what is excused unless the cause is still there.
+    /// Returns the board that is disturbed. Its next start ends the disturbance's excuses unless their cause is still
+    /// there.
     const fn board(self) -> Option<Board> {
         match self {
             Self::FrontEnd { board, .. }
@@ -368,26 +371,26 @@ struct Valid {
     receiver: Option<usize>,
     /// The board whose start ends the excuse.
     board: Option<Board>,
-    /// Until when the excuse's cause is there, ns.
+    /// The instant until which the cause of the disturbance is there, ns.
     until: u64,
-    /// Until when the excuse holds, ns, if no start ends it before.
+    /// The instant until which the excuse holds, ns, if no start of a board ends it before.
     over: u64,
 }
 
 const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 
-/// What is excused at present. See the [module](self).
+/// The excuses that hold at present. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// The instant until which each excuse holds, ns.
+    /// The instant until which each kind of excuse holds, ns.
     over: [u64; EXCUSES],
     /// The last period in which the DPR's front end did not answer: its beginning and its end, ns.
     silent: (u64, u64),
 }
 
 impl Disturbances {
-    /// Takes the next event.
+    /// Updates the excuses with the next event of the log.
     pub(crate) fn take(&mut self, event: &Event) {
         let at = event.at;
         match &event.what {
@@ -395,7 +398,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // The reset may have cut off an access.
+                // The reset may have cut off an access to the front end.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -436,10 +439,10 @@ impl Disturbances {
         *over = (*over).max(valid.over);
     }
 
-    /// Records that a board starts, or loses its supply.
+    /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // An excuse that has held until now stays on record, and ends now.
+        // An excuse that has held until now ends now, and remains stored.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -447,19 +450,20 @@ impl Disturbances {
         }
     }
 
-    /// Returns whether something is excused at `at`, ns.
+    /// Returns whether this excuse holds at `at`, ns.
     #[must_use]
     pub fn excuse(&self, excuse: Excuse, at: u64) -> bool {
         at < self.until(excuse)
     }
 
-    /// Returns until when something is excused as far as is known, ns; an instant in the past if it is not excused.
+    /// Returns until when this excuse holds as far as the log has shown, ns; an instant in the past if it does not
+    /// hold.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
     }
 
-    /// Returns whether something is excused of a receiver (from 0) at `at`, ns.
+    /// Returns whether this excuse holds for a receiver (from 0) at `at`, ns.
     #[must_use]
     pub fn excuse_of(&self, receiver: usize, excuse: Excuse, at: u64) -> bool {
         let concerns = |valid: &&Valid| valid.excuse == excuse && valid.receiver.is_none_or(|of| of == receiver);
@@ -537,8 +541,8 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// Returns each excuse that holds, and for how long after the cause has gone, ns; `None` if it holds until the next
-    /// start.
+    /// Returns each excuse that holds, and how long it holds after the disturbance's cause has gone, ns; `None` if it
+    /// holds until the next start.
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
@@ -665,7 +669,7 @@ mod tests {
         assert_eq!(excused(ENDS, Board::Dpr), [false; 2]);
         assert_eq!(excused(ENDS - 1, Board::Dpr), [true; 2], "its cause is still there");
         assert_eq!(excused(ENDS, Board::Horus), [true; 2]);
-        // The DPR keeps its counts of what HORUS caused until its own start.
+        // The DPR keeps its counts of the faults that HORUS caused until the DPR itself starts.
         let of_horus = |board| {
             let events = [(BEGINS, injected(HORUS_FRONT_END, ENDS)), (ENDS, reset(board))];
             [Excuse::Sending, Excuse::DprComplaints].map(|excuse| after(&events).excuse(excuse, ENDS + 1))
@@ -675,7 +679,7 @@ mod tests {
         let off = What::Power { board: Board::Dpr, on: false };
         let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
         assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
-        // Misuse of the SSI disturbs no board, so no board's start ends its excuse.
+        // Misuse of the SSI disturbs no board, so no board's start ends the excuses for that misuse.
         let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
         assert!(disturbances.excuse(Excuse::Service, ENDS));
     }
@@ -684,7 +688,7 @@ mod tests {
     fn each_of_two_disturbances_that_overlap_excuses_as_it_would_alone() {
         let longer = [(BEGINS, injected(RECEIVE_BIT, ENDS)), (BEGINS + 1, injected(IMAGE_BIT, BEGINS + 2))];
         assert_eq!(after(&longer).until(Excuse::UnsoundImage), ENDS + bounds::BUFFER_REPLACED);
-        // A start between the two ends the excuses of the disturbance whose cause has gone.
+        // A start of the board between the ends of two causes ends the excuses of the disturbance whose cause has gone.
         let both = [
             (BEGINS, injected(DPR_FRONT_END, BEGINS + 1)),
             (BEGINS, injected(IMAGE_BIT, ENDS)),
@@ -697,7 +701,7 @@ mod tests {
     #[test]
     fn a_start_forgets_nothing_of_what_was_excused_before_it() {
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
-        // The next disturbance drops the excuses that are over.
+        // When the next disturbance is added, the excuses that are over are dropped.
         let over = [(BEGINS, injected(silent, ENDS)), (ENDS, injected(Disturbance::Air, ENDS))];
         for board in [Board::Horus, Board::Dpr] {
             let start = [over[0].clone(), over[1].clone(), (ENDS + 1, reset(board))];

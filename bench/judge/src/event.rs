@@ -11,7 +11,7 @@ pub struct Header {
     pub version: u32,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
-    /// The seed of everything random in the run.
+    /// The seed from which everything random in the run is drawn.
     pub seed: u64,
     /// The clock that charges the cores' time: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
@@ -21,7 +21,8 @@ impl Header {
     /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Returns whether the run's clock charges the longest time that the cores may take on silicon.
+    /// Returns whether the run's clock charges the longest time that the cores may take on silicon, which is the
+    /// pessimistic clock.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"
@@ -38,11 +39,11 @@ pub enum Board {
     Dpr,
 }
 
-/// What restarts a board's microcontroller.
+/// The cause of a restart of a board's microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
-    /// The supply came on.
+    /// The board's supply came on.
     PowerOn,
     /// The supply fell below the part's threshold for a moment.
     BrownOut,
@@ -50,7 +51,7 @@ pub enum Cause {
     Pin,
     /// The watchdog reset the part.
     Watchdog,
-    /// The core locked up.
+    /// The part's core locked up.
     Lockup,
     /// The firmware requested the reset.
     Software,
@@ -98,15 +99,16 @@ impl<'de> Deserialize<'de> for Bytes {
     }
 }
 
-/// An observation of the buffers of the DPR's SPI peripheral, which decide what a transaction gets.
+/// A change in the buffers of the DPR's SPI peripheral, which determine what a transaction reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SsiEvent {
-    /// The processor has taken the buffers, so a transaction that begins now reads 0xFF throughout.
+    /// The processor has taken the buffers of the SPI peripheral, so a transaction that begins now reads 0xFF
+    /// throughout.
     Held,
-    /// The processor has given the buffers back.
+    /// The processor has given the buffers back to the SPI peripheral.
     Released,
-    /// A transaction that begins now is served.
+    /// The SPI peripheral is ready: a transaction that begins now is served.
     Ready,
     /// A transaction has begun that is not served.
     Busy,
@@ -137,7 +139,7 @@ pub enum What {
         /// The kind of fault in words, as the list of faults names it, for people who read or count faults. No rule
         /// uses it.
         kind: String,
-        /// What the fault disturbs.
+        /// The disturbance that the fault is.
         disturbs: Disturbance,
         /// When the fault's cause goes away, ns; the event's instant if the fault has no duration.
         until: u64,
@@ -154,15 +156,15 @@ pub enum What {
         /// The board that was warned.
         board: Board,
     },
-    /// A board's external oscillator fails, or works again. It works until the first of these events.
+    /// A board's external oscillator fails, or works again. Before the first event of this kind the oscillator works.
     Crystal {
         /// The board whose oscillator changes.
         board: Board,
         /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins that tells HORUS's state change. No input is active before the first of these
-    /// events.
+    /// The levels of a pair of pins that tells HORUS's state change. Before the first event of this kind no input is
+    /// active.
     StateInput {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -194,11 +196,11 @@ pub enum What {
     Sent {
         /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// The nominal bit rate, bit/s.
+        /// The nominal bit rate of the frame, bit/s.
         bit_rate: u32,
-        /// LEN, payload and CRC-16.
+        /// The bytes of the frame: LEN, payload and CRC-16.
         bytes: Bytes,
-        /// Whether all bytes that were announced were sent.
+        /// Whether all bytes that LEN announced were sent.
         whole: bool,
     },
     /// A carrier begins or ends at the DPR's antenna.
@@ -211,9 +213,9 @@ pub enum What {
     Heard {
         /// When the frame's first preamble bit began, ns.
         started: u64,
-        /// LEN, payload and CRC-16 as they arrived.
+        /// The bytes of the frame as they arrived: LEN, payload and CRC-16.
         bytes: Bytes,
-        /// Whether all bytes that were announced arrived.
+        /// Whether all bytes that LEN announced arrived.
         whole: bool,
     },
     /// The DPR's front end began to send, which would be an answer.
@@ -222,7 +224,7 @@ pub enum What {
     Offered {
         /// The receiver's number, from 0.
         receiver: usize,
-        /// The bytes that wait.
+        /// The bytes that wait in the receiver.
         bytes: Bytes,
     },
     /// A receiver began to put bytes on its line, without a gap between them.
@@ -242,8 +244,8 @@ pub enum What {
         #[serde(default)]
         since: Option<u64>,
     },
-    /// A simulated receiver has these settings from now on. Nothing is known of them before a receiver's first such
-    /// event.
+    /// A simulated receiver has these settings from now on. Before a receiver's first event of this kind its settings
+    /// are not known.
     Settings {
         /// The receiver's number, from 0.
         receiver: usize,
@@ -256,8 +258,8 @@ pub enum What {
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// Where the pin rose, the bytes that a transaction would have read that began when the DPR's SPI peripheral
-        /// was first ready for one; `None` if a transaction was under way or began before that instant.
+        /// Where FRESH rose, the bytes that would have been read by a transaction that begins when the DPR's SPI
+        /// peripheral is first ready for one; `None` if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.
@@ -268,12 +270,12 @@ pub enum What {
     Transaction {
         /// When the DPR's pin detected the fall of chip select, ns.
         selected: u64,
-        /// The bytes that the flight controller sent.
+        /// The bytes that the flight controller sent in the transaction.
         mosi: Bytes,
-        /// The bytes that the flight controller read.
+        /// The bytes that the flight controller read in the transaction.
         miso: Bytes,
     },
-    /// The verdict of the flight controller's client after the transaction that ended at this instant.
+    /// The verdict of the flight controller's client on the transaction that ended at this instant.
     Decided {
         /// The timestamp of the position to fly by, ms; `None` if there is none.
         position: Option<u32>,
@@ -285,14 +287,14 @@ pub enum What {
         /// The profile, which is the objects of the image without Link-Status.
         profile: Bytes,
     },
-    /// The base station took a profile.
+    /// The base station received a profile.
     Arrived {
-        /// The profile as it arrived.
+        /// The bytes of the profile as it arrived.
         profile: Bytes,
         /// The objects that the base station shows as valid: bit 0 is Reported-Position, bit n is GPSn.
         shown: u8,
     },
-    /// What the base station states about the drone at this instant. The event occurs from time to time, and whenever
+    /// The base station's statement about the drone at this instant. The event occurs from time to time, and whenever
     /// the alarms change.
     Station {
         /// The age of the Reported-Position that the base station shows, µs; `None` if it shows none.
@@ -332,18 +334,18 @@ pub enum What {
         /// The counter's value; `None` if the program has no such counter.
         value: Option<u32>,
     },
-    /// The share of the time in which a core was awake, in ten thousandths, at the end of the run.
+    /// The share of the time, in ten thousandths, in which a core was awake, up to the end of the run.
     Load {
         /// The board whose core it is.
         board: Board,
-        /// The share in ten thousandths; 10 000 means always.
+        /// The share of the time in ten thousandths; 10 000 means that the core was always awake.
         per_10_000: u32,
     },
     /// The run is over.
     End,
 }
 
-/// Something that happened, and when.
+/// Something that happened in a run, and when it happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// The instant in virtual ns since the run began.
@@ -353,7 +355,7 @@ pub struct Event {
 }
 
 impl What {
-    /// Returns the event's place among events of one instant.
+    /// Returns the number by which events of one instant are ordered.
     #[must_use]
     pub fn rank(&self) -> u8 {
         match self {

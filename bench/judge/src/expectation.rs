@@ -1,12 +1,13 @@
-//! Which of the cycles that reach the DPR's antenna the DPR shows: the sequence (docs/design.md#sequence), seen from
-//! outside.
+//! Determines which of the cycles that reach the DPR's antenna the DPR shows, by the sequence (docs/design.md#sequence)
+//! as it can be observed from outside.
 //!
-//! The judge cannot observe everything that decides: it cannot tell whether the listener received a frame that came
-//! while it was being armed, or on which side of a limit a step falls that is close to it. Therefore it keeps *every*
-//! state that a correct DPR can be in (`State`), and lets each frame lead each state to all its successors. What all
-//! states agree on [must](Certainty::Must) be, what none of them allows must [never](Certainty::Never) be, and the
-//! judge requires nothing of the rest. While everything is clear there is one state. After something unclear the states
-//! become one again when the sequence has been found from all of them, which takes four cycles.
+//! The judge cannot observe everything on which the outcome depends: it cannot tell whether the listener received a
+//! frame that came while the listener was being armed, or on which side of a limit a step falls that is close to it.
+//! Therefore the judge keeps *every* state that a correct DPR can be in (`State`), and lets each frame lead each state
+//! to all its successors. Where all states agree on something, the DPR [must](Certainty::Must) do it; where no state
+//! allows something, the DPR must [never](Certainty::Never) do it; of everything else the judge requires nothing. While
+//! everything is clear there is one state. After something unclear there are several, which become one again when the
+//! sequence has been found from all of them. That takes four cycles.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -18,19 +19,20 @@ use profile::{CYCLE_MS, Layout, air};
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, What, bounds};
 
-/// What the judge can say about something that the DPR decides.
+/// Whether a correct DPR must, may or must not do a certain thing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
-    /// A correct DPR does not do it.
+    /// A correct DPR does not do this.
     Never,
-    /// A correct DPR may do it or not.
+    /// A correct DPR may do this or not.
     May,
-    /// A correct DPR does it.
+    /// A correct DPR does this.
     Must,
 }
 
 impl Certainty {
-    /// Returns what all of `answers` say, of which there is at least one.
+    /// Returns the certainty that follows from `answers`, of which there is at least one: `Must` if all are yes,
+    /// `Never` if all are no, and else `May`.
     fn of(answers: impl IntoIterator<Item = bool>) -> Self {
         let (mut any, mut all) = (false, true);
         for answer in answers {
@@ -66,13 +68,13 @@ pub struct Delivery {
     pub restarted: Certainty,
     /// The number of each valid object, its bytes, and whether it is shown.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
-    /// The number of objects that the frame has room for.
+    /// The number of objects that a frame of this length holds.
     pub places: u32,
 }
 
 impl Delivery {
-    /// Returns whether this is the second frame of the cycle whose first frame is `first`, as far as its end and its
-    /// intact objects show.
+    /// Returns whether this frame is the second one of the cycle whose first frame is `first`, as far as its end and
+    /// its intact objects show.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -81,7 +83,7 @@ impl Delivery {
     }
 }
 
-/// How a cycle follows the cycles before it.
+/// The relation of a cycle to the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -116,7 +118,8 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that a cycle's frame may lead to, and whether the frame is a step back there.
+    /// Passes to `to` each state that a cycle's frame may lead to, and whether the timestamp of the frame steps back
+    /// from that of the state before.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -144,7 +147,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each kind of step as which the DPR may take this cycle.
+    /// Passes to `to` each kind that the step to this cycle may have in the DPR's judgement.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -177,8 +180,8 @@ impl State {
         }
     }
 
-    /// Returns until when a cycle can still continue the last one, ns, `band` (ns) later than the design says; 0 if
-    /// none can.
+    /// Returns the latest instant, ns, at which a cycle can still continue the sequence of the last one, if the limit
+    /// is `band` (ns) later than the design says; 0 if no cycle can.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
         let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
@@ -210,13 +213,14 @@ pub struct Expectation {
 }
 
 impl Expectation {
-    /// Returns the state at power-on.
+    /// Returns the states that the DPR may have at power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
         Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
     }
 
-    /// Takes the next event. Returns the frame, if the event is one that the DPR may have received.
+    /// Updates the states with the next event of the log. Returns the frame, if the event is one that the DPR may have
+    /// received.
     pub fn take(&mut self, event: &Event, context: &Context) -> Option<Delivery> {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
@@ -226,7 +230,7 @@ impl Expectation {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
             What::Heard { started, whole, bytes } => {
-                // A listener may go by LEN rather than by the bytes that arrive.
+                // A listener may take a frame's length from LEN rather than from the bytes that arrive.
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
@@ -283,8 +287,8 @@ impl Expectation {
         })
     }
 
-    /// Enters a frame with a timestamp. Returns whether its cycle is shown and whether it counts as a step back, if the
-    /// frame was received.
+    /// Updates the states with a frame that has a timestamp. Returns whether the frame's cycle is shown and whether it
+    /// counts as a step back, if the frame was received.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -343,7 +347,7 @@ impl Expectation {
         (must.unwrap_or(0), may.unwrap_or(0))
     }
 
-    /// Returns whether the last cycle had the timestamp of the cycle before it.
+    /// Returns whether the last cycle had the same timestamp as the cycle before it.
     #[must_use]
     pub fn frozen(&self) -> Certainty {
         Certainty::of(self.states.iter().map(|state| state.frozen))
@@ -357,7 +361,7 @@ impl Expectation {
     }
 }
 
-/// Returns the age of a cycle's sample at the last bit of its frame `number` (from 0), ns.
+/// Returns the age, ns, that a cycle's sample has when the last bit of the cycle's frame `number` (from 0) ends.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     let us = match layout.receivers() {
@@ -394,7 +398,7 @@ mod tests {
 
     #[test]
     fn a_samples_age_at_its_last_bit_is_slot_plus_air_time() {
-        // These are the slots of the table in `profile::air`, µs.
+        // The numbers in this table are the send slots of `profile::air`, µs.
         for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
             let layout = Layout::for_receivers(receivers).unwrap();
             for (number, slot) in slots.into_iter().enumerate() {
@@ -407,7 +411,8 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// Returns what the step from 1000 ms, sampled at [`AT`], may be taken for.
+    /// Returns the kinds that the step from timestamp 1000 ms, sampled at [`AT`], to this timestamp and sample may have
+    /// in the DPR's judgement.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];

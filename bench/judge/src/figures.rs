@@ -1,16 +1,17 @@
-//! The measured figures of a run. An empty series has no figures, so that absence does not look like a good value.
+//! The measured figures of a run. A series without values has no figures, so that missing values do not look like good
+//! ones.
 
 use std::collections::BTreeMap;
 
 use profile::ReportedStatus;
 use serde::Serialize;
 
-/// The least and the greatest of a series.
+/// The least and the greatest value of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Span {
-    /// The least value.
+    /// The least value of the series.
     pub min: u64,
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -35,11 +36,11 @@ impl Span {
 /// Quantiles of a series by nearest rank, so that each is a value that occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Quantiles {
-    /// The median.
+    /// The median of the series.
     pub p50: u64,
     /// The value that 99.9 % of the series do not exceed.
     pub p999: u64,
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -59,7 +60,7 @@ impl Quantiles {
 /// The greatest value of a series, without further figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Max {
-    /// The greatest value.
+    /// The greatest value of the series.
     pub max: u64,
 }
 
@@ -75,12 +76,14 @@ impl Max {
 pub struct Faults {
     /// The number of injected faults of each kind.
     pub injected: BTreeMap<String, u64>,
-    /// The number of objects read as valid that HORUS never sent so, that were out of sequence, stale or expired.
+    /// The number of objects that were read as valid although HORUS never sent them so, or although they were out of
+    /// sequence, stale or expired.
     pub invalid_shown_valid: u64,
-    /// The longest time from the end of a cause to the first valid object of a cycle that HORUS sent after it, in
-    /// cycles of 10 ms begun; `None` without causes.
+    /// The longest time from the end of a disturbance to the first valid object of a cycle that HORUS sent after it, in
+    /// cycles of 10 ms, rounded up; `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The value of `max_recovery_cycles` over the causes after which no front end had to be brought up again.
+    /// The longest time as in `max_recovery_cycles`, but only over the disturbances after which no front end had to be
+    /// brought up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
@@ -89,23 +92,23 @@ pub struct Faults {
 pub struct Exclusion {
     /// The receiver's number, from 1.
     pub receiver: usize,
-    /// The tick with whose objects the exclusion began, ns.
+    /// The tick of the first cycle whose objects call the receiver excluded, ns.
     pub from_ns: u64,
-    /// The tick with whose objects the exclusion was over, or the restart that ended it, ns; `None` if it lasted to the
-    /// run's end.
+    /// The tick of the first cycle whose objects do not call the receiver excluded any more, or the restart that ended
+    /// the exclusion, ns; `None` if the exclusion lasted to the run's end.
     pub until_ns: Option<u64>,
-    /// The receiver's distance from the farthest of the others when the exclusion began, along the ground, m; `None` if
-    /// it is not known.
+    /// The receiver's distance along the ground from the farthest of the other receivers when the exclusion began, m;
+    /// `None` if it is not known.
     pub away_m: Option<f64>,
-    /// The receiver's distance in height from the farthest of the others when the exclusion began, m; `None` if it is
-    /// not known.
+    /// The receiver's distance in height from the farthest of the other receivers when the exclusion began, m; `None`
+    /// if it is not known.
     pub height_m: Option<f64>,
 }
 
-/// What HORUS's voter decided, over the profiles that HORUS sent.
+/// The results of HORUS's voter, over the profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
-    /// The number of cycles for each number of receivers that agree.
+    /// The number of cycles, by the number of receivers that agreed in them.
     pub agree: BTreeMap<u64, u64>,
     /// The number of cycles in which fewer receivers agree than are fitted.
     pub degraded: u64,
@@ -119,10 +122,10 @@ pub struct Voter {
 }
 
 impl Voter {
-    /// The number of exclusions that are kept.
+    /// The number of exclusions that are kept in [`Voter::exclusions`].
     pub const MOST_EXCLUSIONS: usize = 1_000;
 
-    /// Counts a Reported-Position with this status, which HORUS sent.
+    /// Counts the status of a Reported-Position that HORUS sent.
     pub(crate) fn reported(&mut self, status: ReportedStatus) {
         *self.agree.entry(status.receivers_agreeing().into()).or_default() += 1;
         self.degraded += u64::from(status.degraded());
@@ -170,12 +173,12 @@ pub struct Figures {
     pub ready_ns: Option<Max>,
     /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// When chip select fell for the first of the final transactions without a valid position, ns; `None` if the last
-    /// transaction brought a valid position, or none ever did.
+    /// When chip select fell for the first transaction of the last series of transactions without a valid position, ns;
+    /// `None` if the last transaction brought a valid position, or none ever did.
     pub invalid_since_ns: Option<u64>,
     /// For each receiver, when the last byte of its last valid position had crossed its line, ns.
     pub last_solution_ns: Vec<Option<u64>>,
-    /// What the voter decided.
+    /// The figures of HORUS's voter.
     pub voter: Voter,
     /// The injected faults and their consequences.
     pub faults: Faults,

@@ -14,15 +14,15 @@
 //!
 //! # What is excused
 //!
-//! The log records each disturbance that the bench makes on purpose, with its type. What each type excuses, from when
-//! until when, is in [`disturbance`] alone.
+//! The log records each disturbance that the bench makes on purpose, with its type. [`disturbance`] alone states what
+//! each type excuses, and from when until when.
 //!
 //! # How rules are kept apart
 //!
 //! One cause shall show as one violation. Therefore each rule requires of a stage only what the stage before it has
 //! brought. The judge requires a frame where there was a tick, requires an object to be shown where it reached the
-//! DPR's antenna whole, and requires of the base station what the flight controller has forwarded. What is missing at a
-//! stage is a violation of that stage alone, because absence is a violation too.
+//! DPR's antenna whole, and requires the base station to show what the flight controller has forwarded. What is missing
+//! at a stage is a violation of that stage alone, because absence is a violation too.
 #![forbid(unsafe_code)]
 
 pub mod bounds;
@@ -59,7 +59,7 @@ pub fn judge(log: &Log) -> Verdict {
     judge.finish()
 }
 
-/// Judges a log like [`judge`], but one event at a time, for a run that is too long to be kept.
+/// Judges a log like [`judge`], but one event at a time, for a run whose log is too long to be kept in memory.
 #[derive(Clone, Debug)]
 pub struct Judge {
     context: Context,
@@ -74,13 +74,13 @@ impl Judge {
         Self { context: Context::new(header), rules: rules::Rules::new(header), findings: Findings::default() }
     }
 
-    /// Takes the next event. Events come in order of time.
+    /// Processes the next event of the log. Events come in order of time.
     pub fn take(&mut self, event: &Event) {
         self.context.take(event);
         self.rules.take(event, &self.context, &mut self.findings);
     }
 
-    /// Returns the violations so far, and how often each occurred.
+    /// Returns the violations found so far, and how often each occurred.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         &self.findings

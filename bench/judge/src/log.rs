@@ -11,11 +11,11 @@ use crate::{Event, Header, What};
 pub struct Log {
     /// What is known of the run before anything happens.
     pub header: Header,
-    /// What happened.
+    /// The events, in order of time.
     pub events: Vec<Event>,
 }
 
-/// Why a stored log cannot be read.
+/// The reason why a stored log cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be read.
@@ -43,7 +43,7 @@ pub enum LogError {
     Order {
         /// The number of the line, from 1.
         line: usize,
-        /// The instant of the event, ns.
+        /// The instant of the event on this line, ns.
         at: u64,
         /// The instant of the event before the one on this line, ns.
         before: u64,
@@ -51,7 +51,7 @@ pub enum LogError {
 }
 
 impl Log {
-    /// Reads a stored log. Half a line at the end, which a killed run leaves, is ignored.
+    /// Reads a stored log. An incomplete line at the end, which a killed run leaves, is ignored.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The meaning of the bytes on the wires, worked out once for all rules: frames on the air, transactions on the SSI.
+//! Decodes the bytes on the wires, once for all rules: frames on the air, transactions on the SSI.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 use profile::ssi::REQUEST_SIZE;
 use profile::{GpsValues, Layout, LinkStatus, LinkValues, Object, Rejection, ReportedValues};
 
-/// The values of an object.
+/// The values that an object states.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
     /// The values of Reported-Position.
@@ -15,30 +15,30 @@ pub enum Values {
     Gps(GpsValues),
 }
 
-/// The contents of an object's place.
+/// The contents of the bytes where a frame or an image has a certain object.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
-    /// An intact object that belongs in this place.
+    /// The bytes are an intact object, and it is the one that belongs there.
     Valid {
         /// The object's timestamp, ms since HORUS's start.
         timestamp: u32,
         /// The object's values.
         values: Values,
     },
-    /// The place is 0x00 or 0xFF throughout.
+    /// The bytes are 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The place holds anything else, which was rejected for this reason.
+    /// The bytes are anything else; this is why they were rejected.
     Unsound(Rejection),
 }
 
-/// An object's place and its contents.
+/// An object as it was found in a frame or an image: its number, its bytes, and what they contain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     /// The object's number in the profile: 0 is Reported-Position, n is GPSn.
     pub index: usize,
-    /// The contents of the place.
+    /// The object's timestamp and values, or why there is none.
     pub state: State,
-    /// The bytes of the place.
+    /// The object's bytes.
     pub bytes: Vec<u8>,
 }
 
@@ -68,7 +68,7 @@ impl Placed {
     }
 }
 
-/// Returns whether a place is empty: 0x00 or 0xFF throughout, as a scrub leaves it.
+/// Returns whether the bytes of an object are empty: 0x00 or 0xFF throughout, as a scrub leaves them.
 #[must_use]
 pub fn is_vacant(bytes: &[u8]) -> bool {
     bytes.iter().all(|byte| *byte == 0) || bytes.iter().all(|byte| *byte == 0xFF)
@@ -126,14 +126,14 @@ pub struct Reading {
     pub silent: bool,
     /// The values of Link-Status, or the reason why it was rejected; `None` unless all of it was read.
     pub link: Option<Result<LinkValues, Rejection>>,
-    /// The objects that were read whole.
+    /// The objects of which the transaction read every byte.
     pub objects: Vec<Placed>,
     /// The bytes that were read.
     pub miso: Vec<u8>,
 }
 
 impl Reading {
-    /// Decodes what `miso` brought of the image, read from byte `offset` on.
+    /// Decodes a transaction that read `miso` from the map, from byte `offset` on.
     #[must_use]
     pub fn of(layout: Layout, selected: u64, deselected: u64, offset: usize, miso: &[u8]) -> Self {
         let within = |place: Range<usize>| {
@@ -154,7 +154,7 @@ impl Reading {
         }
     }
 
-    /// Returns whether Link-Status and every object that was read whole are intact or vacant.
+    /// Returns whether Link-Status and every object of which all bytes were read are intact or empty.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let unsound = |placed: &Placed| matches!(placed.state, State::Unsound(_));
@@ -168,7 +168,7 @@ impl Reading {
     }
 }
 
-/// The part of the map that the next transaction shows. The request in one transaction chooses the window of the next.
+/// The part of the map that the next transaction reads. The request in one transaction chooses the window of the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
@@ -194,7 +194,7 @@ impl Window {
     }
 }
 
-/// The request in the first bytes of a transaction (docs/design.md#ssi).
+/// What the first bytes of a transaction request (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// The flight controller requests nothing, because the line is idle.
@@ -213,7 +213,7 @@ pub enum Asked {
 }
 
 impl Asked {
-    /// Returns what `mosi` requests of a map of `map_len` bytes.
+    /// Returns the request that `mosi` makes to a DPR whose map has `map_len` bytes.
     #[must_use]
     pub fn of(mosi: &[u8], map_len: usize) -> Self {
         let request = &mosi[..mosi.len().min(REQUEST_SIZE)];

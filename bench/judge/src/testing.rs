@@ -1,4 +1,4 @@
-//! Logs for the tests of the rules: a flawless run, in which a test changes what the rule has to find.
+//! Makes logs for the tests of the rules: a flawless run, in which a test makes the change that the rule has to find.
 
 use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
@@ -54,7 +54,7 @@ impl Events {
         events
     }
 
-    /// Adds an event.
+    /// Adds an event to the run.
     pub(crate) fn add(&mut self, at: u64, what: What) -> &mut Self {
         self.events.push(Event { at, what });
         self
@@ -66,12 +66,12 @@ impl Events {
         self.add(at, What::End)
     }
 
-    /// Switches the carrier.
+    /// Switches HORUS's carrier on or off.
     pub(crate) fn field(&mut self, at: u64, on: bool) -> &mut Self {
         self.add(at, What::Field { on })
     }
 
-    /// Restarts a board.
+    /// Adds a restart of a board to the run.
     pub(crate) fn reset(&mut self, at: u64, board: Board, asked: bool) -> &mut Self {
         self.add(at, What::Reset { board, cause: Cause::PowerOn, asked })
     }
@@ -84,12 +84,12 @@ impl Events {
         self
     }
 
-    /// Adds a tick and the frames of its cycle, stamped `timestamp` (ms).
+    /// Adds a tick and the frames of its cycle, whose objects are stamped `timestamp` (ms).
     pub(crate) fn cycle(&mut self, tick: u64, timestamp: u32) -> &mut Self {
         self.cycle_of(tick, &silent_reported(timestamp), &vec![silent_gps(timestamp); self.gps])
     }
 
-    /// Adds a tick and the frames of its cycle, with these values.
+    /// Adds a tick and the frames of its cycle, whose objects have these values.
     pub(crate) fn cycle_of(&mut self, tick: u64, reported: &ReportedValues, gps: &[GpsValues]) -> &mut Self {
         self.add(tick, What::Tick);
         let objects = objects(reported, gps);
@@ -130,7 +130,7 @@ impl Events {
     }
 }
 
-/// Returns the values of Reported-Position before any receiver has sent anything.
+/// Returns the values that Reported-Position has before any receiver has sent anything.
 pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {
     let absent = ReportedValues::absent(timestamp);
     ReportedValues { status: absent.status.with_degraded(true), ..absent }
@@ -142,7 +142,7 @@ pub(crate) fn silent_gps(timestamp: u32) -> GpsValues {
     GpsValues { status: absent.status.with_stale(true), ..absent }
 }
 
-/// Returns a profile's objects.
+/// Returns the bytes of a profile's objects.
 pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u8>> {
     let mut objects = vec![profile::ReportedPosition::seal(reported).as_bytes().to_vec()];
     objects.extend(
@@ -153,7 +153,7 @@ pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u
     objects
 }
 
-/// Returns what one rule finds in a log, and the figures.
+/// Returns the violations that one rule finds in a log, and its figures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     let (mut context, mut findings, mut figures) = (Context::new(&log.header), Findings::default(), Figures::default());
     for event in &log.events {
@@ -164,7 +164,8 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// Returns what one rule finds in a log (which violation, how often, and when first, ns), and the figures.
+/// Returns the violations that one rule finds in a log (which one, how often, and when first, ns), and the rule's
+/// figures.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
@@ -174,14 +175,14 @@ pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, 
 pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
 /// The disturbance by which HORUS's front end does not answer.
 pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
-/// The disturbance by which the flight controller reads as it must not.
+/// The disturbance by which the flight controller makes transactions that it must not make.
 pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
 /// The disturbance of a bit of a buffer into which frames are received.
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 /// The disturbance of a bit of an image.
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event that the bench disturbs this until `until`, ns.
+/// Returns the event that states that the bench disturbs this until `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

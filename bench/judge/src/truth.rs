@@ -1,4 +1,4 @@
-//! Keeps what HORUS put on the air.
+//! Keeps a record of the frames that HORUS put on the air.
 
 use std::collections::VecDeque;
 
@@ -9,17 +9,18 @@ use crate::{Board, Context, Event, What, bounds};
 /// an image that is not replaced may be old.
 pub const KEPT: u64 = 2_000_000_000;
 
-/// The number of frames that are remembered: ten seconds, or five with two frames a cycle. An image cannot be that old
-/// unless it has been expired for long.
+/// The number of frames that are kept: ten seconds, or five with two frames a cycle. An image cannot be that old unless
+/// it has been expired for long.
 const REMEMBERED: usize = 1_000;
 
-/// The number of ticks that are remembered. Few suffice, because a frame ends before the next tick but one.
+/// The number of ticks that are kept. A few are enough, because a frame ends before the next tick but one.
 const TICKS: usize = 4;
 
 /// A frame that HORUS sent.
 #[derive(Clone, Debug)]
 pub struct SentFrame {
-    /// The frame's number among all frames that were sent. It is the order of age, also across a restart of HORUS.
+    /// The frame's number among all frames that were sent. A frame with a higher number is younger, also across a
+    /// restart of HORUS.
     pub serial: u64,
     /// The number of HORUS's start that sent the frame.
     horus_start: u64,
@@ -40,7 +41,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes the next event.
+    /// Adds the next event of the log to the record.
     pub fn take(&mut self, event: &Event, context: &Context) {
         match &event.what {
             What::Tick => {
@@ -91,7 +92,7 @@ mod tests {
 
     const FRAME: u64 = 5 * MS;
 
-    /// The truth of one receiver's profiles, with the context that it requires.
+    /// A record of the frames of a HORUS with one receiver, with the context that it requires.
     struct Rig {
         context: Context,
         truth: Truth,
@@ -135,7 +136,7 @@ mod tests {
         testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
     }
 
-    /// Returns the tick of a frame that began at `started` and ended after all of these ticks.
+    /// Returns the tick to which a frame is assigned that began at `started` and ended after all of these ticks.
     fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
         let mut rig = Rig::new();
         ticks.iter().for_each(|at| rig.tick(*at));
@@ -154,7 +155,7 @@ mod tests {
         for after in [bounds::CYCLE, bounds::CYCLE + 1, 4 * bounds::CYCLE] {
             assert_eq!(tick_of(tick + after, &[tick]), None, "{after} ns");
         }
-        // A tick during the frame belongs to the next cycle, and of two ticks before it the nearer one counts.
+        // A tick during the frame belongs to the next cycle, and of two ticks before the frame the later one counts.
         assert_eq!(tick_of(tick + MS, &[tick, tick + 2 * MS]), Some(tick));
         assert_eq!(tick_of(tick + 3 * MS, &[tick, tick + 2 * MS]), Some(tick + 2 * MS));
     }
@@ -181,7 +182,8 @@ mod tests {
         assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
         assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
         assert_eq!(rig.found(0, 30, u64::MAX), None);
-        // These are Reported-Position's bytes in the place of GPS1, and a part of Reported-Position in its own place.
+        // The first check looks for Reported-Position's bytes as GPS1, and the second for a part of Reported-Position's
+        // bytes.
         assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
         assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
     }
@@ -226,7 +228,7 @@ mod tests {
         rig.send(10 * MS + KEPT - FRAME + 1, 60, true);
         assert_eq!(rig.found(0, 10, u64::MAX), None);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
-        // The frames of the start before and of this start stay, however old they are.
+        // The frames of the start before and of this start are kept, however old they are.
         rig.send(9_000 * MS, 70, true);
         assert_eq!(rig.found(0, 20, u64::MAX), None);
         assert_eq!([30, 40].map(|timestamp| rig.found(0, timestamp, u64::MAX).map(|it| it.0)), [Some(3), Some(4)]);

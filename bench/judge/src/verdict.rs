@@ -9,11 +9,11 @@ use crate::{Figures, Violation};
 pub struct Broken {
     /// The violation.
     pub violation: Violation,
-    /// How often it occurred.
+    /// How often the violation occurred.
     pub count: u64,
-    /// When it first occurred, ns.
+    /// When the violation first occurred, ns.
     pub first_at: u64,
-    /// The first occurrence in words, with its figures.
+    /// A description of the first occurrence, with its figures.
     pub words: String,
 }
 
@@ -32,7 +32,8 @@ impl std::fmt::Display for Broken {
 pub struct Findings(BTreeMap<Violation, Broken>);
 
 impl Findings {
-    /// Records a violation that occurred at `at` (ns). `words` is called only for the first of its kind.
+    /// Records a violation that occurred at `at` (ns). `words` is called only for the first occurrence of each
+    /// violation.
     pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
         self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
             violation,
@@ -63,7 +64,7 @@ impl Findings {
 pub struct Verdict {
     /// Every violation that occurred, in the order of [`Violation`].
     pub violations: Vec<Broken>,
-    /// The measured figures.
+    /// The measured figures of the run.
     pub figures: Figures,
 }
 

@@ -1,4 +1,4 @@
-//! Tests what FRESH announces and what is read, on logs that are each changed in one way.
+//! Tests whether the image that is read is the one that FRESH announced, on logs that are each changed in one way.
 
 use crate::common;
 
@@ -8,7 +8,8 @@ use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the places in the log of the rises of FRESH, later than `after`, at whose fall something is offered.
+/// Returns the indices in the log of the rises of FRESH, later than `after`, for which the log states at FRESH's fall
+/// which bytes could be read.
 fn rises(log: &Log, after: u64) -> Vec<usize> {
     let rises = log.events.iter().enumerate();
     let rises = rises.filter(|(_, event)| event.at > after && matches!(event.what, What::Fresh { high: true, .. }));
@@ -20,7 +21,7 @@ fn rises(log: &Log, after: u64) -> Vec<usize> {
     rises.filter(|(_, event)| falls(event.at)).map(|(place, _)| place).collect()
 }
 
-/// Returns what is offered when the FRESH that rose at `place` falls.
+/// Returns the bytes that could be read when the FRESH that rose at index `place` falls.
 fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
     let at = log.events[place].at + 2_000;
     let mut events = log.events.iter_mut().filter(|event| event.at == at);
@@ -32,7 +33,8 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// Returns the log with FRESH offering at its rise what it otherwise offers at its fall.
+/// Returns a log in which each rise of FRESH already states the bytes that can be read, which `log` states only at its
+/// fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
     for place in rises(&log, 0) {
@@ -83,7 +85,7 @@ fn fresh_with_an_unsound_image_is_exactly_one_violation() {
             assert_eq!(found(&log), [(FreshUnreadable, 1)], "{byte}");
             assert_eq!(judged(&log).violations[0].first_at, rose);
         }
-        // Every byte that is offered is 0xFF.
+        // Every byte of the announced image is 0xFF.
         let mut log = log.clone();
         let bytes = match &mut log.events[rise].what {
             What::Fresh { offered: Some(bytes), .. } => bytes,
@@ -148,7 +150,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The verdict is the same if only what is read, and not what FRESH offers, is known.
+        // The verdict is the same if only the bytes that are read, and not those that FRESH announces, are known.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
@@ -175,7 +177,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // What FRESH announces is known only from what is read.
+    // The bytes that FRESH announces are known only from those that a transaction reads.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -230,7 +232,7 @@ fn every_image_is_readable_without_fresh_where_fresh_is_stuck() {
     let verdict = judged(&stuck);
     assert_eq!(found(&stuck), [(FreshMissing, images)]);
     assert_eq!(verdict.figures.last_bit_to_readable, None);
-    // FRESH is stuck from one instant to another.
+    // FRESH is stuck at its level from one instant to another.
     let mut stuck = log.clone();
     stuck.events.retain(|event| !(200 * MS..300 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
     assert_eq!(found(&stuck), [(FreshMissing, 10)]);
@@ -279,7 +281,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
         let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
-        // FRESH offers an unsound image that nobody reads.
+        // FRESH announces an unsound image that nobody reads.
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
         let rose = plan.publications[number].at;
@@ -289,7 +291,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
         inject(&mut log, rose + 2_000);
         let violations = if hit { vec![] } else { vec![(FreshUnreadable, 1)] };
         assert_eq!(found(&log), violations, "offered, {longer}");
-        // An unsound image is read.
+        // The transaction reads an unsound image.
         let (_, mut log, place) = run(3);
         miso(&mut log, place)[100] ^= 1;
         let What::Transaction { selected, .. } = log.events[place].what else { unreachable!("a transaction") };

@@ -1,4 +1,4 @@
-//! Tests that a DPR that hangs owes the SSI nothing until it restarts, and that what is read from it still has to be
+//! Tests that a DPR that hangs need not serve the SSI until it restarts, and that what is read from it still has to be
 //! right.
 
 use crate::common;
@@ -9,8 +9,8 @@ use common::*;
 const MS: u64 = 1_000_000;
 /// When the DPR restarts, ns.
 const RESTARTS: u64 = 330 * MS;
-/// When the DPR's first image after the restart is put in, ns; the flight controller's last transaction before is over
-/// by then.
+/// When the DPR's first image after the restart is put in, ns. The flight controller's last transaction before that is
+/// over by then.
 const BACK: u64 = 344_950_000;
 
 fn hung() -> What {
@@ -30,12 +30,12 @@ fn silent(plan: &Plan, from: u64) -> Log {
 /// The disturbance by which a task of the DPR is dead.
 const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
 
-/// Returns what is found in a log in which the DPR hangs from `at` on.
+/// Returns the violations that are found in a log in which the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, hung())
 }
 
-/// Returns what is found in a log in which one of the DPR's tasks is dead from `at` on.
+/// Returns the violations that are found in a log in which one of the DPR's tasks is dead from `at` on.
 fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
     judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
 }
@@ -51,8 +51,8 @@ fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // The DPR did not become ready after the last transaction before the hang, which is reported if it had to be
-        // ready by then.
+        // The DPR did not become ready after the last transaction before the hang. This is reported if the DPR had to
+        // be ready before the hang.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();
@@ -91,7 +91,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // The DPR waits too long after a transaction, or by itself.
+    // The DPR keeps the buffers too long after a transaction, or keeps them without one.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

@@ -1,4 +1,4 @@
-//! Tests what is read, byte for byte, on logs that are each changed in one way.
+//! Tests the bytes that transactions read, on logs that are each changed in one way.
 
 use crate::common;
 
@@ -9,7 +9,7 @@ use profile::{GpsObject, GpsValues, Identifier, LinkStatus, LinkValues, Reported
 
 const GPS: [usize; 4] = [1, 2, 3, 5];
 
-/// Returns the number of bits that differ.
+/// Returns the number of bits in which the two differ.
 fn distance(a: &[u8], b: &[u8]) -> u32 {
     a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
 }
@@ -29,8 +29,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // Up to the last byte that differs, the place may equal that of one of the two images, or differ from
-                // it by one bit.
+                // The object that contains the splice may equal that of one of the two images except for one bit.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });
@@ -40,7 +39,7 @@ fn a_read_spliced_from_two_images_is_torn() {
                 match found.as_slice() {
                     [(Torn, 1)] => {}
                     [(Damaged, 1)] => assert!(near, "{gps} {at}"),
-                    // The bytes that differ all come from one of the images.
+                    // The bytes in which the two images differ all come from one of the images.
                     [] => assert!(whole(&now), "{gps} {at}"),
                     [(FreshNotNew, 1)] => assert!(whole(&before), "{gps} {at}"),
                     other => panic!("{gps} {at}: {other:?}"),
@@ -61,7 +60,7 @@ fn a_place_that_is_scrubbed_while_it_is_read_is_torn() {
             assert_eq!(found(&log), [(Torn, 1)], "{range:?} {fill}");
         }
     }
-    // The place is read between the two fills of a scrub.
+    // The transaction reads the object between the two fills of a scrub.
     let mut log = log.clone();
     miso(&mut log, place)[96..130].fill(0x00);
     miso(&mut log, place)[130..156].fill(0xFF);
@@ -130,7 +129,7 @@ fn a_valid_object_in_the_place_of_another_is_misplaced() {
         let mut log = log.clone();
         miso(&mut log, place)[at..at + object.len()].copy_from_slice(object);
         let violations = match at {
-            // A part of an object is no object, and neither is an object that begins before its place.
+            // A part of an object is no object, and neither is an object that begins before its own offset.
             0 | 212 => [(Damaged, 1)],
             _ => [(Misplaced, 1)],
         };

@@ -1,4 +1,4 @@
-//! Tests what a rule excuses, and does not excuse, of the disturbances that the bench makes on purpose.
+//! Tests what each disturbance that the bench makes on purpose excuses, and what it does not excuse.
 
 use crate::common;
 
@@ -9,13 +9,13 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// Returns what is found at the SSI. What a test changes in what was read is not changed in what was forwarded, so that
-/// violation is left out.
+/// Returns the violations that are found at the SSI. A test changes what was read but not what was forwarded, so the
+/// violation `BaseChanged` that follows from that is left out.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// Returns a log in which the flight controller reads bytes that the DPR did not send, from `from` to `to`.
+/// Returns a log in which the flight controller reads, from `from` to `to`, bytes that the DPR did not send.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
@@ -32,11 +32,11 @@ fn misuse_of_the_ssi_excuses_damaged_reads_until_shortly_after_it() {
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
-    // A moment later, what the flight controller reads counts as damage.
+    // If the flight controller reads wrong bytes a moment longer than the excuse lasts, they count as damage.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
-    // The excuse ends at exactly this instant.
+    // The damaged transaction begins 1 ns before the excuse ends, or exactly when it ends.
     for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
         let mut plan = Plan::new(3, 60);
         plan.selects.retain(|selected| selected.abs_diff(over) > 2 * MS);
@@ -95,7 +95,7 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
-    // There are two images without objects, 300 µs apart, of which the second counts one rejected object more.
+    // Two images without objects are published 300 µs apart; the second one counts one rejected object more.
     let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
     let at = publication.at;
     plan.publications[place].image = plan.image(at, None, values(50));
@@ -106,7 +106,7 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     assert_eq!(found(&plan.log()), []);
 }
 
-/// Changes with `change` the first frame that reached the antenna at or after `at`.
+/// Applies `change` to the first frame that reached the antenna at or after `at`.
 fn heard(log: &mut Log, at: u64, change: impl Fn(&mut Vec<u8>, &mut bool)) {
     let event = log.events.iter_mut().find(|event| event.at >= at && matches!(event.what, What::Heard { .. }));
     if let Some(Event { what: What::Heard { bytes, whole, .. }, .. }) = event {
@@ -122,7 +122,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
             let place = plan.showing(200);
             let ended = plan.publications[place].at - common::TO_FRESH;
             plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
-            // No transaction delays the image.
+            // No transaction is made close to the publication, so that none delays the image.
             let at = plan.publications[place].at;
             plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
             let mut log = plan.log();
@@ -137,7 +137,7 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
 }
 
 /// Returns the frame's number and the number of objects that the context finds in a frame of one receiver that broke
-/// off after `bytes` of its bytes.
+/// off after `bytes` bytes.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -187,7 +187,7 @@ fn a_front_end_fault_excuses_misuse_and_field_drops_until_recovery() {
     let dropped = |kind: Disturbance, until| {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 299 * MS, injected(kind, until));
-        // The field goes off between two frames, since the next tick is at 300 ms.
+        // The field goes off between two frames: the next tick is at 300 ms.
         insert(&mut log, 299 * MS + 1, What::Field { on: false });
         insert(&mut log, 299 * MS + 2, What::Field { on: true });
         kinds(&log).contains(&Violation::FieldDropped)

@@ -90,7 +90,7 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // The time since a tick of long ago is not measured either.
+    // A time that would begin at a tick of long ago is not measured either.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,7 +131,8 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// The hit bit may be one of the buffer's bits that hold LEN.
+/// A frame in a buffer with a hit bit has as much time as one that is read only when it is complete, because the bit
+/// may be one of those that hold LEN.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
@@ -144,7 +145,7 @@ fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
             let number = plan.showing(200);
             let ended = plan.publications[number].at - TO_FRESH;
             plan.publications[number].at = ended + after;
-            // No transaction delays the image.
+            // No transaction is made close to the publication, so that none delays the image.
             plan.selects.retain(|selected| !(ended - MS..ended + MS).contains(selected));
             let mut log = plan.log();
             insert(&mut log, ended - 10 * MS, injected(kind, ended + MS));
@@ -225,7 +226,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
     assert!(after > bounds::SAMPLE_TO_READABLE);
     assert_eq!(samples(&plan).unwrap().max, after);
     assert!(found(&plan.log()).contains(&(LateSample, 1)));
-    // There is a single tick, a cycle before the frame or just less.
+    // The only tick is a whole cycle before the frame, or a little less.
     for (less, measured) in [(0, false), (1, true)] {
         let mut plan = Plan::new(3, 40);
         let began = started(&plan, cycle).unwrap();
@@ -237,7 +238,7 @@ fn a_sample_dates_from_the_tick_just_before_its_first_frame() {
         let longest = samples(&plan).map_or(0, |samples| samples.max);
         assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
     }
-    // There is a single tick, between the two frames of the last cycle.
+    // The only tick is between the two frames of the last cycle.
     for (after, measured) in [(0, true), (1, false)] {
         let mut plan = Plan::new(5, 20);
         let began = started(&plan, cycle).unwrap();

@@ -1,4 +1,4 @@
-//! Tests the log in memory, as a file, and as it is judged.
+//! Tests the log in memory and as a file, and that it is judged the same in both ways.
 
 use crate::common;
 
@@ -74,7 +74,7 @@ fn a_stored_log_reads_back_equal() {
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
     let log = Plan::new(5, 20).log();
     assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
-    // The file is the same if it is written event by event.
+    // The file has the same content if it is written event by event.
     let mut file = vec![];
     let mut writer = LogWriter::new(&mut file, &log.header).unwrap();
     log.events.iter().for_each(|event| writer.take(event).unwrap());
@@ -119,7 +119,7 @@ fn what_is_no_log_is_told_with_its_line() {
         (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
         (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
     ] {
-        // A last line that is empty does not count, so another line follows.
+        // An empty last line is ignored, so a further line follows it.
         let lines = [lines, &[TICK]].concat();
         let error = error(&lines);
         assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
@@ -144,7 +144,7 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     for end in header..whole.len() - 1 {
         let cut = Log::read(&whole[..end]).unwrap();
         let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
-        // A line without its end may still be complete.
+        // If only the end of a line is missing, the line may still be complete.
         assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
         assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
         assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");
@@ -179,7 +179,7 @@ fn what_the_file_says_is_passed_on() {
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
     assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
-    // The bytes that are flushed last may be those that do not fit.
+    // The bytes for which the file has no room may be those that are written only when the log is flushed.
     let mut room = [0; 1 << 20];
     let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
     assert!(log.write(buffered).is_err());
@@ -213,7 +213,7 @@ fn judging_is_a_function_of_the_log_alone() {
     for event in &log.events {
         judge.take(event);
     }
-    // The findings at the end are added to those before.
+    // The violations found at the end of the run are added to those found before.
     let counts: Vec<_> = judge.findings().counts().collect();
     let verdict_of_events = judge.clone().finish();
     for (violation, count) in counts {

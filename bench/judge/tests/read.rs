@@ -1,4 +1,4 @@
-//! Tests the meaning of the bytes on the wires.
+//! Tests the decoding of the bytes on the wires.
 
 use crate::common;
 

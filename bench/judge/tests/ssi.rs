@@ -56,7 +56,7 @@ fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
         let mut log = without_transactions(from, to).log();
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
         insert(&mut log, from, injected(silent, until));
-        // An excuse that is over is dropped with the next disturbance.
+        // An excuse that has ended is dropped when the next disturbance begins.
         insert(&mut log, until, injected(Disturbance::Air, until));
         let off = What::Power { board: Board::Horus, on: false };
         insert(&mut log, to - MS, off);
@@ -83,7 +83,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // The flight controller twice reads nothing for so long, the second time to the end of the run.
+    // The flight controller twice makes no transaction for too long, the second time until the end of the run.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -157,7 +157,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // If the DPR is deselected earlier, it has to be ready.
+    // If the flight controller deselects the DPR earlier, the DPR has to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -167,12 +167,12 @@ fn kept_selected_at_a_restart(restart: u64) {
     assert!(never(&log));
 }
 
-/// Returns the log of a run in which the events `what` happen at `at`, and nothing is seen of the DPR until `back`.
+/// Returns the log of a run in which the events `what` happen at `at`, and the DPR does nothing until `back`.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// Returns the log of [`restarted`] for a run of this plan.
+/// Returns the log of [`restarted`] for a run of the given plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -197,7 +197,7 @@ fn a_dpr_must_get_ready_in_time_after_a_restart() {
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // If the DPR did not restart, the violation is a silence.
+    // If the DPR did not restart, the violation is that nothing can be read.
     assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
@@ -239,8 +239,8 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // This is the only transaction of the cycle, so that its end is that of the misuse, and what it brought is
-        // forwarded.
+        // No other transaction is made around the end of the misuse, so that this one ends with the misuse and the
+        // image that it brought is forwarded.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -298,8 +298,8 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR stays busy until after the next transaction, which it does not serve, and neither does it serve the one
-    // after.
+    // The DPR stays busy until after the next transaction, so that it serves neither that transaction nor the one after
+    // it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
     late.events.retain(|event| {
@@ -353,7 +353,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // It is not known how long the DPR would have taken.
+    // The time until the DPR would have been ready is not known, so it is not in the figure.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -388,7 +388,7 @@ fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
     assert_eq!(found(&held_for(bounds::SSI_READY)), []);
     assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
     assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
-    // The buffers are still held at the end of the run.
+    // The processor still holds the buffers at the end of the run.
     let mut held = log.clone();
     let last = publication(plan.end - 12 * MS);
     held.events.retain(|event| event.at < last || event.what == What::End);
@@ -412,7 +412,7 @@ fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
         blind(&mut log, ended, ended + transactions * CONTROL_CYCLE);
         assert_eq!(found(&log), violations, "{transactions}");
     }
-    // Two transactions that are not successive meet the DPR busy.
+    // Two transactions that do not follow each other directly meet the DPR busy.
     let mut log = log.clone();
     blind(&mut log, ended, ended + 1);
     blind(&mut log, ended + 2 * CONTROL_CYCLE, ended + 2 * CONTROL_CYCLE + 1);
@@ -431,7 +431,7 @@ fn a_silence_without_a_timely_restart_is_a_violation() {
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // A DPR that hangs is restarted within 100 ms, which another rule judges.
+    // The watchdog restarts a DPR that hangs within 100 ms; another rule judges that.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -459,7 +459,7 @@ fn the_dpr_may_hold_its_buffers_once_an_image_has_expired() {
     plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
     let log = plan.log();
     assert_eq!(found(&log), []);
-    // The image may also expire as early as the DPR's fastest clock allows, but no earlier.
+    // The image may expire as early as the DPR's fastest clock allows, but no earlier.
     for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
         let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
         assert_eq!(found(&log), violations, "{after}");
@@ -550,7 +550,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // This profile is the one that the first transaction with this image brought.
+        // The profile that is forwarded here is the one that the first transaction with this image brought.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -610,11 +610,11 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The DPR is still selected when its time is over, and just afterwards.
+        // The DPR is still selected when its time is over and just after that.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // The DPR was deselected just before that, and has [`bounds::SSI_READY`] to become ready.
+        // The DPR was deselected just before its time was over, and has [`bounds::SSI_READY`] to become ready.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -670,17 +670,17 @@ fn a_dpr_that_restarts_while_selected_may_hold_its_buffers() {
 
 #[test]
 fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
-    // A reset without a supply changes nothing.
+    // A reset while the DPR has no supply changes nothing.
     let power = |on| What::Power { board: Board::Dpr, on };
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 260 * MS, dpr_reset(true));
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
-    // One absence of transactions is one violation.
+    // A restart of the DPR while no transactions are made does not cause a second violation.
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The longest time to readiness may have occurred before the restart.
+    // The longest time until readiness may have occurred before the restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -704,7 +704,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
             .map(|event| event.at)
             .collect();
         let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
-        // The transaction repeats an image, and is not the last of the run.
+        // The transaction repeats an image, and is not the last one of the run.
         let mut log = log;
         let repeats = |event: &Event| match event.what {
             What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),

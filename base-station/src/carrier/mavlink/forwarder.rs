@@ -1,20 +1,20 @@
-//! The flight controller's side: it chooses which objects are sent when.
+//! Runs in the flight controller: it chooses which objects are sent when.
 //!
 //! # Design
 //!
-//! A radio carries less than HORUS sends: 100 profiles of 244 bytes a second are 24 kB/s, a telemetry radio carries 1
-//! to 6. So the forwarder keeps the newest object of each kind and sends what its budget allows, always the newest, and
-//! never an object older than one that it has sent.
+//! A radio carries less than HORUS sends: 100 profiles of 244 bytes a second are 24 kB/s, and a telemetry radio carries
+//! 1 to 6 kB/s. So the forwarder keeps the newest object of each kind and sends what its budget allows: always the
+//! newest object, and never one that is older than one that it has sent.
 //!
 //! - These objects share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
-//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. None is ever split. A
-//!   vacant place is left out, or is zeros if it is between others.
+//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. No object is ever
+//!   split over two messages. An object that is missing is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice for that, Reported-Position is sent before
-//!   every message of the others, which take turns: the position is updated twice as often as the fastest receiver.
+//!   every one of the other messages, which take turns: the position is then updated twice as often as any receiver.
 //! - An object that is in the image again is not sent again.
 //!
-//! The budget is a bucket that fills by the bytes per second and holds what a tenth of a second brings, or one message.
-//! So the radio's own queue stays short, and its data stay recent.
+//! The budget is a bucket that fills by the bytes per second and holds what comes in a tenth of a second, or one
+//! message. So the radio's own queue stays short, and the data in it stay recent.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;
@@ -31,7 +31,7 @@ use crate::{Bundle, Place};
 const UNITS: [(Place, usize); 5] =
     [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
 
-/// The longest message, bytes: its frame and a full TUNNEL.
+/// The length of the longest message, bytes: its frame and a full TUNNEL.
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
 /// The interval of HEARTBEAT, µs: once a second, as the protocol specifies.
@@ -40,15 +40,16 @@ const HEARTBEAT_US: u64 = 1_000_000;
 /// The time after the last new Reported-Position for which HEARTBEAT reports HORUS's state, µs.
 const FRESH_US: u64 = 1_000_000;
 
-/// The rates of sending.
+/// The rates at which the forwarder sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
-    /// The bytes per second over the link, at least 100.
+    /// The bytes per second that are sent over the link, at least 100.
     pub bytes_per_s: u32,
     /// The shortest time from one message of a kind to the next, µs.
     pub period_us: u64,
-    /// The time from one standard position to the next, µs; if it is 0, neither those nor HEARTBEAT are sent. Ground
-    /// stations show them beside the vehicle's own position, so they must be enabled explicitly.
+    /// The time from one standard position message to the next, µs. If it is 0, neither standard messages nor HEARTBEAT
+    /// are sent. Ground stations show standard messages beside the vehicle's own position, so they must be enabled
+    /// explicitly.
     pub standard_us: u64,
 }
 
@@ -59,15 +60,15 @@ impl Default for Rates {
     }
 }
 
-/// The newest bytes of one object.
+/// The newest bytes of one object, and whether they have been sent.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     bytes: [u8; ReportedPosition::SIZE],
-    /// Whether they were not sent yet.
+    /// Whether the newest bytes of the object have not been sent yet.
     fresh: bool,
 }
 
-/// A forwarder. See the [module](self).
+/// The sender of objects in a flight controller. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Forwarder {
     system: u8,
@@ -75,11 +76,11 @@ pub struct Forwarder {
     rates: Rates,
     signer: Option<Signer>,
     newest: [Option<Newest>; Place::COUNT],
-    /// The instant at which each unit is due: one period after its last due instant, however late it was sent.
+    /// The instant at which each unit is due: one period after it was due the last time, however late it was sent then.
     due_us: [u64; UNITS.len()],
-    /// Whether Reported-Position was sent last, so that another unit is next.
+    /// Whether Reported-Position was sent last, so that one of the other messages is next.
     others_turn: bool,
-    /// The bytes that may be sent, in millionths, and the instant of that value.
+    /// The bytes that may be sent, in millionths, and the instant at which that number was right.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
     /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll that found
@@ -87,12 +88,12 @@ pub struct Forwarder {
     reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,
-    /// The sequence numbers of the flight controller's component, and of the one for standard messages.
+    /// The MAVLink sequence numbers of the flight controller's component, and of the component for standard messages.
     sequences: [u8; 2],
 }
 
 impl Forwarder {
-    /// A forwarder of a flight controller with this system and component id.
+    /// Returns a forwarder of a flight controller with this system and component id.
     #[must_use]
     pub fn new(system: u8, component: u8, rates: Rates) -> Self {
         Self {
@@ -112,21 +113,22 @@ impl Forwarder {
         }
     }
 
-    /// Signs everything that it sends.
+    /// Makes the forwarder sign everything that it sends.
     #[must_use]
     pub fn signed(mut self, signer: Signer) -> Self {
         self.signer = Some(signer);
         self
     }
 
-    /// Takes what was read from the DPR: objects as they are, without judging them. A vacant one replaces nothing.
+    /// Stores the objects that were read from the DPR, as they are, without judging them. An empty object replaces no
+    /// other.
     pub fn offer(&mut self, bundle: &Bundle<'_>) {
         for (place, from) in bundle.objects() {
             if matches!(place.judge(from), Shown::Vacant) {
                 continue;
             }
             let mut bytes = [0; ReportedPosition::SIZE];
-            // No object is longer than Reported-Position.
+            // Reported-Position is the longest object.
             for (to, from) in bytes.iter_mut().zip(from) {
                 *to = *from;
             }
@@ -138,8 +140,8 @@ impl Forwarder {
         }
     }
 
-    /// The next message that may be sent at `now_us`, µs of a clock that does not go back; to be called until there is
-    /// none. `unix_us`, µs since 1970, is only used for signatures.
+    /// Returns the next message that may be sent at `now_us`, µs of a clock that does not go back; to be called until
+    /// it returns `None`. `unix_us`, µs since 1970, is only used for signatures.
     pub fn poll(&mut self, now_us: u64, unix_us: u64) -> Option<Vec<u8>> {
         if std::mem::take(&mut self.reported.0) {
             self.reported.1 = Some(now_us);
@@ -148,7 +150,7 @@ impl Forwarder {
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
         self.bucket = (held.saturating_add(brought).min(most), now_us);
-        // The budget must suffice for any message; otherwise short messages would overtake long ones.
+        // The budget must suffice for the longest message; otherwise short messages would overtake long ones.
         if self.bucket.0 < LONGEST * 1_000_000 {
             return None;
         }
@@ -158,7 +160,7 @@ impl Forwarder {
         Some(bytes)
     }
 
-    /// HEARTBEAT, or a standard message with the newest Reported-Position, if one is due.
+    /// Returns HEARTBEAT, or a standard message with the newest Reported-Position, if one is due.
     fn next_standard(&mut self, now_us: u64) -> Option<Outgoing> {
         let period_us = self.rates.standard_us;
         let due = |last: Option<u64>, period_us| last.is_none_or(|last| now_us.saturating_sub(last) >= period_us);
@@ -181,7 +183,7 @@ impl Forwarder {
         self.standard.pop().map(Outgoing::Standard)
     }
 
-    /// The next objects that are due, the newest of each.
+    /// Returns the next message with objects that is due, with the newest object of each kind.
     fn next_tunnel(&mut self, now_us: u64) -> Option<Outgoing> {
         let is_due = |unit: usize| {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
@@ -218,7 +220,7 @@ impl Forwarder {
         self.newest[place.index()].is_none()
     }
 
-    /// The encoded message.
+    /// Returns the encoded message, with its sequence number and, if required, its signature.
     fn finish(&mut self, message: Outgoing, unix_us: u64) -> Vec<u8> {
         let (component, which) = match message {
             Outgoing::Tunnel(_) => (self.component, 0),

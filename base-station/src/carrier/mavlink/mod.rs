@@ -1,4 +1,4 @@
-//! MAVLink 2: objects in TUNNEL messages, and the standard messages beside them (decision 17).
+//! MAVLink 2: objects travel in TUNNEL messages, with standard messages beside them (decision 17).
 //!
 //! | file | what |
 //! |---|---|

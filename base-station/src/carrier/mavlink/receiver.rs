@@ -1,9 +1,10 @@
-//! The base station's side: it extracts the arriving objects.
+//! Runs in the base station: it finds the objects in arriving MAVLink.
 //!
 //! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, bytes that are no MAVLink
-//! at all. A frame with a wrong checksum is searched for another one from its second byte on, and one without a known
-//! good signature from its signature on: a message that was cut off there would have taken the beginning of the next
-//! one for its own end, and its checksum, which comes before, does not show it.
+//! at all. After a frame with a wrong checksum, the search for the next frame begins at its second byte. After a frame
+//! without a signature that is known to be good, the search begins at the place of its signature: if the message was
+//! cut off there, the beginning of the next message is in that place, and the checksum, which comes before it, does not
+//! show that.
 
 use std::fmt;
 
@@ -19,57 +20,57 @@ use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
 use crate::{Bundle, Who};
 
-/// The objects of one message.
+/// A message that brought objects.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// MAVLink's system id, which identifies the drone.
     pub system: u32,
-    /// The sender's component id.
+    /// The MAVLink component id of the sender.
     pub component: u8,
     tunnel: Tunnel,
 }
 
 impl Received {
-    /// The drone's id.
+    /// Returns the id of the drone that sent the message.
     #[must_use]
     pub const fn who(&self) -> Who {
         Who::System(self.system)
     }
 
-    /// The target system; 0 is all.
+    /// Returns the MAVLink system for which the message is; 0 is all.
     #[must_use]
     pub const fn target(&self) -> u8 {
         self.tunnel.target_system
     }
 
-    /// The objects.
+    /// Returns the objects in the message.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         self.tunnel.bundle()
     }
 }
 
-/// Totals.
+/// Totals of the messages that were received over MAVLink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Messages with objects.
+    /// The number of messages with objects.
     pub tunnels: u64,
-    /// Intact messages without objects.
+    /// The number of intact messages without objects.
     pub foreign: u64,
-    /// Messages with objects that were refused: not signed, wrongly signed, or replayed.
+    /// The number of messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with another payload type or length.
     pub malformed: u64,
-    /// TUNNEL messages whose checksum does not fit.
+    /// The number of TUNNEL messages with a wrong checksum.
     pub bad_crc: u64,
-    /// Datagrams of MAVLink 1, in which TUNNEL cannot travel.
+    /// The number of datagrams of MAVLink 1, which has no TUNNEL.
     pub version_1: u64,
 }
 
 /// A receiver of one link. See the [module](self).
 #[derive(Default)]
 pub struct Receiver {
-    /// The start of an incomplete message in a stream: less than the longest one.
+    /// The beginning of an incomplete message in a stream, which is shorter than the longest message.
     held: Vec<u8>,
     verifier: Option<Verifier>,
     counts: Counts,
@@ -82,25 +83,27 @@ impl fmt::Debug for Receiver {
 }
 
 impl Receiver {
-    /// A receiver; with a verifier it only accepts signed messages.
+    /// Returns a receiver; with a verifier it accepts only signed messages.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
         Self { verifier, ..Self::default() }
     }
 
-    /// Takes a datagram, which holds whole messages. `unix_us`, µs since 1970, is only used for signatures.
+    /// Processes a datagram, which holds whole messages, and returns those with objects. `unix_us`, µs since 1970, is
+    /// only used for signatures.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram has no more bytes, so an incomplete message here is none.
+            // A datagram ends here, so an incomplete message at its end is none.
             at += 1;
         }
         received
     }
 
-    /// Takes the next bytes of a stream: whole messages, or parts of them.
+    /// Processes the next bytes of a stream, which hold whole messages or parts of them, and returns the messages with
+    /// objects.
     pub fn stream(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let mut held = std::mem::take(&mut self.held);
         held.extend(bytes);
@@ -111,7 +114,7 @@ impl Receiver {
         received
     }
 
-    /// Takes every whole message of `bytes` from `at` on. Returns the position from which more bytes are needed.
+    /// Processes every whole message in `bytes` from `at` on. Returns the position from which on more bytes are needed.
     fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
         while let Some(candidate) = bytes.get(at..) {
             let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };
@@ -134,13 +137,13 @@ impl Receiver {
         bytes.len()
     }
 
-    /// Totals.
+    /// Returns the totals of received messages.
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// The objects in a message, if they are accepted, and whether its signature is known to be good.
+    /// Returns the objects in a message, if they are accepted, and whether the message's signature is known to be good.
     fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
         let Some(received) = received(raw) else {
             let count =
@@ -158,17 +161,17 @@ impl Receiver {
     }
 }
 
-/// The result of parsing at a marker.
+/// The result of parsing bytes that begin with MAVLink's start marker.
 enum Begin {
-    /// More bytes are needed to decide.
+    /// More bytes are needed to tell whether there is a message.
     Short,
-    /// It is no message, or a TUNNEL with a wrong checksum.
+    /// The bytes are no message, or a TUNNEL with a wrong checksum.
     None { bad_crc: bool },
-    /// A message whose checksum fits.
+    /// The bytes begin with a message whose checksum is right.
     Message(Box<MAVLinkV2MessageRaw>),
 }
 
-/// Parses these bytes, the first of which is a marker.
+/// Parses bytes that begin with MAVLink's start marker.
 fn begin(candidate: &[u8]) -> Begin {
     let (Some(payload), Some(flags)) = (candidate.get(PAYLOAD_LEN_OFFSET), candidate.get(INCOMPAT_FLAGS_OFFSET)) else {
         return Begin::Short;
@@ -189,7 +192,7 @@ fn begin(candidate: &[u8]) -> Begin {
     Begin::None { bad_crc: raw.message_id() == Tunnel::ID }
 }
 
-/// The objects in a message, if it is a TUNNEL with objects.
+/// Returns the objects in a message, if it is a TUNNEL with objects.
 fn received(raw: &MAVLinkV2MessageRaw) -> Option<Received> {
     let tunnel = Tunnel::deser(MavlinkVersion::V2, raw.payload()).ok().filter(|_| raw.message_id() == Tunnel::ID)?;
     tunnel.bundle()?;

@@ -1,4 +1,4 @@
-//! MAVLink 2's message signing, with the time as an argument.
+//! Signs and verifies MAVLink 2 messages; the time is an argument.
 //!
 //! A signature is the first 48 bits of SHA-256 over a secret key, the message, a link's number and a timestamp in units
 //! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It proves that the sender has the key, and by its
@@ -10,33 +10,34 @@ use std::collections::BTreeMap;
 use mavlink::MAVLinkV2MessageRaw;
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
 
-/// 2015-01-01T00:00:00Z, s since 1970.
+/// The instant 2015-01-01T00:00:00Z, s since 1970, from which signatures count time.
 const EPOCH_S: u64 = 1_420_070_400;
 
-/// The time by which an unknown stream may be behind, in units of 10 µs: one minute.
+/// The time by which the first message of an unknown stream may be behind this station's clock, in units of 10 µs: one
+/// minute.
 const NEW_STREAM: u64 = 6_000_000;
 
-/// The most streams that are stored.
+/// The greatest number of streams whose last timestamp is kept.
 const MAX_STREAMS: usize = 4_096;
 
-/// The signature time of an instant in µs since 1970.
+/// Returns the time of a signature, in units of 10 µs since 2015, for an instant in µs since 1970.
 #[must_use]
 pub const fn timestamp(unix_us: u64) -> u64 {
     unix_us.saturating_sub(EPOCH_S * 1_000_000) / 10
 }
 
-/// A secret key.
+/// A secret key for signatures.
 #[derive(Clone)]
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// A key from its 32 bytes.
+    /// Returns a key of these 32 bytes.
     #[must_use]
     pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// A key from 64 hexadecimal digits; `None` if it is anything else.
+    /// Returns a key from 64 hexadecimal digits; `None` if the text is anything else.
     #[must_use]
     pub fn from_hex(digits: &str) -> Option<Self> {
         let digit = |digit: char| digit.to_digit(16).and_then(|digit| u8::try_from(digit).ok());
@@ -47,7 +48,7 @@ impl Key {
     }
 }
 
-/// The key stays out of logs.
+/// The output shows nothing of the key, so that the key stays out of logs.
 impl fmt::Debug for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key(..)")
@@ -63,14 +64,14 @@ pub struct Signer {
 }
 
 impl Signer {
-    /// A signer for the link of this number.
+    /// Returns a signer for the link of this number.
     #[must_use]
     pub const fn new(key: Key, link: u8) -> Self {
         Self { key, link, last: 0 }
     }
 
-    /// Signs a message that was serialised with the flag for it, at `now` ([`timestamp`]). No two get the same
-    /// timestamp.
+    /// Signs a message, which must have been serialised with the flag for signed messages, at `now` ([`timestamp`]).
+    /// Each message gets a later timestamp than the one before.
     pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
         self.last = now.max(self.last + 1);
         *message.signature_link_id_mut() = self.link;
@@ -82,23 +83,24 @@ impl Signer {
     }
 }
 
-/// Accepts each signed message once, if its signature is by the given key.
+/// Accepts each signed message once, if it was signed with the given key.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
-    /// The last timestamp of each link, system and component.
+    /// The last timestamp of each stream: link, system and component.
     streams: BTreeMap<(u8, u32, u8), u64>,
 }
 
 impl Verifier {
-    /// A verifier for this key.
+    /// Returns a verifier for this key.
     #[must_use]
     pub const fn new(key: Key) -> Self {
         Self { key, streams: BTreeMap::new() }
     }
 
-    /// Whether the message is signed with the key, and newer than all of its stream before it. An unknown stream is
-    /// only compared with this station's clock: a sender whose clock is ahead must not shut out the others.
+    /// Returns whether the message is signed with the key, and newer than all earlier ones of its stream. The first
+    /// message of an unknown stream is only compared with this station's clock: a sender whose clock is ahead must not
+    /// shut out the others.
     pub fn verify(&mut self, now: u64, message: &MAVLinkV2MessageRaw) -> bool {
         if message.incompatibility_flags() & IFLAG_SIGNED == 0 {
             return false;

@@ -47,7 +47,7 @@ fn offer(forwarder: &mut Forwarder, image: &[u8]) {
     forwarder.offer(&Bundle::datagram(image).unwrap());
 }
 
-/// Takes all messages that may be sent now.
+/// Returns all messages that may be sent now.
 fn drain(forwarder: &mut Forwarder, now_us: u64) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| forwarder.poll(now_us, NOW + now_us)).collect()
 }
@@ -135,7 +135,8 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// The rates per second of Reported-Position and of the rarest GPS object, in tenths, and the bytes.
+/// Returns how often Reported-Position and the rarest GPS object are sent, in tenths per second, and the bytes per
+/// second.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -159,7 +160,7 @@ fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     (tenths(counts[1]), tenths(rarest), bytes / SECONDS as usize)
 }
 
-/// The forwarder behaves by the table of decision 17.
+/// Checks that the forwarder sends at the rates in the table of decision 17.
 #[test]
 fn the_table_of_rates_in_the_decision_is_right() {
     let text = include_str!("../../../../docs/decisions/0017-carriers-to-the-base-station.md");
@@ -196,7 +197,7 @@ fn a_heartbeat_without_fresh_data_says_so() {
     let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
     let mut states = vec![];
     for second in 0..4 {
-        // HORUS is silent after the first second.
+        // HORUS sends nothing after the first second.
         if second == 0 {
             let status = ReportedStatus::new().with_state(HorusState::EmergencyFired);
             let reported = ReportedValues { status, ..ReportedValues::absent(100) };
@@ -312,13 +313,13 @@ fn a_tunnel_of_somebody_else_is_foreign() {
     assert_eq!(Tunnel::ID, 385);
 }
 
-/// Other bytes on a link.
+/// Bytes on a link that are no message with objects.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         Just(vec![]),
         Just(foreign()),
         prop::collection::vec(any::<u8>(), 0..40),
-        // The beginning of a frame that does not continue.
+        // These bytes are the beginning of a frame that does not continue.
         prop::collection::vec(any::<u8>(), 0..6).prop_map(|rest| [vec![0xFD], rest].concat()),
     ]
 }
@@ -326,7 +327,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
 
-    /// Every whole message is found among foreign bytes that are cut anywhere, and nothing else.
+    /// Every whole message is found in a stream of foreign bytes that is cut anywhere, and nothing else is found.
     #[test]
     fn a_stream_is_read_whatever_is_between_and_however_it_is_cut(
         noises in prop::collection::vec(noise(), 1..12),
@@ -342,7 +343,7 @@ proptest! {
                 sent.push(frame);
             }
         }
-        // A false start of a long frame is recognised once enough bytes have followed.
+        // A false start of a long frame is recognised only once enough bytes have followed.
         line.extend([0; 600]);
         let mut receiver = Receiver::default();
         let mut received = vec![];
@@ -360,7 +361,7 @@ proptest! {
         prop_assert_eq!(received, expected);
     }
 
-    /// No input stops a receiver.
+    /// A receiver processes any input without a panic.
     #[test]
     fn anything_may_arrive(datagrams in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..600), 0..20)) {
         let mut receiver = Receiver::new(Some(Verifier::new(key(1))));
@@ -385,9 +386,9 @@ fn every_layout_is_forwarded_in_whole_objects() {
     }
 }
 
-/// The messages that pymavlink 2.4.50 sends (`common.tunnel_send` of system 42, component 1, link 5, key 0, 1, … 31)
-/// with the objects that this crate sealed, plain and signed; it read TUNNEL and the standard messages of [`Forwarder`]
-/// correctly.
+/// Recorded messages of pymavlink 2.4.50, plain and signed (`common.tunnel_send` of system 42, component 1, link 5, key
+/// 0, 1, … 31), with objects that this crate sealed. Conversely, pymavlink read TUNNEL and the standard messages of
+/// [`Forwarder`] correctly.
 const PYMAVLINK: [&str; 2] = [
     "fd650000002a0181010000c40000608517000000440300a802000000000000aa0000000000000032000000ca41fd64a4\
      06000000481b016036cd9de4bf47406416fd9e9a752140a91a7e7dec2e166455ac8040cdcc4cbdcfa2f63fcdcc4c3e00\
@@ -397,7 +398,7 @@ const PYMAVLINK: [&str; 2] = [
      00c07f0000c07f0000c07f669b1b2d25420500b8251aa5217b6ad87b095f",
 ];
 
-/// The time of that signature, µs since 1970.
+/// The time of the signature in the recorded message, µs since 1970.
 const PYMAVLINK_US: u64 = 1_790_000_320_000_000;
 
 fn bytes_of(digits: &str) -> Vec<u8> {

@@ -1,8 +1,8 @@
-//! TUNNEL, the message that carries objects, with a payload type of the private range.
+//! Encodes and decodes TUNNEL, the message that carries objects, with a payload type of the private range.
 //!
-//! The `mavlink` crate's own TUNNEL has the registered payload types as an enumeration, and refuses all others, so the
-//! message is laid out again here; framing, CRC and signature are that crate's. Layout, identifier 385 and CRC_EXTRA
-//! 147 are those of `common.xml`, and a test compares both.
+//! The `mavlink` crate's own TUNNEL has the registered payload types as an enumeration and refuses all others, so this
+//! module defines the message again; framing, CRC and signature are that crate's. The layout, the identifier 385 and
+//! CRC_EXTRA 147 are those of `common.xml`, and a test compares both.
 
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::ParserError;
@@ -14,10 +14,10 @@ use crate::{Bundle, Place};
 /// Bit 15 of a payload type: 32768 and above are for private use (`common.xml`, TUNNEL).
 pub const PRIVATE: u16 = 0x8000;
 
-/// The most bytes that one message carries.
+/// The greatest number of payload bytes in one message.
 pub const MAX_PAYLOAD: usize = 128;
 
-/// The payload type of a message with this first object: its identifier, with [`PRIVATE`] set.
+/// Returns the payload type of a message that begins with this object: the object's identifier, with [`PRIVATE`] set.
 #[must_use]
 pub fn payload_type(first: Place) -> Option<u16> {
     first.identifier().map(|identifier| PRIVATE | identifier.0)
@@ -28,18 +28,19 @@ pub fn payload_type(first: Place) -> Option<u16> {
 pub struct Tunnel {
     /// The type of the payload.
     pub payload_type: u16,
-    /// The target system; 0 is all.
+    /// The MAVLink system for which the message is; 0 is all.
     pub target_system: u8,
-    /// The target component; 0 is all.
+    /// The MAVLink component for which the message is; 0 is all.
     pub target_component: u8,
-    /// The number of used bytes of `payload`.
+    /// The number of bytes of `payload` that are used.
     pub length: u8,
     /// The payload, followed by zeros.
     pub payload: [u8; MAX_PAYLOAD],
 }
 
 impl Tunnel {
-    /// The message to all that carries these objects; `None` if they are more than [`MAX_PAYLOAD`] bytes.
+    /// Returns the message to all systems that carries these objects; `None` if they are longer than [`MAX_PAYLOAD`]
+    /// bytes.
     #[must_use]
     pub fn of(bundle: &Bundle<'_>) -> Option<Self> {
         let (first, _) = bundle.objects().next()?;
@@ -51,8 +52,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// The objects that it carries; `None` if it has another payload type. The carrier does not judge whether they are
-    /// intact.
+    /// Returns the objects that the message carries; `None` if it has another payload type. The carrier does not judge
+    /// whether the objects are intact.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);
@@ -74,14 +75,14 @@ impl MessageData for Tunnel {
         let (to_head, to_payload) = payload[..Self::ENCODED_LEN].split_at_mut(head.len());
         to_head.copy_from_slice(&head);
         to_payload.copy_from_slice(&self.payload);
-        // MAVLink 2 omits trailing zeros, but never the first byte.
+        // MAVLink 2 omits trailing zeros of the payload, but never its first byte.
         let used = payload[..Self::ENCODED_LEN].iter().rposition(|byte| *byte != 0);
         used.map_or(1, |last| last + 1)
     }
 
     fn deser(_version: MavlinkVersion, input: &[u8]) -> Result<Self, ParserError> {
         let mut whole = [0; Self::ENCODED_LEN];
-        // Fields that a later version may have appended are ignored.
+        // Fields that a later version may have appended to the message are ignored.
         let given = input.len().min(whole.len());
         whole[..given].copy_from_slice(&input[..given]);
         let [low, high, target_system, target_component, length, payload @ ..] = whole;

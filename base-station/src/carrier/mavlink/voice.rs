@@ -1,25 +1,27 @@
-//! The base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
+//! Sends the base station's own messages: HEARTBEAT, and uplink objects for drones. Both are off by default.
 //!
 //! # Design
 //!
-//! **HEARTBEAT** goes out once a second. An autopilot that only sends to known peers, or MAVLink 2 only to peers that
-//! use it, starts sending to a listening station once it receives this. The station must not look like a ground station
-//! that can fly: PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by default) both hold back their
-//! failsafe for a lost ground station while they receive one. So its type is MAV_TYPE_ONBOARD_CONTROLLER, and its
-//! system id [`SYSTEM`]. It goes to every serial line and, over UDP, to every peer received there within [`HEARD_US`]
-//! and to configured addresses.
+//! **HEARTBEAT** is sent once a second. Some autopilots send only to known peers, or send MAVLink 2 only to peers that
+//! use it; such an autopilot starts sending to a listening station once it receives HEARTBEAT from it. The station must
+//! not look like a ground station that can fly: PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by
+//! default) both hold back their failsafe for a lost ground station while they receive one. So the station's type is
+//! MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`]. HEARTBEAT is sent over every serial line and, over UDP,
+//! to every peer from which a message came within [`HEARD_US`] and to configured addresses.
 //!
-//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which must be newer than that of
-//! the one before for the DPR to store it. It is sent to its drone, signed, every [`AGAIN_US`], until the DPR's state
-//! has come back, or [`GIVES_UP_US`] have passed. Port-Status and the uplink that the DPR shows come back:
+//! **An uplink** is one object, sealed once with the station's time, ms since 1970. That time must be newer than that
+//! of the uplink before for the DPR to store the object. The object is sent to its drone, signed, every [`AGAIN_US`],
+//! until the DPR's state has come back, or [`GIVES_UP_US`] have passed. The DPR's state is Port-Status and the uplink
+//! that the DPR shows:
 //!
-//! | came back | the uplink is |
+//! | what came back | the uplink is |
 //! |---|---|
 //! | the object that was sent | [written](State::Written): the DPR has stored it |
-//! | Port-Status without it, over [`ANSWERS_US`] after its first sending | [refused](State::Refused), with reason |
-//! | nothing | [sent](State::Sent), at last [unanswered](State::Unanswered) |
+//! | Port-Status without it, over [`ANSWERS_US`] after it was first sent | [refused](State::Refused), with reason |
+//! | nothing | [sent](State::Sent), and finally [unanswered](State::Unanswered) |
 //!
-//! The answer to an earlier uplink may still be under way, so the second row waits. Written counts whenever it comes.
+//! The answer to an earlier uplink may still be under way, so the second row applies only after that time. The first
+//! row applies whenever the object comes back.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -41,13 +43,13 @@ pub const SYSTEM: u8 = 254;
 /// The station's component id, MAV_COMP_ID_ONBOARD_COMPUTER.
 pub const COMPONENT: u8 = 191;
 
-/// The interval of HEARTBEAT, µs.
+/// The time from one HEARTBEAT to the next, µs.
 pub const HEARTBEAT_US: u64 = 1_000_000;
 
-/// The time since the last message from a UDP peer within which it gets HEARTBEAT, µs.
+/// The time after the last message from a UDP peer for which HEARTBEAT is sent to it, µs.
 pub const HEARD_US: u64 = 10_000_000;
 
-/// The most UDP peers that get HEARTBEAT.
+/// The greatest number of UDP peers to which HEARTBEAT is sent.
 pub const MAX_HEARERS: usize = 64;
 
 /// The interval at which an uplink is sent again, µs.
@@ -59,24 +61,24 @@ pub const GIVES_UP_US: u64 = 5_000_000;
 /// The time after the first sending from which on an answer cannot belong to an earlier uplink, µs.
 pub const ANSWERS_US: u64 = 1_000_000;
 
-/// The most drones for which the last uplink is kept.
+/// The greatest number of drones for which the last uplink is kept.
 pub const MAX_SENDINGS: usize = 64;
 
 /// The state of an uplink.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It was sent; its outcome is not known yet.
+    /// The uplink was sent; its outcome is not known yet.
     Sent,
-    /// The DPR has stored it and shows it.
+    /// The DPR has stored the uplink and shows it.
     Written,
-    /// The DPR has not stored it; the text has the reason, where Port-Status gives one.
+    /// The DPR has not stored the uplink; the text has the reason, where Port-Status gives one.
     Refused(String),
-    /// It was sent, and no answer came.
+    /// The uplink was sent, and no answer came.
     Unanswered,
 }
 
 impl State {
-    /// The state's name for programs.
+    /// Returns the name of the state for programs.
     #[must_use]
     pub const fn code(&self) -> &'static str {
         match self {
@@ -87,7 +89,7 @@ impl State {
         }
     }
 
-    /// The reason why it was refused, if it was.
+    /// Returns the reason why the uplink was refused, if it was.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         match self {
@@ -100,28 +102,28 @@ impl State {
 /// A change of an uplink's state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UplinkChange {
-    /// The target drone.
+    /// The drone to which the uplink was sent.
     pub drone: DroneId,
-    /// The object.
+    /// The uplink object.
     pub uplink: Uplink,
-    /// The new state.
+    /// The new state of the uplink.
     pub state: State,
 }
 
-/// The last uplink to one drone.
+/// The last uplink that was sent to a drone.
 #[derive(Clone, Debug)]
 pub struct Sending {
-    /// The object.
+    /// The uplink object.
     pub uplink: Uplink,
-    /// The instant at which it was sent first, µs.
+    /// The instant at which the uplink was first sent, µs.
     pub since_us: u64,
-    /// The number of times that it was sent.
+    /// The number of times that the uplink was sent.
     pub times: u32,
-    /// The state.
+    /// The state of the uplink.
     pub state: State,
-    /// The instant at which the outcome was known, µs; before that, of the last sending.
+    /// The instant at which the outcome of the uplink became known, µs; before that, the instant of the last sending.
     pub at_us: u64,
-    /// The first Port-Status after it was sent.
+    /// The first Port-Status that arrived after the uplink was sent.
     first: Option<PortValues>,
 }
 
@@ -130,11 +132,11 @@ pub struct Sending {
 pub enum NotSent {
     /// This station sends no uplinks.
     NotAllowed,
-    /// There is no such drone.
+    /// There is no drone with this id.
     UnknownDrone,
-    /// The drone is not received by MAVLink, so it cannot be reached.
+    /// The drone cannot be reached, because its messages do not come over MAVLink.
     NoWay,
-    /// Uplinks to [`MAX_SENDINGS`] other drones are under way.
+    /// Uplinks to [`MAX_SENDINGS`] other drones are under way already.
     TooMany,
 }
 
@@ -149,26 +151,26 @@ impl std::fmt::Display for NotSent {
     }
 }
 
-/// A message's destination: a line, and an address of it if it has addresses.
+/// The destination of a message: a line, and an address on it if it has addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct To {
-    /// The line's number; `None` is every line without addresses.
+    /// The number of the line; `None` stands for every line without addresses.
     pub line: Option<u16>,
-    /// The address.
+    /// The address on the line.
     pub address: Option<SocketAddr>,
 }
 
-/// The receivers of HEARTBEAT.
+/// The peers to which HEARTBEAT is sent.
 #[derive(Debug, Default)]
 struct Heartbeat {
-    /// The configured addresses.
+    /// The addresses that the user has configured.
     to: Vec<SocketAddr>,
-    /// Line and address of each received peer, and the instant of its last message, µs.
+    /// The line and address of each peer from which messages came, and the instant of its last message, µs.
     heard: BTreeMap<(u16, SocketAddr), u64>,
     last_us: Option<u64>,
 }
 
-/// The messages of a station. See the [module](self).
+/// The sender of a station's own messages. See the [module](self).
 #[derive(Debug)]
 pub struct Voice {
     system: u8,
@@ -176,40 +178,41 @@ pub struct Voice {
     signer: Option<Signer>,
     heartbeat: Option<Heartbeat>,
     uplinks: Option<BTreeMap<DroneId, Sending>>,
-    /// The timestamp of the last sealed uplink, ms.
+    /// The timestamp of the uplink that was sealed last, ms.
     sealed: Option<u32>,
-    /// Changes of uplinks' states that were not taken yet.
+    /// The changes of uplinks' states that [`Voice::take_told`] has not returned yet.
     told: Vec<UplinkChange>,
 }
 
 impl Voice {
-    /// A station with this system id that sends nothing yet; a signer signs its messages.
+    /// Returns a sender of the messages of a station with this system id, which sends nothing yet; `signer` signs its
+    /// messages.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
         Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
     }
 
-    /// Enables HEARTBEAT, also to these addresses.
+    /// Enables HEARTBEAT, which is also sent to these addresses.
     #[must_use]
     pub fn with_heartbeat(mut self, to: Vec<SocketAddr>) -> Self {
         self.heartbeat = Some(Heartbeat { to, ..Heartbeat::default() });
         self
     }
 
-    /// Enables uplinks, if it can sign them.
+    /// Enables uplinks, if there is a signer for them.
     #[must_use]
     pub fn with_uplinks(mut self) -> Self {
         self.uplinks = self.signer.is_some().then(BTreeMap::new);
         self
     }
 
-    /// Whether uplinks can be sent.
+    /// Returns whether uplinks can be sent.
     #[must_use]
     pub const fn sends_uplinks(&self) -> bool {
         self.uplinks.is_some()
     }
 
-    /// Records a message from this address over this line of MAVLink datagrams.
+    /// Records that a message came from this address over this line of MAVLink datagrams.
     pub fn heard(&mut self, line: u16, from: SocketAddr, at_us: u64) {
         let Some(Heartbeat { heard, .. }) = &mut self.heartbeat else { return };
         if heard.len() >= MAX_HEARERS {
@@ -220,11 +223,12 @@ impl Voice {
         }
     }
 
-    /// Sends an uplink to a drone, in place of an earlier one that is under way. Returns its timestamp, ms.
+    /// Begins to send an uplink to a drone, in place of an earlier one that is under way. Returns the uplink's
+    /// timestamp, ms.
     ///
     /// # Errors
     ///
-    /// The uplink cannot be sent.
+    /// Returns why the uplink cannot be sent.
     pub fn send(
         &mut self,
         now_us: u64,
@@ -241,7 +245,7 @@ impl Voice {
             let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
             uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
         }
-        // The low 32 bits wrap every 50 days, and the DPR's comparison allows for it.
+        // The low 32 bits of the time wrap every 50 days, and the DPR's comparison allows for that.
         let now_ms = (now_us / 1_000) as u32;
         let timestamp = match self.sealed {
             Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
@@ -255,18 +259,19 @@ impl Voice {
         Ok(timestamp)
     }
 
-    /// The last uplink to a drone.
+    /// Returns the last uplink to a drone.
     #[must_use]
     pub fn sending(&self, drone: DroneId) -> Option<&Sending> {
         self.uplinks.as_ref()?.get(&drone)
     }
 
-    /// Takes the changes of uplinks' states since the last call, in order.
+    /// Returns the changes of uplinks' states since the last call, in order.
     pub fn take_told(&mut self) -> Vec<UplinkChange> {
         std::mem::take(&mut self.told)
     }
 
-    /// The messages to send at `now_us`, µs since 1970, with their destinations; also evaluates the answers to uplinks.
+    /// Returns the messages to send at `now_us`, µs since 1970, with their destinations. Also evaluates the answers to
+    /// uplinks.
     pub fn tick(&mut self, now_us: u64, fleet: &Fleet) -> Vec<(To, Vec<u8>)> {
         let mut out = vec![];
         for to in self.heartbeat_due(now_us) {
@@ -291,7 +296,7 @@ impl Voice {
         out
     }
 
-    /// The destinations to which HEARTBEAT is due now.
+    /// Returns the destinations to which HEARTBEAT is due now.
     fn heartbeat_due(&mut self, now_us: u64) -> Vec<To> {
         let Some(Heartbeat { to, heard, last_us }) = &mut self.heartbeat else { return vec![] };
         if last_us.is_some_and(|last_us| now_us.saturating_sub(last_us) < HEARTBEAT_US) {
@@ -345,7 +350,8 @@ impl Voice {
 }
 
 impl Sending {
-    /// Evaluates the answers by `now_us`. Returns whether the uplink must be sent (again).
+    /// Evaluates the answers to a drone's uplink that have come by `now_us`. Returns whether the uplink must be sent,
+    /// for the first time or again.
     fn look(&mut self, now_us: u64, fleet: &Fleet, drone: DroneId) -> bool {
         let Some(heard) = fleet.get(drone) else { return false };
         let came_back = heard.uplink() == Some(&self.uplink);
@@ -375,7 +381,8 @@ impl Sending {
     }
 }
 
-/// The reason why the DPR has not stored an uplink, from its first Port-Status and its present one.
+/// Returns the reason why the DPR has not stored an uplink, from the first Port-Status after it was sent and the
+/// present one.
 fn why(first: &PortValues, now: &PortValues) -> String {
     let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
     let words = |kind: &Violation| match kind {
@@ -393,7 +400,7 @@ fn why(first: &PortValues, now: &PortValues) -> String {
     }
 }
 
-/// The MAVLink system id under which a drone can be reached.
+/// Returns the MAVLink system id under which a drone can be reached.
 fn system_of(drone: DroneId) -> Option<u8> {
     match drone.who {
         Who::System(system) => u8::try_from(system).ok(),

@@ -1,21 +1,21 @@
-//! The page: the station's state in a browser.
+//! Serves the page, which shows the station's state in a browser.
 //!
 //! # Design
 //!
-//! **Read-only.** Only the pace of a playback can be written, where one is played back, and an uplink to a drone, where
-//! the station was started with uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user who may open the
-//! page sees every drone; by default it is reachable only from this machine.
+//! **Read-only.** Only the pace of a playback can be changed from the page, and an uplink sent to a drone, if the
+//! station was started with uplinks enabled ([`voice`](crate::carrier::mavlink::voice)). A user who may open the page
+//! sees every drone; by default it can be opened only on this machine.
 //!
-//! **Pushed.** Server-sent events come at most every [`PUSH`], each with a whole state: a slow reader gets fewer, never
-//! old ones, because a state is made when the connection can accept it. So a connection holds one state, and no queue
-//! grows. The first state of a connection includes the drone's last ten minutes ([`history`](super::history)), at most
-//! 150 kB. A browser allows six connections to one host, so all its tabs share one, which carries a state for each
-//! displayed drone (`stream.js`).
+//! **Pushed.** Server-sent events come at most every [`PUSH`], each with a whole state: a slow reader gets fewer
+//! states, never old ones, because a state is made when the connection can accept it. So a connection holds one state,
+//! and no queue grows. The first state of a connection includes the drone's last ten minutes
+//! ([`history`](super::history)), at most 150 kB. A browser allows six connections to one host, so all its tabs share
+//! one, which carries a state for each displayed drone (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
-//! Requests whose Host is not this machine's name, or an address in numbers where the station listens on another
-//! address, are refused, so that no foreign page reaches it through a name that resolves to this machine. Requests that
-//! change something are accepted only from this page.
+//! A request is refused unless its Host is this machine's name or, if the station listens on another address, an
+//! address in numbers. So no foreign page can reach the station through a name that resolves to this machine. Requests
+//! that change something are accepted only from this page.
 
 mod state;
 #[cfg(test)]
@@ -52,42 +52,44 @@ pub const PUSH: Duration = Duration::from_millis(16);
 /// The shortest interval at which a state includes the list of all drones.
 pub const LIST: Duration = Duration::from_millis(500);
 
-/// The time after which a browser that has lost the station tries again.
+/// The time after which a browser that has lost the connection to the station tries again.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// The most drones that can be requested over one connection; their states are sent in turn.
+/// The greatest number of drones that can be requested over one connection; their states are sent in turn.
 pub const MAX_ASKED: usize = 16;
 
-/// The most browsers that may watch at once; further ones are refused until later.
+/// The greatest number of browsers that may read states at once; further ones are refused until one ends.
 pub const MAX_WATCHERS: usize = 256;
 
-/// The browser's loading policy: only content from this server.
+/// The content security policy: the browser loads content only from this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// The access rights to a page.
+/// The conditions under which a client may use a page.
 #[derive(Clone, Debug)]
 pub struct Access {
     local: bool,
-    /// The login that a request must contain.
+    /// The login that a request must contain, if one is required.
     login: Option<String>,
 }
 
 impl From<SocketAddr> for Access {
-    /// Access for every client that reaches this address.
+    /// Returns the access of a page that every client may use that reaches this address.
     fn from(address: SocketAddr) -> Self {
         Self { local: address.ip().is_loopback(), login: None }
     }
 }
 
 impl Access {
-    /// Access only with the login `user:password` (HTTP's Basic, which does not hide it: TLS is for a proxy before it).
+    /// Returns the access of a page that requires the login `user:password`. It is sent by HTTP's Basic scheme, which
+    /// does not hide it: for TLS, a proxy is needed before the page.
     #[must_use]
     pub fn with_login(self, login: &str) -> Self {
         Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
     }
 
-    /// Whether the request has the login; the duration of the check does not reveal how much of it was right.
+    /// Returns whether the request has the login. The duration of the check does not reveal how much of the login was
+    /// right.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let Some(login) = &self.login else { return true };
         let said = text(headers, header::AUTHORIZATION).unwrap_or_default();
@@ -96,7 +98,7 @@ impl Access {
     }
 }
 
-/// The state that every request needs.
+/// The station, and what else is needed to answer a request.
 #[derive(Clone)]
 struct Page {
     station: Station,
@@ -104,8 +106,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// The page of a station, for clients with `access`; a player's pace can be set. Uplinks can be sent if the station has
-/// them enabled by now.
+/// Returns the page of a station, for clients with `access`; with a `player`, its pace can be set. Uplinks can be sent
+/// if the station has them enabled at the time of the request.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
@@ -125,7 +127,7 @@ pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<A
     guarded(router.with_state(page), access)
 }
 
-/// Guards these pages with `access` and the common rules of every page here: other hosts' names are refused, and every
+/// Applies `access` and the common rules of every page here to these pages: other hosts' names are refused, and every
 /// answer has the content security policy.
 pub fn guarded(router: Router, access: impl Into<Access>) -> Router {
     router.layer(middleware::from_fn_with_state(access.into(), guard))
@@ -135,7 +137,7 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
-/// Refuses other hosts' names and clients without access, and sets the headers that every answer has.
+/// Refuses requests with other hosts' names and clients without access, and sets the headers that every answer has.
 async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let foreign = !request.method().is_safe() && !is_own_page(request.headers());
     if foreign || !is_served_as(access.local, request.headers()) {
@@ -162,8 +164,8 @@ fn text(headers: &HeaderMap, name: impl header::AsHeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or_default())
 }
 
-/// Whether the request names this page in a way that a foreign page cannot make resolve here: by this machine's name
-/// or, where the page is not for this machine alone, by an address in numbers.
+/// Returns whether the request's Host is a name that a foreign page cannot make resolve to this machine: this machine's
+/// own name or, if the page is not for this machine alone, an address in numbers.
 fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
@@ -172,7 +174,8 @@ fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
 }
 
-/// Whether a change is requested by this page, or by no browser. A browser names the requesting site.
+/// Returns whether a change is requested by this page, or not by a browser. A browser names the site that requests
+/// something.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
@@ -180,12 +183,12 @@ fn is_own_page(headers: &HeaderMap) -> bool {
         && text(headers, "sec-fetch-site").is_none_or(|site| matches!(site, "same-origin" | "none"))
 }
 
-/// The parts of a query, each a name and its value.
+/// Returns the parts of a query, each a name and its value.
 fn parts(query: Option<&str>) -> impl Iterator<Item = (Cow<'_, str>, Cow<'_, str>)> {
     form_urlencoded::parse(query.unwrap_or_default().as_bytes())
 }
 
-/// The first value of this name in a query.
+/// Returns the first value of this name in a query.
 fn value<'a>(query: Option<&'a str>, name: &str) -> Option<Cow<'a, str>> {
     parts(query).find_map(|(is, value)| (is == name).then_some(value))
 }
@@ -215,7 +218,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         if round.next == 0 {
             if round.listed.is_some() {
                 sleep(PUSH).await;
-                // Without the station the page has no purpose.
+                // If the station has ended, the page has no purpose any more.
                 changes.changed().await.ok()?;
             }
             changes.mark_unchanged();
@@ -227,7 +230,8 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         }
         let Round { drones, next, with, .. } = &mut round;
         let Asked { name, shown } = &mut drones[*next];
-        // The shown drone stays, even if none was requested: another drone that comes later does not replace it.
+        // The connection keeps the drone that it shows, even if none was requested: a drone that comes later does not
+        // replace it.
         if shown.is_none() {
             *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
@@ -240,11 +244,11 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// The states that one connection gets: the requested drones, in turn.
+/// The drones that were requested over one connection, of which one state is sent at a time, in turn.
 struct Round {
     /// The requested drones, at least one.
     drones: Vec<Asked>,
-    /// The index of the drone whose state is next.
+    /// The index of the requested drone whose state is sent next.
     next: usize,
     /// The instant at which the list of all drones was last sent.
     listed: Option<Instant>,
@@ -257,7 +261,7 @@ struct Asked {
     shown: Option<String>,
 }
 
-/// The drones that the query requests, each once: any drone if it requests none.
+/// Returns the drones that the query requests, each once; if it requests none, the result is one entry for any drone.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
@@ -273,7 +277,7 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
 }
 
 /// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Returns the number of such
-/// changes: a state with that count reflects them.
+/// changes so far: a state with this number, or a greater one, reflects the change.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
     if query.is_empty() {
@@ -293,7 +297,7 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
 }
 
 /// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, padded with zeros, and `status=` a number, 0
-/// by default. Returns its timestamp; the page's state then shows the uplink's state.
+/// by default. Returns the uplink's timestamp; the state of the page then shows what becomes of the uplink.
 async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let query = query.unwrap_or_default();
     let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
@@ -317,7 +321,7 @@ async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     }
 }
 
-/// The bytes of an uplink's payload in hexadecimal digits.
+/// Returns the bytes of an uplink's payload from hexadecimal digits.
 fn payload(digits: &str) -> Option<[u8; Uplink::PAYLOAD]> {
     let mut payload = [0; Uplink::PAYLOAD];
     let pairs = digits.as_bytes().chunks(2);

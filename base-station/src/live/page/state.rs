@@ -1,4 +1,4 @@
-//! The station's state in the page's format. Ages are those of the instant at which a state is made.
+//! Formats the station's state for the page. Ages are those of the instant at which a state is made.
 
 use profile::ResetReason;
 use serde::Serialize;
@@ -13,15 +13,15 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 
 #[derive(Serialize)]
 struct State {
-    /// µs since 1970.
+    /// The instant at which the state was made, µs since 1970.
     now_us: u64,
     /// The requested drone; empty if none was requested.
     asked: String,
     playback: Option<Playback>,
     station: About,
-    /// The list of all drones, each half second.
+    /// The list of all drones, which is sent every half second.
     drones: Option<Vec<Line>>,
-    /// Changes of alarms, sent with the list of all drones, the oldest first.
+    /// The alarms that began or ended, the oldest first; sent with the list of all drones.
     log: Option<Vec<Change>>,
     drone: Option<Detail>,
     /// The drone's history, sent only with a connection's first state.
@@ -29,12 +29,14 @@ struct State {
     history: Option<Vec<Sample>>,
 }
 
-/// A change of an alarm: instant (ms since 1970), drone, alarm, whether it is critical, whether it was raised.
+/// The beginning or the end of an alarm: instant (ms since 1970), drone, alarm, whether it is critical, whether it
+/// began.
 #[derive(Serialize)]
 struct Change(u64, String, &'static str, bool, bool);
 
-/// A drone at an instant: the instant (ms since 1970), the reported position, those of the receivers (degrees), the
-/// height (m), the greatest age (s) and the least number of agreeing receivers in the time before.
+/// A sample of a drone: the instant (ms since 1970), the reported position, those of the receivers (degrees), the
+/// height (m), and, over the time since the sample before, the greatest age (s) and the least number of agreeing
+/// receivers.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
@@ -43,11 +45,11 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The count in the answer to a change of speed or place.
+    /// The number of changes of speed or place so far, which the answer to a change has too.
     changes: u64,
 }
 
-/// The faults of the station itself.
+/// The faults and the settings of the station itself.
 #[derive(Serialize)]
 struct About {
     lines: Vec<(String, String)>,
@@ -55,14 +57,14 @@ struct About {
     recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
-    /// The drones' messages refused for lack of room, and the drones dropped to make room.
+    /// The number of messages that were refused for lack of room, and of drones that were dropped to make room.
     refused: u64,
     forgotten: u64,
-    /// The severity of an old position.
+    /// The rank of the severity that an old position has.
     stale_rank: usize,
     /// Whether only signed MAVLink is accepted.
     signed: bool,
-    /// The reasons for refusing messages unread, as text, and their counts.
+    /// The reasons for which messages were refused without being read, as text, and how often each occurred.
     unread: Vec<(&'static str, u64)>,
     /// Whether uplinks can be sent to drones.
     uplinks: bool,
@@ -74,10 +76,10 @@ struct Line {
     id: String,
     age_ms: Option<u64>,
     state: Option<&'static str>,
-    /// The most severe alarm.
+    /// The most severe alarm of the drone.
     worst: Option<Worst>,
     alarms: usize,
-    /// Latitude and longitude, if they are valid and not old.
+    /// Latitude and longitude of the drone, if they are valid and not old.
     place: Option<[f64; 2]>,
 }
 
@@ -85,7 +87,7 @@ struct Line {
 struct Worst {
     words: &'static str,
     critical: bool,
-    /// The severity rank, of which 0 is the highest.
+    /// The rank of the alarm's severity, of which 0 is the highest.
     rank: usize,
 }
 
@@ -108,7 +110,7 @@ struct Raised {
 #[derive(Serialize)]
 struct Detail {
     id: String,
-    /// The source of its messages as text, and whether they are signed.
+    /// The source of the drone's messages as text, and whether they are signed.
     from: String,
     signed: bool,
     stale: bool,
@@ -137,16 +139,16 @@ struct Port {
 /// The last uplink that was sent to the drone.
 #[derive(Serialize)]
 struct Uplink {
-    /// Its timestamp, ms of this station's clock, which identifies it.
+    /// The timestamp of the uplink, ms of this station's clock, which identifies it.
     timestamp: u32,
     status: u16,
     payload: String,
-    /// `sent`, `written`, `refused` or `unanswered`.
+    /// The state of the uplink: `sent`, `written`, `refused` or `unanswered`.
     state: &'static str,
-    /// The reason why it was refused.
+    /// The reason why the uplink was refused.
     why: Option<String>,
     times: u32,
-    /// The time from its first sending until the outcome was known, or until now, ms.
+    /// The time from the first sending of the uplink until its outcome was known, or until now, ms.
     after_ms: u64,
     ago_ms: u64,
 }
@@ -177,11 +179,11 @@ struct Reported {
     degraded: bool,
     memory_fault: bool,
     reset: &'static str,
-    /// Whether its last reset was caused by power-on or by its pin.
+    /// Whether HORUS's last reset was caused by power-on or by its reset pin.
     reset_usual: bool,
-    /// Latitude, longitude and height: degrees, degrees, m.
+    /// The reported latitude (degrees), longitude (degrees) and height (m).
     position: [f64; 3],
-    /// Pitch, yaw, roll, degrees.
+    /// The reported pitch, yaw and roll, degrees.
     attitude: Option<[f32; 3]>,
     acceleration: Option<[f32; 3]>,
 }
@@ -194,7 +196,7 @@ struct Gps {
     heard: bool,
     stale: bool,
     excluded: bool,
-    /// The age of its solution when HORUS sent it.
+    /// The age of the receiver's solution when HORUS sent it, as text.
     solution: String,
     position: [f64; 3],
 }
@@ -208,7 +210,7 @@ struct Link {
     received: u32,
     missed: u32,
     violations: u16,
-    /// The age of Reported-Position when the image was made.
+    /// The age of the sample of Reported-Position when the DPR made the image.
     sample_age_ms: f64,
     reset: &'static str,
 }
@@ -227,16 +229,17 @@ struct Counts {
     restarts: u64,
 }
 
-/// The optional parts of a state beside the details of one drone.
+/// The parts of a state that are sent only at times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct With {
-    /// All drones.
+    /// Whether the list of all drones is sent.
     pub(super) list: bool,
-    /// The drone's last minutes.
+    /// Whether the drone's last minutes are sent.
     pub(super) history: bool,
 }
 
-/// The state, with the details of `drone`, or of the first one if it is `None`, for the query `asked`.
+/// Returns the state in JSON, with the details of `drone`, or of the first drone if it is `None`, for the query
+/// `asked`.
 pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
     let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
@@ -272,9 +275,9 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            // The count is read first, so that the state reflects the counted changes.
+            // The number of changes is read first, so that the state reflects all changes that are counted in it.
             let changes = player.changes();
-            // The place is the player's, because the station's lags while it goes back.
+            // The place is that of the player, because the station's is behind it while the player goes back.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
@@ -314,7 +317,7 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
     }
 }
 
-/// The drone of this name or, if that one is gone, another sender with the same id.
+/// Returns the drone of this name or, if that one is gone, another sender with the same id.
 pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {

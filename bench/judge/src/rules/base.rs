@@ -1,15 +1,15 @@
-//! Compares what the base station shows with what was forwarded.
+//! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
 //! When a transaction brings a whole and sound profile of another cycle than the one that was forwarded last, the
-//! flight controller has to forward it at once, unless [`Excuse::Service`] holds: then the conduct of the flight
-//! controller itself is at fault.
+//! flight controller has to forward it at once. While [`Excuse::Service`] holds this is not required, because the
+//! conduct of the flight controller itself is at fault then.
 //!
 //! # One cause, one violation
 //!
-//! - Bytes that were changed on the way are [`Violation::BaseChanged`], and the profile that they came from is not
-//!   missed as well.
-//! - A profile whose shown objects are of several cycles, and that was not forwarded so, is [`Violation::BaseMixed`]
-//!   alone. If it was forwarded so, it is a torn read, which another rule finds in the transaction.
+//! - Bytes that were changed on the way to the base station are [`Violation::BaseChanged`], and the profile that they
+//!   came from is not reported as missing as well.
+//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone if the flight controller did
+//!   not forward it so. If it was forwarded so, it is a torn read, which another rule finds in the transaction.
 //! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
 
 use std::collections::VecDeque;
@@ -20,19 +20,20 @@ use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The number of read profiles that are kept. Few suffice, because the flight controller forwards at once.
+/// The number of profiles that are kept after they were read. A few are enough, because the flight controller forwards
+/// each at once.
 const READ: usize = 4;
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that compares what the base station shows with what was forwarded; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Base {
     /// The profiles that the last transactions brought.
     read: VecDeque<Vec<u8>>,
     /// The profiles that were forwarded and have not arrived: when each was forwarded, ns, and its bytes.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// When each profile arrived that was not forwarded, ns.
+    /// When each profile arrived that differs from all that were forwarded, ns.
     strange: VecDeque<u64>,
-    /// When a profile was read that has to be forwarded at once, ns, and its timestamp, ms.
+    /// The profile that has been read and has to be forwarded at once: when it was read, ns, and its timestamp, ms.
     owed: Option<(u64, u32)>,
     /// The timestamp of the profile that was forwarded last, ms.
     forwarded: Option<u32>,
@@ -94,7 +95,7 @@ impl Rule for Base {
 }
 
 impl Base {
-    /// Reports at `now` a profile that had to be forwarded earlier and was not.
+    /// Reports at `now` a profile that had to be forwarded earlier than that and was not.
     fn owes(&mut self, now: u64, findings: &mut Findings) {
         if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
             self.forwarded = Some(timestamp);
@@ -103,7 +104,6 @@ impl Base {
     }
 
     fn arrived(&mut self, at: u64, profile: &[u8], shown: u8, layout: Layout, findings: &mut Findings) {
-        // These are the timestamps of the objects that are valid in their places.
         let mut valid = 0_u8;
         let mut stamps = [None; 8];
         for (index, stamp) in stamps.iter_mut().enumerate().take(layout.objects()) {
@@ -137,7 +137,7 @@ impl Base {
         }
     }
 
-    /// Reports as missed what was forwarded before `until` and has not arrived, unless it arrived changed.
+    /// Reports each profile as missed that was forwarded before `until` and has not arrived, unless it arrived changed.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -146,7 +146,7 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A profile that is still to arrive cannot be one of these.
+        // A changed profile that arrived before `until` cannot come from a profile that was forwarded later.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }

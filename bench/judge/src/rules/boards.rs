@@ -1,24 +1,25 @@
 //! Judges restarts, findings, misuse, load, the firmwares' own counters and the bench's own lateness.
 //!
-//! # When a counter is a complaint
+//! # When a fault counter is a violation
 //!
-//! What a firmware counts about itself supplements what is seen from outside. A fault counter that is not zero is a
-//! violation only if nothing in the log explains it:
+//! What a firmware counts about itself supplements what is observed from outside. A fault counter that is not zero is a
+//! violation only if nothing in the log explains the faults:
 //!
 //! | explained by | because |
 //! |---|---|
 //! | an injected fault, as far as [`complaints`] says | the bench caused it |
-//! | a start of HORUS, for what the DPR counts | a frame was cut off |
+//! | a start of HORUS, for the DPR's counters | a frame was cut off |
 //! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
-//! | a frame that reached the DPR's antenna changed or not at all, for what the DPR counts | no board is at fault |
+//! | a frame that reached the DPR's antenna changed or not at all, for the DPR's counters | no board is at fault |
 //!
-//! When a board starts, the explanations of its earlier complaints end, because it counts from zero then.
+//! When a board starts, the explanations of the faults that it counted before end, because its counters start from zero
+//! then.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
 //! | HORUS | `frames_skipped` | slots that passed without a frame to fire |
 //! | HORUS | `rf_faults` | faults of the front end |
-//! | HORUS | `cycle_overruns` | ticks at which the cycle before had not ended |
+//! | HORUS | `cycle_overruns` | ticks at which the task of the cycle before had not ended |
 //! | HORUS | a line's `overruns` | bytes of a receiver that were lost |
 //! | DPR | `scrub_faults` | stuck bits found by scrubs |
 //! | DPR | `rf_faults` | faults of the front end, frames that began but were not delivered |
@@ -29,14 +30,14 @@
 //!
 //! # A board that hangs
 //!
-//! The bench can stop a board's core. The board's own watchdog must then restart it within the longest time that this
-//! watchdog may take, unless the board restarts for another reason or loses its supply before. That one reset by the
-//! watchdog counts as asked for. Any other reset of a hung board is judged as usual, since a core that executes nothing
-//! cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays hung is
-//! reported once.
+//! The bench can stop a board's core. The board's own watchdog must then restart the board within the longest time that
+//! this watchdog may take, unless the board restarts for another reason or loses its supply before. That one reset by
+//! the watchdog counts as asked for. Any other reset of a hung board is judged as usual, since a core that executes
+//! nothing cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays
+//! hung is reported once.
 //!
-//! The same holds for a board with a dead task ([`Disturbance::DeadTask`]), with two differences: its watchdog may be
-//! fed once more for what that task had done before, and the rest of its firmware runs on.
+//! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences: its
+//! watchdog may be fed once more, because that task may have checked in before, and the rest of its firmware runs on.
 
 use std::collections::BTreeMap;
 
@@ -66,7 +67,7 @@ impl Of {
     }
 }
 
-/// A fault counter that is not zero.
+/// A fault counter of a firmware that is not zero.
 #[derive(Clone, Debug)]
 struct Complaint {
     board: Board,
@@ -75,16 +76,16 @@ struct Complaint {
     value: u32,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges restarts, findings, misuse, load and counters of both boards; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// Whether something other than an injected fault explains that HORUS's firmware, or the DPR's, counts faults since
-    /// its last start.
+    /// For HORUS and for the DPR, whether something other than an injected fault explains that the board's firmware
+    /// counts faults since its last start.
     explained: [bool; 2],
     /// The faults of a core that no restart has ended yet: the board, the instant, ns, and the fault in words.
     faulted: Vec<(Board, u64, String)>,
-    /// The board that last restarted unasked, and when, ns.
+    /// The board that last restarted without being asked to, and when it did, ns.
     restarted: Option<(Board, u64)>,
     /// By when each hung board must have restarted, ns, until it has restarted or the violation has been reported.
     restart_due: [Option<u64>; 2],
@@ -93,7 +94,7 @@ pub struct Boards {
     stopped: [(u64, Option<u64>); 2],
     /// Whether HORUS's carrier is on.
     field: bool,
-    /// The last frame that HORUS sent whole, until it has reached the antenna.
+    /// The last frame that HORUS sent whole; `None` once the frame has reached the antenna.
     on_the_way: Option<Vec<u8>>,
     complaints: Vec<Complaint>,
 }
@@ -132,7 +133,7 @@ impl Rule for Boards {
                 let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
-                    // The report of this restart covers the fault that led to it.
+                    // This restart ends a core's fault, and the report of the restart covers that fault.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
@@ -158,7 +159,7 @@ impl Rule for Boards {
                 }
             }
             What::Sent { bytes, whole, .. } => {
-                // The frame before this one did not reach the antenna.
+                // The frame that HORUS sent before this one did not reach the DPR's antenna.
                 self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
@@ -173,7 +174,8 @@ impl Rule for Boards {
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that cannot tell, or cannot read, what its front end is doing goes on using it.
+            // A firmware that cannot tell what its front end is doing, or cannot read from it, goes on using the front
+            // end.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
@@ -225,8 +227,8 @@ impl Boards {
         *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
-    /// Records that a board starts at `at`, or loses its supply. The board then counts from zero, and a frame of HORUS
-    /// is cut off.
+    /// Records that a board starts at `at`, or loses its supply. The board's counters start from zero then, and a frame
+    /// of HORUS that is on its way is cut off.
     fn starts(&mut self, board: Board, at: u64) {
         self.goes_on(board, at);
         self.explained[board as usize] = false;
@@ -239,7 +241,7 @@ impl Boards {
         *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
     }
 
-    /// Reports each board as staying hung whose watchdog should have bitten before `now`.
+    /// Reports each board that stays hung although its watchdog should have bitten before `now`.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
@@ -249,7 +251,8 @@ impl Boards {
     }
 }
 
-/// Returns the longest time, ns, that the watchdog of a board takes to bite that hangs `after_start` after its start.
+/// Returns the longest time, ns, that the watchdog of a board takes to bite if the board hangs `after_start` after its
+/// start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -266,7 +269,7 @@ const fn start_work(board: Board) -> u64 {
     }
 }
 
-/// Returns whether a firmware counts faults under this name.
+/// Returns whether the counter of this name in a board's firmware counts faults.
 fn counts_faults(board: Board, name: &str) -> bool {
     let name = name.rsplit('.').next().unwrap_or(name);
     match board {
@@ -282,7 +285,7 @@ mod tests {
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-    /// Returns a run in which the DPR receives every frame, so that nothing explains a complaint.
+    /// Returns a run in which the DPR receives every frame, so that nothing explains a fault counter that is not zero.
     fn run() -> Events {
         let mut events = Events::flawless(3, 10);
         let heard: Vec<_> = events
@@ -403,7 +406,8 @@ mod tests {
     const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
     const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
 
-    /// Returns what is broken if a board hangs at 50 ms and `what` happens `after` that; the run ends at 600 ms.
+    /// Returns the violations that are found if a board hangs at 50 ms and `what` happens `after` that, in a run until
+    /// 600 ms.
     fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
         let mut events = run();
         events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);
@@ -424,7 +428,7 @@ mod tests {
             assert_eq!(hung(board, longest, bites()), []);
             assert_eq!(hung(board, longest + 1, bites()), [stays], "told once, and it hung until then");
             assert_eq!(hung(board, 600 * MS, bites()), [stays], "it never comes");
-            // The reset of a board that does not hang is unasked, and so is that of the other board.
+            // The reset of a board that does not hang is not asked for, and neither is that of the other board.
             let mut events = run();
             events.add(70 * MS, bites()).end(600 * MS);
             assert_eq!(broken(&events), [(RESTARTED[nth], 1, 70 * MS)]);
@@ -488,7 +492,7 @@ mod tests {
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
             assert_eq!(dead(20 * MS, reset(board, Cause::Lockup)), [(RESTARTED[nth], 1, 70 * MS)]);
-            // A hang in addition to the dead task does not put the restart off.
+            // A hang of the board with the dead task does not allow the board a later restart.
             assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
     }
@@ -553,7 +557,7 @@ mod tests {
         assert_eq!(broken(&events), []);
     }
 
-    /// Returns what is broken in a run in which both boards complain, with one further change.
+    /// Returns the violations that are found in a run in which both firmwares count faults, with one further change.
     fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
         let mut events = run();
         events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
@@ -573,7 +577,7 @@ mod tests {
         let (of_horus, of_dpr) = ([both[0]], [both[1]]);
         assert_eq!(complaining(|_| {}), both);
         assert_eq!(complaining(|events| _ = events.field(60 * MS, false)), []);
-        // A board that starts counts from zero, and the frame that HORUS was sending is cut off.
+        // The counters of a board that starts are zero, and the frame that HORUS was sending is cut off.
         assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), both);
         assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Horus, true)), of_horus);

@@ -1,20 +1,20 @@
-//! Compares the verdict of the flight controller's client with what was on the wires.
+//! Compares the verdict of the flight controller's client with the signals on the wires.
 //!
 //! | the client | violation |
 //! |---|---|
-//! | flies by a position not sent as valid, or older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
+//! | uses a position that was not sent as valid, or is older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! The age of a sample follows from its frame at the DPR's antenna and the slot that the profile gives it; a delay on
-//! the air before that cannot be determined. If a sample arrived several times, the oldest and the youngest arrival
-//! count. If Link-Status stated a lower age when the sample was first read, the client may go by that age: all it knows
-//! of a sample's age is what Link-Status states and how long ago FRESH rose. Another rule judges whether Link-Status
-//! states the truth.
+//! The age of a sample follows from its frame at the DPR's antenna and the slot that the profile gives that frame; a
+//! delay on the air before that cannot be determined. If a sample arrived several times, the oldest and the youngest
+//! arrival count. If Link-Status stated a lower age when the sample was first read, the client may use that age,
+//! because it learns a sample's age only from Link-Status and from the time since FRESH rose. Another rule judges
+//! whether Link-Status states the truth.
 //!
-//! The client need not fly by data that are not in sequence or are disturbed, so this rule then requires nothing of its
-//! sequence. While [`Excuse::Service`] holds, the flight controller itself does not follow its client, so this rule
-//! requires no age. Flying by a forbidden position is always a violation.
+//! The client need not use data that are not in sequence or are disturbed, so this rule then requires nothing of the
+//! client's sequence. While [`Excuse::Service`] holds, the flight controller itself does not do what its client says,
+//! so this rule requires no age. Using a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -29,10 +29,11 @@ use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 /// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// How long sent samples are kept, ns. A client that flies by an older sample flies by none of those kept.
+/// How long the samples that HORUS sent are kept, ns. A client that uses an older sample uses none of those that are
+/// kept.
 const KEPT: u64 = 2_000_000_000;
 
-/// A Reported-Position at the DPR's antenna.
+/// A Reported-Position that reached the DPR's antenna.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     timestamp: u32,
@@ -41,7 +42,7 @@ struct Sample {
     at: u64,
 }
 
-/// The transaction that has ended.
+/// The last transaction that has ended.
 #[derive(Clone, Copy, Debug)]
 struct Read {
     selected: u64,
@@ -51,7 +52,7 @@ struct Read {
     told: u64,
 }
 
-/// A sample, as the client first read it.
+/// A sample, and the transaction in which the client first read it.
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
@@ -59,29 +60,30 @@ struct First {
     selected: u64,
     /// The earliest instant at which FRESH can have announced the sample, ns.
     announced: u64,
-    /// The age that Link-Status stated in that first transaction, ns.
+    /// The age that Link-Status stated in the transaction that first brought the sample, ns.
     told: u64,
 }
 
 impl First {
-    /// Returns the least and the greatest age of the sample at `at`, ns, as far as Link-Status shows it.
+    /// Returns the least and the greatest age of the sample at `at`, ns, as far as it follows from Link-Status and
+    /// FRESH.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
     }
 }
 
-/// A row of valid samples that were read in sequence.
+/// A series of valid samples that were read in sequence, without a gap.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The timestamp of the last sample, ms.
+    /// The timestamp of the last sample of the series, ms.
     timestamp: u32,
     /// When the transaction began that first brought the last sample, ns.
     selected: u64,
     count: u32,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges the verdict of the flight controller's client; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Client {
     layout: Layout,
@@ -89,11 +91,11 @@ pub struct Client {
     /// When FRESH last rose, ns.
     fresh: u64,
     read: Option<Read>,
-    /// The row of valid samples in sequence that ends with the one read last.
+    /// The series of valid samples in sequence that ends with the one read last.
     row: Option<Row>,
     /// The sample that was read last.
     newest: Option<First>,
-    /// The sample whose wrong age has been reported.
+    /// The timestamp of the sample whose wrong age has been reported, ms.
     told: Option<u32>,
     hides: bool,
 }
@@ -144,7 +146,7 @@ impl Rule for Client {
 }
 
 impl Client {
-    /// Continues the row with the sample that was read last, or begins a new one.
+    /// Continues the series of valid samples with the sample that was read last, or begins a new series.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
@@ -167,8 +169,8 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // The client cannot tell data that are older than what it read before, or expired, from others. Another rule
-        // judges those.
+        // The client cannot tell data that are older than the data that it read before, or data that have expired, from
+        // others. Another rule judges such data.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -266,12 +268,13 @@ mod tests {
         log.add(ended, What::Heard { started: ended - MS, bytes: bytes.into(), whole: true });
     }
 
-    /// Logs a transaction that began at `selected` and brought cycle number `n`, and the client's verdict.
+    /// Logs a transaction that began at `selected` and read cycle number `n`, and the client's verdict.
     fn read(log: &mut Events, selected: u64, n: u64, valid: bool, position: Option<u64>, age: Option<u64>) {
         read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
     }
 
-    /// Does the same as [`read`], with `told` as the age that Link-Status states, in its unit.
+    /// Logs a transaction that began at `selected` and read cycle number `n`, and the client's verdict. Link-Status
+    /// states the age `told`, in its unit.
     fn read_as(
         log: &mut Events,
         selected: u64,
@@ -293,8 +296,8 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// Returns what is found if cycle 1 arrives and is read `after` its sample, ns, with this position and age from the
-    /// client.
+    /// Returns the violations that are found if cycle 1 arrives and is read `after` its sample, ns, and the client
+    /// states this position and age.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -329,7 +332,8 @@ mod tests {
         assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
         let misuse = [(MS, injected(MISUSE, u64::MAX))];
         assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
-        // The frame arrives twice, the second time 5 ms late, and the DPR may have shown either.
+        // The frame arrives twice, the second time 5 ms late, and the DPR may have shown the first or the second
+        // arrival.
         let mut log = Events::new(1);
         heard(&mut log, 1, true);
         let mut again = Events::new(1);
@@ -342,7 +346,8 @@ mod tests {
 
     #[test]
     fn a_sample_older_than_the_last_read_needs_no_age() {
-        // Cycles 1 and 2 arrive. One is read with its right age, and then one with an age of zero.
+        // Cycles 1 and 2 arrive. One transaction reads a cycle and states its right age, and the next one states an age
+        // of zero.
         let then = |first: u64, next: u64| {
             let mut log = Events::new(1);
             (1..=2).for_each(|n| heard(&mut log, n, true));
@@ -375,7 +380,8 @@ mod tests {
 
     #[test]
     fn the_client_may_count_the_younger_age_that_link_status_reported() {
-        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and flown by until 1 ms beyond the limit.
+        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and the client uses it until 1 ms beyond
+        // the limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
@@ -394,7 +400,7 @@ mod tests {
         };
         let fresh = sampled(1) + 6 * MS;
         let wrong = vec![Violation::ClientWrong];
-        // Link-Status states 6 ms, which is the truth, or 4.7 ms, which is 1.3 ms too little.
+        // Link-Status states 6 ms, which is the true age, or 4.7 ms, which is 1.3 ms too little.
         assert_eq!(flown(&[fresh], 60, 1), wrong);
         assert_eq!(flown(&[fresh], 47, 1), []);
         assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
@@ -425,7 +431,7 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // The last sample is read `by` later than the others, and Link-Status states the age `told` for all of them, in
+        // The last sample is read `by` later than the others, and Link-Status states the age `told` for all samples, in
         // its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
@@ -440,7 +446,7 @@ mod tests {
         assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
         let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
         assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
-        // The later samples are read so late that they may be of another start with the same timestamps.
+        // The later samples are read so late that they may come from another start of HORUS, with the same timestamps.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);

@@ -3,18 +3,18 @@
 //! | fault | consequence | within |
 //! |---|---|---|
 //! | a bit of HORUS's flash changes | HORUS stops: its field goes off | [`bounds::HORUS_FLASH_FOUND`] |
-//! | a bit of the DPR's flash changes | Link-Status says so | [`bounds::DPR_FLASH_FOUND`] |
+//! | a bit of the DPR's flash changes | Link-Status reports a flash fault | [`bounds::DPR_FLASH_FOUND`] |
 //! | a bit of a buffer of the DPR is stuck | Link-Status reports a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
 //! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
 //! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
 //! Both boards compare their flash with its CRC continuously and at their start, and check their supply at the start.
-//! Therefore a start of the board, or the loss of its supply, ends what was required of it: a board that does not start
-//! has noticed the fault. A stuck bit must be reported while it is stuck, and only while new cycles are shown, because
-//! only then do buffers take turns.
+//! Therefore a start of the board, or the loss of its supply, ends what the judge requires of it: a board that does not
+//! start has noticed the fault. A stuck bit must be reported while it is stuck, and only while new cycles are shown,
+//! because only then are the buffers used in turn.
 //!
 //! The judge cannot tell from outside what a changed bit of other RAM, or of a register, does. The other rules judge
-//! its consequences.
+//! the consequences of such a bit.
 
 use super::Rule;
 use crate::disturbance::{Excuse, Memory};
@@ -26,20 +26,20 @@ use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, Wha
 struct Stuck {
     /// Until when the bit is stuck, ns.
     until: u64,
-    /// The timestamp of the cycle that was last shown, ms.
+    /// The timestamp of the cycle that was last read, ms.
     shown: Option<u32>,
-    /// The number of cycles that have been shown since the bit was stuck.
+    /// The number of cycles that have been shown since the bit became stuck.
     cycles: u32,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges whether a fault of memory or supply has its consequence; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Integrity {
-    /// By when each board has to have noticed that its flash was changed, ns; `None` if it has noticed, if the
-    /// violation has been reported, or if nothing was changed.
+    /// The instant, ns, by which each board has to have noticed that its flash was changed; `None` if the board has
+    /// noticed, if the violation has been reported, or if nothing was changed.
     flash_due: [Option<u64>; 2],
-    /// By when each board has to have reacted to the warning of its supply, ns; `None` in the cases given for
-    /// `flash_due`.
+    /// The instant, ns, by which each board has to have reacted to the warning that its supply falls; `None` if the
+    /// board has reacted, if the violation has been reported, or if there was no warning.
     supply_due: [Option<u64>; 2],
     /// The stuck bit of a buffer of the DPR that Link-Status has not reported yet.
     stuck: Option<Stuck>,
@@ -64,7 +64,7 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // If another bit flips once while a bit is stuck, the stuck bit stays stuck.
+                    // If another bit flips once while a bit is stuck, the record of the stuck bit is kept.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
@@ -103,7 +103,7 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
-    /// Judges a transaction. Where it is `excused`, what it read may differ from what the DPR has sent.
+    /// Judges a transaction. If `excused` is set, the bytes that were read may differ from those that the DPR has sent.
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
@@ -129,7 +129,8 @@ impl Integrity {
         }
     }
 
-    /// Reports each consequence that is overdue at `now`, once.
+    /// Reports each board, once, that has not reacted to a fault by the instant required, if that instant is before
+    /// `now`.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {
@@ -162,7 +163,8 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// Returns what is found if a bit of `memory` is changed at 5 ns and these events happen, in a run until `end`.
+    /// Returns the violations that are found if a bit of `memory` is changed at 5 ns and these events happen, in a run
+    /// until `end`.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -177,7 +179,8 @@ mod tests {
         transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
     }
 
-    /// Returns a transaction that shows the cycle of this timestamp (ms), with or without a RAM fault.
+    /// Returns a transaction that shows the cycle of this timestamp (ms) and whose Link-Status reports a RAM fault or
+    /// none.
     fn shows(timestamp: u32, fault: bool) -> What {
         let status = LinkStatusBits::new().with_ram_fault(fault);
         let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();
@@ -272,7 +275,7 @@ mod tests {
         assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
         assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
         assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
-        // A board that is starting checks its supply when it has started.
+        // A board that is starting checks its supply only when it has started.
         let due = WARNED - MS + bounds::START + bounds::SAFE_STATE;
         let starting = |switched: u64| after(vec![(WARNED - MS, reset(board)), (switched, off())]);
         assert_eq!(starting(due), []);

@@ -1,10 +1,10 @@
-//! The rules. Each is a type that takes every event and records what is broken.
+//! The rules of the judge. Each rule is a type that processes every event of a run and records violations.
 //!
 //! | file | what it judges |
 //! |---|---|
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
-//! | [`content`] | what HORUS sends, compared with the bytes that its receivers were fed |
-//! | [`receivers`] | whether HORUS reads what its receivers offer |
+//! | [`content`] | what HORUS sends, compared with the bytes that its receivers have sent |
+//! | [`receivers`] | whether HORUS reads the bytes that its receivers offer |
 //! | [`position`] | whether there is a position, and whether the aircraft was there |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
 //! | [`integrity`] | whether a fault of memory has its consequence |
@@ -14,7 +14,7 @@
 //! | [`port`] | Port-Status and uplinks, compared with what the flight controller wrote |
 //! | [`client`] | the verdict of the flight controller's client, compared with what was on the wires |
 //! | [`base`] | what the base station shows, compared with what was forwarded, and whether it was forwarded |
-//! | [`station`] | the base station's ages and alarms, compared with what has arrived there |
+//! | [`station`] | the base station's ages and alarms, compared with the profiles that have arrived there |
 
 pub mod base;
 pub mod boards;
@@ -32,7 +32,7 @@ pub mod station;
 
 use crate::{Context, Event, Figures, Findings, Header};
 
-/// Returns an instant in words for a human reader.
+/// Formats an instant for a human reader.
 fn ms(at: u64) -> String {
     format!("{:.6} ms", at as f64 / 1e6)
 }
@@ -42,25 +42,25 @@ fn is_later(a: u32, b: u32) -> bool {
     (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
-/// A rule, which takes every event of a run and records what is broken.
+/// A rule, which processes every event of a run and records violations.
 pub trait Rule {
-    /// Returns the rule's state before anything has happened.
+    /// Returns the state of the rule before anything has happened.
     ///
     /// # Panics
     ///
     /// Panics if no profile has the header's number of receivers.
     fn new(header: &Header) -> Self;
 
-    /// Takes the next event, which `context` has taken already.
+    /// Processes the next event, which `context` includes already.
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
 
-    /// Ends the run: judges what is still open, and adds the rule's figures.
+    /// Ends the run: judges what could not be judged before its end, and adds the rule's figures.
     fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
-        /// All rules, each of which takes every event.
+        /// All rules, each of which processes every event.
         #[derive(Clone, Debug)]
         pub struct Rules {
             $($name: $rule,)*

@@ -1,14 +1,14 @@
-//! Judges whether the position that HORUS sends is where the aircraft was, and whether there is one at all.
+//! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
-//! A run of simulated receivers has the flight's truth in its log at each tick ([`What::Aircraft`]). A valid
-//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of where the aircraft was at some instant of the last
-//! [`bounds::POSITION_OLDEST`]. While fewer receivers are disturbed than a quorum has, the voter must keep to this
-//! limit, but it is widened by [`bounds::AGREEMENT_M`], because a disturbed receiver within that distance of the others
-//! agrees with them. While a quorum of receivers or more are disturbed, nothing is required; nor with one or two
-//! receivers of which one is disturbed, because then there is no majority against it.
+//! A run of simulated receivers has the aircraft's true place in its log at each tick ([`What::Aircraft`]). A valid
+//! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of the aircraft's place at some instant of the last
+//! [`bounds::POSITION_OLDEST`]. While receivers are disturbed, but fewer than a quorum, this limit is widened by
+//! [`bounds::AGREEMENT_M`], because a disturbed receiver within that distance of the others agrees with them. While a
+//! quorum of receivers or more are disturbed, nothing is required; nor with one or two receivers of which one is
+//! disturbed, because then no majority contradicts that one.
 //!
 //! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation that keeps HORUS from
-//! having a position was found since there last was one: a cause is reported once.
+//! having a position was found since the last position: one cause is reported once.
 
 use std::collections::VecDeque;
 
@@ -46,16 +46,16 @@ struct Truth {
     place: Geodetic,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges whether there is a position and whether it is right; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Position {
     receivers: usize,
     truths: VecDeque<Truth>,
-    /// Since when a position is missing, ns.
+    /// The instant since which a position is missing, ns.
     waits_since: u64,
-    /// The number of violations found by then that explain its absence.
+    /// The number of violations that explain a missing position, as found when it began to be missing.
     explained: u64,
-    /// Whether the absence has been reported.
+    /// Whether the missing position has been reported.
     told: bool,
     worst_mm: Option<u64>,
 }
@@ -116,13 +116,13 @@ impl Rule for Position {
 }
 
 impl Position {
-    /// Returns how many receivers may be wrong at `at`, ns.
+    /// Returns how many receivers may state a wrong position at `at`, ns.
     fn disturbed(&self, at: u64, context: &Context) -> usize {
         let disturbances = context.disturbances();
         (0..self.receivers).filter(|receiver| disturbances.excuse_of(*receiver, Excuse::Position, at)).count()
     }
 
-    /// Begins to wait for a position at `at`.
+    /// Records that from `at` on a position is awaited.
     fn wait(&mut self, at: u64, findings: &Findings) {
         (self.waits_since, self.explained, self.told) = (at, explaining(findings), false);
     }
@@ -134,7 +134,7 @@ impl Position {
         }
     }
 
-    /// Judges a valid position that HORUS has sent in a frame that `started` then, ns.
+    /// Judges a valid position that HORUS has sent in a frame whose first bit was at `started`, ns.
     fn sent(&mut self, started: u64, values: &ReportedValues, context: &Context, findings: &mut Findings) {
         let mut before = self.truths.iter().rev().filter(|truth| truth.at <= started);
         let Some(now) = before.clone().next().copied() else { return };
@@ -164,7 +164,7 @@ impl Position {
     }
 }
 
-/// Returns the number of violations so far that explain that there is no position.
+/// Returns the number of violations found so far that explain why there is no position.
 fn explaining(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| EXPLAIN.contains(violation)).map(|(_, count)| count).sum()
 }
@@ -179,7 +179,7 @@ mod tests {
     /// The number of 1e-9 degrees in a metre to the north here, exact to 0.1 %.
     const METRE: i64 = 8_993;
 
-    /// Returns the position that lies this many mm north of home and above it.
+    /// Returns a Reported-Position that lies this many mm north of home and above it.
     fn reported(timestamp: u32, north_mm: i64, up_mm: i64) -> ReportedValues {
         let silent = silent_reported(timestamp);
         let status = silent.status.with_position_valid(true);
@@ -193,8 +193,8 @@ mod tests {
         }
     }
 
-    /// Returns the verdict on a run in which at each of `cycles` ticks from 20 ms on the aircraft is where `truth` says
-    /// (mm north), and HORUS sends what `says` returns.
+    /// Returns the verdict on a run of `cycles` ticks from 20 ms on. At each tick the aircraft is where `truth` says
+    /// (mm north), and HORUS sends the position that `says` returns.
     fn run(
         gps: usize,
         cycles: u64,
@@ -256,7 +256,7 @@ mod tests {
             (3, vec![0, 1], None),
             (5, vec![0, 3], Some(40)),
             (5, vec![0, 1, 4], None),
-            // In this case the disturbed receiver is not one of those fitted.
+            // The number of the disturbed receiver is beyond the receivers that are fitted.
             (1, vec![1], Some(10)),
         ] {
             let events = || who.iter().map(|receiver| disturbed(*receiver)).collect::<Vec<_>>();
@@ -270,7 +270,8 @@ mod tests {
 
     #[test]
     fn a_position_that_is_missing_for_too_long_is_told_once() {
-        // The run goes on for 9 ms after its last tick, so with this many ticks it ends just after a position is due.
+        // The run goes on for 9 ms after its last tick, so with this number of ticks it ends just after a position is
+        // due.
         let late = bounds::POSITION_WITHIN / bounds::CYCLE - 1;
         let none = |cycles: u64, events| run(3, cycles, |_| 0, |_| None, events).0;
         assert_eq!(none(late - 1, vec![]), []);
@@ -282,7 +283,7 @@ mod tests {
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");
         assert_eq!(none(late, vec![disturbed(0), disturbed(1)]), []);
-        // There was a position, 30 ms after the first tick.
+        // HORUS sent a position once, 30 ms after the first tick.
         let lost = |number: u64| (number == 4).then_some((0, 0));
         assert_eq!(run(3, late, |_| 0, lost, vec![]).0, []);
         assert_eq!(run(3, late + 5, |_| 0, lost, vec![]).0.len(), 1);

@@ -1,28 +1,29 @@
-//! Judges whether HORUS reads what its receivers offer, and sets them so that they send positions.
+//! Judges whether HORUS reads the bytes that its receivers offer, and sets the receivers so that they send positions.
 //!
 //! A receiver on a bus keeps its bytes until they are read: [`What::Offered`] reports that it has some, and
 //! [`What::Fed`] which of them crossed the bus. While HORUS has no supply, starts or hangs, and while
-//! [`Excuse::Polling`] holds for the receiver, nothing is required; the next offer after that must be read again. Bytes
-//! that are offered while others are read belong to that reading, and so does its first byte. A receiver that is not
-//! read is reported once for each [`bounds::READ_WITHIN`].
+//! [`Excuse::Polling`] holds for the receiver, nothing is required; HORUS must read again what the receiver offers
+//! after that. Bytes that are offered while the receiver is being read count as read: from the instant at which the
+//! first byte begins to cross until the last byte has crossed. A receiver that is not read is reported once for each
+//! [`bounds::READ_WITHIN`].
 //!
 //! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must have set it to
 //! send them within [`bounds::SETTINGS_TOLD`] of the instant at which it ceased to, or of HORUS's start, unless
-//! [`Excuse::Settings`] holds for it. This is reported once.
+//! [`Excuse::Settings`] holds for the receiver. The violation is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges whether HORUS reads and sets its receivers; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Receivers {
     /// Since when each receiver has offered bytes of which none was read, ns.
     waiting: Vec<Option<u64>>,
     /// When the last byte that was read from each receiver had crossed the bus, ns.
     read_until: Vec<u64>,
-    /// Since when each receiver has sent no positions, ns; `None` if it sends them, if this has been reported, or if it
-    /// is unknown.
+    /// Since when each receiver has sent no positions, ns; `None` if it sends them, if the violation has been reported,
+    /// or if it is not known.
     unset: Vec<Option<u64>>,
 }
 
@@ -71,7 +72,7 @@ impl Rule for Receivers {
 }
 
 impl Receivers {
-    /// Reports what has waited for too long at `now`.
+    /// Reports each receiver at `now` that has offered bytes for too long, or has not been set in time.
     fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
             if let Some(since) = waiting.take_if(|since| now > *since + bounds::READ_WITHIN) {
@@ -113,7 +114,8 @@ mod tests {
         What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
-    /// Returns what is found if GPS2 offers bytes at `at` and these events happen, in a run until `end`.
+    /// Returns the violations that are found if GPS2 offers bytes at `at` and these events happen, in a run until
+    /// `end`.
     fn broken(at: u64, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         log.add(at, offered());
@@ -130,7 +132,7 @@ mod tests {
         assert_eq!(broken(FROM, vec![(DUE, fed(1))], DUE + 1), []);
         assert_eq!(broken(FROM, vec![(DUE, fed(0))], DUE + 1), [NOT_READ], "another one's");
         assert_eq!(broken(FROM, vec![(DUE - 1, offered())], DUE + 1), [NOT_READ], "the first counts");
-        // The bytes are offered in the middle of a reading, which ends 1 ns after it began, and after that reading.
+        // A reading lasts 1 ns here. The bytes are offered after such a reading, and then during one.
         assert_eq!(broken(FROM, vec![(FROM - 1, fed(1))], DUE + 1), [NOT_READ], "read before");
         assert_eq!(broken(FROM, vec![(FROM, fed(1)), (FROM, offered())], DUE + 1), []);
         let long = What::Fed { receiver: 1, byte_ns: 1_000, bytes: vec![1; 10].into(), clean: false, since: Some(0) };
@@ -138,7 +140,7 @@ mod tests {
             let during = vec![(FROM, long.clone()), (FROM + after, offered())];
             assert_eq!(broken(FROM, during, DUE + after + 1).len(), expected, "{after}");
         }
-        // The violation is reported again for what is offered later.
+        // The violation is reported again for bytes that are offered later.
         let again = vec![(DUE + 1, offered())];
         assert_eq!(broken(FROM, again, DUE + bounds::READ_WITHIN + 2), [(Violation::NotRead, 2, DUE)]);
     }
@@ -174,7 +176,7 @@ mod tests {
         }
     }
 
-    /// Returns what is found about GPS2's settings if these events happen, in a run until `end`.
+    /// Returns the violations that are found about GPS2's settings if these events happen, in a run until `end`.
     fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));

@@ -1,26 +1,27 @@
-//! Compares what the base station states about the drone with what has arrived there.
+//! Compares the base station's statements about the drone with the profiles that have arrived there.
 //!
 //! The age that the base station states is that of the Reported-Position that it shows, which is the newest that
-//! arrived; it is compared with HORUS's tick. The alarms that follow from this age, from silence and from
+//! arrived; that age is compared with HORUS's tick. The alarms that follow from this age, from silence and from
 //! Reported-Position's status are judged as well:
 //!
 //! | alarm | holds if |
 //! |---|---|
-//! | `silent` | no profile that it can show has arrived for [`bounds::STATION_SILENT`] |
-//! | `stale` | the Reported-Position that it shows is older than [`bounds::STATION_STALE`], or there is none |
+//! | `silent` | no profile that the base station can show has arrived for [`bounds::STATION_SILENT`] |
+//! | `stale` | the Reported-Position shown is older than [`bounds::STATION_STALE`], or there is none |
 //! | `no-agreement` | Reported-Position says that its position is not valid |
-//! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position says so |
-//! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position says so |
+//! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
+//! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Around each limit of time nothing is required. A profile that does not continue those before need not be shown,
-//! because it may come from another sender. Therefore it is known what is shown only once profiles have arrived in
-//! sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them if they are the first of all, and only
-//! then does silence certainly end. While HORUS runs without its crystal, its clock cannot be compared with the
+//! Close to each limit of time either value is right. A profile that does not continue those before need not be shown,
+//! because it may come from another sender. Therefore the judge is sure what is shown only once profiles have arrived
+//! in sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them if they are the first of all, and
+//! only then does silence certainly end. While HORUS runs without its crystal, its clock cannot be compared with the
 //! station's, and no age is required.
 //!
-//! A HORUS that has started anew shows this by timestamps that step back, or by another reason of its last reset. If it
-//! shows neither, the station cannot detect the start (documentation of the base station): it may count by the clock of
-//! the start before, which makes the sample older by the time for which HORUS did not run.
+//! A HORUS that has started anew can be recognised by timestamps that step back, or by another reason of its last
+//! reset. Without either of these, the station cannot detect the start (documentation of the base station): it may go
+//! on counting by the clock of the start before, and then takes the sample to be older by the time for which HORUS did
+//! not run.
 
 use std::collections::VecDeque;
 
@@ -30,15 +31,15 @@ use super::Rule;
 use crate::read::Frame;
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of ticks that are remembered, with the timestamps that were sent after them.
+/// The number of ticks that are kept, with the timestamps that were sent after them.
 const TICKS: usize = 256;
 
-/// The last sample that arrived, by whose clock the station may count.
+/// The sample that arrived last. The station may compute the age of later samples from its timestamp.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
-    /// The sample's tick, ns, and the number of HORUS's start in which it was.
+    /// The sample's tick, ns, and the number of the start of HORUS in which that tick came.
     tick: (u64, u64),
     /// The time by which the station may take the sample to be older than it is, ns.
     late: u64,
@@ -51,28 +52,30 @@ struct Newest {
     status: ReportedStatus,
     /// The tick of the sample, ns, if it is known, and how much older the station may take the sample to be, ns.
     tick: Option<(u64, u64)>,
-    /// The number of profiles in a row that arrived in sequence, including this one, and since when, ns.
+    /// The number of profiles in a row that arrived in sequence, including this one, and the arrival of the first of
+    /// them, ns.
     row: (u32, u64),
-    /// Whether the row began with the first profile of all.
+    /// Whether the row of profiles in sequence began with the first profile of all.
     first: bool,
     /// When the profile arrived, ns.
     at: u64,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges the base station's ages and alarms; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Station {
     layout: Layout,
     tick: Option<u64>,
     /// The number of HORUS's starts so far.
     starts: u64,
-    /// The timestamps of Reported-Position that were sent, ms, each with its tick, ns, and the number of the start.
+    /// The timestamps of Reported-Position that HORUS sent, ms, each with its tick, ns, and the number of HORUS's
+    /// start.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,
     /// When a profile that can be shown last arrived, ns.
     arrived: u64,
-    /// The alarm or the age that was wrong the last time. It is reported once while it stays wrong.
+    /// The alarm or the age that was wrong in the last statement. It is reported only once while it stays wrong.
     told: Option<&'static str>,
 }
 
@@ -129,7 +132,7 @@ impl Station {
         let values = object.values();
         let follows = |before: Newest| {
             let step = values.timestamp.wrapping_sub(before.timestamp);
-            // A cycle that the flight controller did not read is missing.
+            // Steps of more than one cycle are allowed, because the flight controller may not have read a cycle.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
         let before = self.newest.filter(|before| follows(*before));
@@ -140,8 +143,8 @@ impl Station {
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
-    /// Records that a sample has arrived, with its tick, ns, and the number of its start. Returns how much older the
-    /// station may take it to be, ns.
+    /// Records that a sample has arrived, with its tick, ns, and the number of HORUS's start. Returns how much older
+    /// the station may take the sample to be, ns.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -153,7 +156,7 @@ impl Station {
         late
     }
 
-    /// Returns what the station shows, as far as that is certain.
+    /// Returns the Reported-Position that the station shows, as far as that is certain.
     fn shown(&self) -> Option<Newest> {
         self.newest.filter(|newest| {
             let (count, since) = newest.row;
@@ -173,7 +176,7 @@ impl Station {
         self.ages(at).is_some_and(|ages| told_us.is_none_or(|told| ages.into_iter().all(is_off(told))))
     }
 
-    /// Returns an alarm that holds and must not, or that must hold and does not.
+    /// Returns the name of an alarm that holds and must not, or that must hold and does not.
     fn wrong_alarm(&self, at: u64, alarms: &[String]) -> Option<&'static str> {
         let holds = |name: &str| alarms.iter().any(|alarm| alarm == name);
         let after = |age: u64, limit: u64| match age {
@@ -218,7 +221,7 @@ mod tests {
     type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
-    /// The instant of the last cycle's tick, ns, and the arrival of its profile.
+    /// The instant of the last cycle's tick, ns, and the instant at which its profile arrives.
     const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
     const ARRIVED: u64 = TICK + 8 * MS;
 
@@ -226,8 +229,8 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// Returns what is broken if the last of [`CYCLES`] arrive with the status that `of` returns, and the station then
-    /// makes these statements at their instants.
+    /// Returns the violations that are found if the last of [`CYCLES`] cycles arrive with the status that `of` returns,
+    /// and the station then makes these statements at their instants.
     fn broken(
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,
@@ -236,7 +239,7 @@ mod tests {
         broken_after(8 * MS, of, cycles, says)
     }
 
-    /// Does the same as [`broken`], with each profile arriving `takes` ns after its tick.
+    /// Returns the violations that [`broken`] returns, with each profile arriving `takes` ns after its tick.
     fn broken_after(
         takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
@@ -283,7 +286,8 @@ mod tests {
         ] {
             assert_eq!(told(age), expected, "{age:?}");
         }
-        // It is not known yet what is shown in the first case, and HORUS runs without its crystal in the second.
+        // In the first case it is not certain yet what the station shows, and in the second case HORUS runs without its
+        // crystal.
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
@@ -387,7 +391,7 @@ mod tests {
         // profiles arrive from the timestamp `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        // With `earlier`, a profile of an earlier start of HORUS arrived before, stamped 90 s.
+        // With `earlier`, a profile that is stamped 90 s, from an earlier start of HORUS, arrived before.
         let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {

@@ -1,7 +1,8 @@
-//! The log of a run in which nothing goes wrong, for tests to change.
+//! Makes the log of a run in which nothing goes wrong, for tests to change.
 //!
-//! A [`Plan`] describes what the DPR publishes and when the flight controller reads; [`Plan::log`] works out what the
-//! wires show of it. A change of the plan has its consequences in the log, and a change of the log has none.
+//! A [`Plan`] describes what the DPR publishes and when the flight controller reads; [`Plan::log`] derives the events
+//! on the wires from it. A change of the plan therefore has its consequences in the log, and a change of the log has
+//! none.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
@@ -21,14 +22,15 @@ pub(crate) const TO_FRESH: u64 = 60_000;
 pub(crate) const HELD_BEFORE: u64 = 1_000;
 /// The time after FRESH at which the processor gives the buffers back, ns.
 pub(crate) const RELEASED_AFTER: u64 = 500;
-/// The time from the end of a transaction to readiness, ns.
+/// The time from the end of a transaction until the DPR is ready for the next one, ns.
 pub(crate) const TO_READY: u64 = 3_000;
-/// The flight controller's control cycle, ns. It is not quite 4 ms, so that it meets every phase.
+/// The flight controller's control cycle, ns. It is not quite 4 ms, so that transactions begin at every phase of
+/// HORUS's cycle.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
-/// The number of cycles that find the sequence and are not shown.
+/// The number of cycles that the DPR needs to find the sequence, which it does not show.
 pub(crate) const SEARCH: u32 = 3;
 
-/// An image of the DPR.
+/// An image of the DPR, and when it is published.
 #[derive(Clone, Debug)]
 pub(crate) struct Publication {
     /// When FRESH rises, ns.
@@ -51,10 +53,10 @@ pub(crate) struct Plan {
     pub(crate) end: u64,
 }
 
-/// Returns a profile without a position, because its receivers send nothing.
+/// Returns a profile in which no receiver has sent anything, so that there is no position.
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
-        // These are HORUS's values for receivers that have sent nothing.
+        // The values are those that HORUS sends for a receiver that has sent nothing.
         let absent = GpsValues::absent(stamp);
         let silent = GpsValues { status: absent.status.with_stale(true), ..absent };
         let status = ReportedStatus::new().with_degraded(true);
@@ -69,7 +71,7 @@ pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     }
 }
 
-/// Returns a frame: LEN, payload and CRC-16, which nobody checks here.
+/// Returns a frame: LEN, payload and a CRC-16 that the judge does not check.
 pub(crate) fn frame(payload: &[u8]) -> Vec<u8> {
     let len = u8::try_from(payload.len() + 1).unwrap();
     [&[len], payload, &[0, 0]].concat()
@@ -176,7 +178,7 @@ impl Plan {
         3_000 + 1_000 * self.layout.image_len() as u64
     }
 
-    /// Returns the log of what the wires show.
+    /// Returns the log of the events on the wires.
     pub(crate) fn log(&self) -> Log {
         let mut events = self.upstream.clone();
         let took = self.transaction_ns();
@@ -243,7 +245,7 @@ impl Plan {
     }
 }
 
-/// The DPR's side of the SSI.
+/// The DPR's side of the SSI: its buffers and its image.
 struct Ssi {
     held: bool,
     image: Option<Vec<u8>>,
@@ -252,7 +254,7 @@ struct Ssi {
 }
 
 impl Ssi {
-    /// Expires the image if its time is over by `now`.
+    /// Ends the image's time if that is due by `now`.
     fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
         if self.expires <= now && !self.held {
             self.held = true;
@@ -260,8 +262,8 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in while no transaction is under way. Returns whether the transaction of `selected` begins
-    /// meanwhile.
+    /// Puts an image in while no transaction is under way. Returns whether the transaction that begins at `selected`
+    /// meets the DPR busy because of that.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -318,7 +320,7 @@ pub(crate) fn found(log: &Log) -> Vec<(Violation, u64)> {
     judged(log).violations.iter().map(|broken| (broken.violation, broken.count)).collect()
 }
 
-/// Inserts an event in its place.
+/// Inserts an event into the log where its instant belongs.
 pub(crate) fn insert(log: &mut Log, at: u64, what: What) {
     let rank = what.rank();
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, rank));
@@ -330,7 +332,7 @@ pub(crate) fn sort(log: &mut Log) {
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
-/// Returns for each transaction when chip select fell, ns, and what it read, to be changed.
+/// Returns for each transaction when chip select fell, ns, and the bytes that it read, to be changed.
 pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
     log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
@@ -343,7 +345,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the places in the log of the transactions that read an image again, so that nothing is forwarded.
+/// Returns the indices in the log of the transactions that read an image again, so that nothing is forwarded after
+/// them.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -356,7 +359,7 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// Returns what a transaction read.
+/// Returns the bytes that a transaction read, to be changed; `place` is the index of its event in the log.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -382,7 +385,7 @@ pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     }
 }
 
-/// Returns a flawless log, and the place in it of a transaction after which nothing is forwarded.
+/// Returns a flawless log, and the index in it of a transaction after which nothing is forwarded.
 pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -390,7 +393,8 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image read before the transaction at `place` that differs from what that transaction read.
+/// Returns the last image that was read before the transaction at index `place` and differs from the one that this
+/// transaction read.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();
@@ -405,14 +409,14 @@ pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
 pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
 /// The disturbance by which HORUS's front end does not answer.
 pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
-/// The disturbance by which the flight controller reads as it must not.
+/// The disturbance by which the flight controller makes transactions that it must not make.
 pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
 /// The disturbance of a bit of a buffer into which frames are received.
 pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
 /// The disturbance of a bit of an image.
 pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
 
-/// Returns the event that the bench disturbs this until `until`, ns.
+/// Returns the event that states that the bench disturbs this until `until`, ns.
 pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
     What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

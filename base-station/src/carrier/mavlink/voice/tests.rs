@@ -18,19 +18,19 @@ fn key() -> Key {
     Key::new([9; 32])
 }
 
-/// A flight controller, its DPR and a station, with a way between them that loses messages.
+/// A flight controller, its DPR and a station, with a link between them that loses messages.
 struct Scene {
     now: u64,
     intake: Intake,
     voice: Voice,
     forwarder: Forwarder,
     inbound: Inbound,
-    /// The uplink that the DPR has stored, and the end of its display.
+    /// The uplink that the DPR has stored, and the instant until which the DPR shows it.
     stored: Option<(Uplink, u64)>,
     port: PortValues,
-    /// Uplinks written over the SSI, and the instants at which they show.
+    /// The uplinks that were written over the SSI, and the instants from which on the DPR shows them.
     writes: Vec<(Uplink, u64)>,
-    /// The percentage of messages that are lost, each way.
+    /// The percentage of messages that are lost in each direction.
     loss: u64,
     drawn: u64,
 }
@@ -56,14 +56,14 @@ impl Scene {
     }
 
     fn is_lost(&mut self) -> bool {
-        // xorshift64.
+        // The pseudorandom numbers are those of xorshift64.
         self.drawn ^= self.drawn << 13;
         self.drawn ^= self.drawn >> 7;
         self.drawn ^= self.drawn << 17;
         self.drawn % 100 < self.loss
     }
 
-    /// The drone's id at the station.
+    /// Returns the id under which the station has the drone.
     fn drone(&self) -> DroneId {
         self.intake.fleet().iter().next().unwrap().0
     }
@@ -88,7 +88,7 @@ impl Scene {
 
     fn step(&mut self) {
         let ms = ((self.now - NOW) / 1_000) as u32 + 50_000;
-        // The DPR takes what was written, and shows it in the image after next.
+        // The DPR stores the written uplink, and shows it in the image after next.
         for (uplink, at) in std::mem::take(&mut self.writes) {
             if at > self.now {
                 self.writes.push((uplink, at));
@@ -186,7 +186,7 @@ fn an_uplink_that_nobody_answers_is_said_to_be_unanswered() {
     scene.fly(SECOND);
     let sending = scene.voice.sending(scene.drone()).unwrap().clone();
     assert_eq!((sending.state, sending.times), (State::Unanswered, 20));
-    // The uplink is sent every 0.25 s for 5 s, and then no more.
+    // The uplink is sent every 0.25 s for 5 s, and not after that.
     assert!(scene.voice.tick(scene.now + SECOND, scene.intake.fleet()).is_empty());
 }
 
@@ -201,7 +201,7 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!((try_by(&mut unsigned, drone), unsigned.sends_uplinks()), (Err(NotSent::NotAllowed), false));
     assert_eq!(try_by(&mut scene.voice, Who::System(8).first()), Err(NotSent::UnknownDrone));
     assert!(unsigned.tick(NOW + SECOND, fleet).is_empty() && silent.tick(NOW + SECOND, fleet).is_empty());
-    // The drone is received without MAVLink.
+    // The drone's messages do not come over MAVLink.
     let mut plain = Intake::default();
     let bytes = Profile::<1>::seal(&ReportedValues::absent(10), &[GpsValues::absent(10)]).as_bytes().to_vec();
     plain.take(&Carried { at_us: NOW, kind: Kind::Datagrams, line: 0, from: DRONE.into(), bytes });
@@ -210,7 +210,7 @@ fn who_may_not_sends_no_uplink() {
     assert_eq!(sent, Err(NotSent::NoWay));
 }
 
-/// The message of an uplink with these bytes, signed with this key for this system.
+/// Returns the message of an uplink with these bytes, signed by this signer, for this system.
 fn message(signer: &mut Signer, system: u8, object: &[u8; Uplink::SIZE]) -> Vec<u8> {
     let mut voice = Voice::new(SYSTEM, Some(signer.clone()));
     let bytes = voice.uplink(NOW, system, object).unwrap();
@@ -240,7 +240,7 @@ fn a_flight_controller_writes_what_is_signed_for_it_and_intact_once() {
     let counts = inbound.counts();
     assert_eq!((counts.written, counts.repeated), (1, 0));
     assert_eq!((inbound.received().unsigned, counts.foreign), (2, 2 + 512 + 1));
-    // The bytes come in pieces, as from a serial port.
+    // The bytes of the messages come in pieces, as from a serial port.
     let mut inbound = Inbound::new(7, Verifier::new(key()));
     let (first, rest) = good.split_at(30);
     assert_eq!((inbound.stream(NOW, NOW, first), inbound.reads_port()), (None, false));
@@ -287,7 +287,7 @@ fn a_heartbeat_goes_each_second_to_every_received_peer() {
         (beat.mavtype, beat.autopilot),
         (MavType::MAV_TYPE_ONBOARD_CONTROLLER, MavAutopilot::MAV_AUTOPILOT_INVALID)
     );
-    // HEARTBEAT goes to every received peer, up to the limit, and as long as they are received.
+    // HEARTBEAT is sent to every peer, up to the limit, for as long as messages come from that peer.
     for port in 0..200 {
         voice.heard(2, SocketAddr::from(([10, 0, 0, 1], 2_000 + port)), NOW + SECOND);
     }

@@ -1,12 +1,12 @@
-//! Judges whether HORUS's state agrees with its inputs.
+//! Judges whether the state that HORUS reports agrees with the pins from which HORUS reads it.
 //!
 //! This module is written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
 //! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position.
-//! HORUS accepts what three samples in a row say; ten samples without such a row are a contradiction. The state is that
-//! of the most severe input that is not inactive.
+//! HORUS accepts a reading of a pair when three samples in a row have it; ten samples without three equal ones in a row
+//! are a contradiction. HORUS's state is that of the most severe input that is not inactive.
 //!
-//! If a pair changes while it may be sampled, every outcome is allowed. After an irregular tick it is not known how
-//! often HORUS sampled, and the judge then requires nothing of a pair until it has settled.
+//! If a pair changes while HORUS may be sampling it, every outcome is allowed. After an irregular tick it is not known
+//! how often HORUS sampled, and the judge then requires nothing of a pair until it has settled.
 
 use std::collections::VecDeque;
 
@@ -16,13 +16,13 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples that decide: ten, and two more, because the tenth may complete a row of three that the two
-/// samples before the ten began.
+/// The number of samples from which HORUS's reading of an input follows: ten, and two more, because the tenth may
+/// complete a row of three that the two samples before the ten began.
 const SAMPLES: usize = 12;
-/// The number of uncertain samples beyond which there are too many outcomes to judge.
+/// The number of samples of uncertain value beyond which there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
 
-/// The reading of a pair of pins.
+/// The reading of a pair of pins: its input is active or inactive, or the pins contradict each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Says {
     Inactive,
@@ -32,7 +32,7 @@ enum Says {
 
 #[derive(Clone, Debug)]
 struct Pair {
-    /// The present reading of the pair.
+    /// The present reading of the pair of pins.
     now: Says,
     /// The pair's reading at the last tick and each later one, with the instant from which it holds, ns.
     since_tick: Vec<(u64, Says)>,
@@ -40,18 +40,18 @@ struct Pair {
     samples: VecDeque<Vec<Says>>,
 }
 
-/// The inputs of HORUS's state.
+/// The inputs from which HORUS's state follows.
 #[derive(Clone, Debug)]
 pub(super) struct Inputs {
     pairs: [Pair; INPUTS],
-    /// HORUS's last tick, ns.
+    /// The instant of HORUS's last tick, ns.
     tick: Option<u64>,
-    /// Whether the samples are all that there were since HORUS's start.
+    /// Whether the stored samples are all samples since HORUS's start.
     from_start: bool,
 }
 
 impl Inputs {
-    /// Returns the state in which every pair says that its input is inactive.
+    /// Returns the state in which every pair of pins says that its input is inactive.
     pub(super) fn new() -> Self {
         let pair = |_| Pair { now: Says::Inactive, since_tick: vec![], samples: VecDeque::new() };
         Self { pairs: std::array::from_fn(pair), tick: None, from_start: true }
@@ -69,7 +69,7 @@ impl Inputs {
         pair.since_tick.push((at, pair.now));
     }
 
-    /// Forgets all samples, because HORUS starts anew.
+    /// Discards all samples, because HORUS starts anew.
     pub(super) fn forget(&mut self) {
         for pair in &mut self.pairs {
             pair.since_tick.clear();
@@ -102,13 +102,13 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Returns whether HORUS has certainly accepted a reading of each pair at the tick, so that it monitors once it has
-    /// a position.
+    /// Returns whether HORUS has certainly accepted a reading of each pair of pins at the tick. If so, it reports that
+    /// it monitors once it has a position.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }
 
-    /// Returns why `state` cannot be what HORUS shows at the tick.
+    /// Returns why HORUS's state at the tick cannot be `state`, in words.
     pub(super) fn wrong(&self, state: Option<HorusState>) -> Option<String> {
         let mut taken = [const { vec![] }; INPUTS];
         for (pair, taken) in self.pairs.iter().zip(&mut taken) {
@@ -127,7 +127,8 @@ impl Inputs {
     }
 }
 
-/// Returns the states that HORUS may show if it has accepted these readings of its inputs, the most severe input first.
+/// Returns the states that HORUS may report if it has accepted these readings of its inputs, the most severe input
+/// first.
 fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     let active = [HorusState::EmergencyFired, HorusState::MotorsCut, HorusState::SwitchedToRedundant];
     for (taken, active) in taken.into_iter().zip(active) {
@@ -140,7 +141,7 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
     if taken.contains(&None) {
         return vec![HorusState::Starting];
     }
-    // The voted position decides which of these states it is.
+    // Which of these three states HORUS reports depends on the voted position.
     vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
@@ -160,8 +161,8 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // This finds the last three equal samples in a row. Only twelve samples are kept, so a row with ten samples
-            // after it is not found.
+            // A row of three equal samples with ten samples after it is too old to count; it is not found here, because
+            // only twelve samples are kept.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
@@ -194,7 +195,7 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// Returns the states that HORUS may show at each of `ticks` ticks from 100 ms on, if the pins of input `input`
+    /// Returns the states that HORUS may report at each of `ticks` ticks from 100 ms on, if the pins of input `input`
     /// have these levels from these instants (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
@@ -301,7 +302,7 @@ mod tests {
         state.tick(0, true);
         for number in 1..=12_u64 {
             assert!(state.wrong(Some(MotorsCut)).is_none(), "{number}: nothing is asked yet");
-            // Each sample differs from the one before.
+            // Each sample of the pair differs from the one before.
             state.levels(number * bounds::CYCLE - MS, 1, number % 2 == 0, number % 2 != 0);
             state.tick(number * bounds::CYCLE, false);
             state.levels(number * bounds::CYCLE, 1, number % 2 == 0, number % 2 != 0);

@@ -3,21 +3,21 @@
 //!
 //! | bits | right value |
 //! |---|---|
-//! | 13-15 | the reset in the log, and power-on before any; any reason where the log's words name none |
+//! | 13-15 | the cause of the last reset in the log, or power-on; any reason for a cause that HORUS cannot report |
 //! | 7 | 0 if the external oscillator worked at HORUS's last start, else 1; either if that changed during the start |
 //! | 12 | 0 until HORUS's memory or program was disturbed; after its first 1 it stays 1 until the next start |
 //!
 //! This rule does not judge whether, and when, HORUS finds a fault of its memory: HORUS checks its memory in passes,
-//! and the log does not say where a bit was hit.
+//! and the log does not state where a bit was hit.
 
 use profile::{ReportedStatus, ResetReason};
 
 use crate::{Board, Cause, Disturbance, What, bounds};
 
-/// The state of the part of the rule that the [module](self) describes.
+/// What is known of HORUS's last start, its memory and its crystal.
 #[derive(Clone, Debug)]
 pub(super) struct Itself {
-    /// The reason of HORUS's last start, if the log's words say it.
+    /// The reason of HORUS's last start; `None` if the log states a cause that HORUS cannot report.
     reason: Option<ResetReason>,
     /// Whether HORUS's memory was hit on purpose.
     hit: bool,
@@ -47,7 +47,7 @@ impl Itself {
         }
     }
 
-    /// Takes the next event.
+    /// Updates the state with the next event of the log.
     pub(super) fn take(&mut self, at: u64, what: &What) {
         match what {
             What::Power { board: Board::Horus, .. } => *self = Self { reason: Some(ResetReason::PowerOn), ..*self },
@@ -70,7 +70,7 @@ impl Itself {
         (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
-    /// Returns whether RAM still holds what it held before the last start.
+    /// Returns whether HORUS's RAM still holds what it held before the last start.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
     }
@@ -187,7 +187,8 @@ mod tests {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
         let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
-        // This returns whether HORUS may report that it has a crystal, and whether it may report that it has none.
+        // This closure returns whether HORUS may report that it has a crystal, and whether it may report that it has
+        // none.
         let allowed = |events: Vec<(u64, What)>| {
             let mut itself = Itself::new();
             events.iter().for_each(|(at, what)| itself.take(*at, what));

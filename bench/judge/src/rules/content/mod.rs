@@ -1,29 +1,32 @@
-//! Compares what HORUS sends with the bytes that its receivers were fed.
+//! Compares what HORUS sends with the bytes that its receivers have sent to it.
 //!
 //! # How it is judged
 //!
 //! The judge finds the messages of each receiver in the bytes of its line, with the instant at which the last byte of
-//! each had crossed. For each kind of message, a GPS object of a tick's cycle shows the newest message that had arrived
-//! [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`] after the
-//! tick. Its values and its status are compared bit by bit. Which status bits a message of a certain age may have at
-//! that tick, with the bands in which both values are right, is in `track`. A message that HORUS may have missed (a
-//! disturbed line, bytes before the first tick of a start, a message inside a false start) may be the newest or not.
+//! each message had crossed. For each kind of message, a GPS object of a tick's cycle shows the newest message that had
+//! arrived [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`]
+//! after the tick. The object's values and status are compared bit by bit. `track` determines which status bits a
+//! message of a certain age may have at a tick, with the bands in which both values of a bit are right. A message that
+//! HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message inside a false start) may
+//! be the newest or not.
 //!
 //! # What is not judged
 //!
-//! - An object is not judged if its timestamp does not follow from that of the cycle before; `cycle` reports that.
+//! - An object is not judged if its timestamp does not follow from that of the cycle before; rule `cycle` reports such
+//!   a timestamp.
 //! - Ages are not judged for two seconds after a missing or irregular tick, or after a timestamp that jumped, because
 //!   HORUS counts its time in ticks.
-//! - What HORUS states while [`Excuse::Content`] holds is not judged.
+//! - Nothing that HORUS states about its receivers, its vote and its inputs is judged while [`Excuse::Content`] holds.
 //! - Reported-Position is not judged in a cycle in which a GPS object was blamed or is missing, and in the cycle after
-//!   it. Otherwise `vote` states what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
+//!   it. Otherwise `vote` determines what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
 //!   every cycle (`inputs`), and so are the reason of its last reset and the faults of its memory (`itself`).
 //!
-//! The dynamic model of a receiver is not a message of HORUS: `models` judges it by the receiver's own settings.
+//! The dynamic model by which a receiver navigates is in no message that HORUS receives: `models` judges it by the
+//! receiver's own settings.
 //!
 //! One object is reported at most once for its values and once for its status. If both disagree with every message, the
-//! status is blamed if the values are those of a message that the status calls valid, or absent where the status calls
-//! none valid. Otherwise the content is blamed.
+//! status is blamed where the values are those of a message that the status calls valid, or are absent and the status
+//! calls no message valid. Otherwise the content is blamed.
 
 mod inputs;
 mod itself;
@@ -51,15 +54,15 @@ use vote::{Ram, Seen, Vote};
 
 /// The status bit that marks the receiver as heard.
 const HEARD: u16 = 1 << 7;
-/// The status bit of the voter, which `vote` judges.
+/// The status bit by which the voter marks a receiver as excluded; `vote` judges it.
 const EXCLUDED: u16 = 1 << 9;
 /// The first of the status bits that state the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// The time after an irregular tick for which ages are not known, ns: more than the longest time for which a solution
-/// stays valid.
+/// The time after an irregular tick for which the ages of solutions are not known, ns: more than the longest time for
+/// which a solution stays valid.
 const UNTIMED: u64 = 2_000_000_000;
 
-/// The line of one receiver.
+/// The line of one receiver, and the messages on it.
 #[derive(Clone, Debug)]
 struct Line {
     reader: Reader,
@@ -69,12 +72,14 @@ struct Line {
     /// When the last message arrived that HORUS has certainly taken, and the last one that it may have taken, ns.
     heard: Option<u64>,
     may_have_heard: Option<u64>,
-    /// When the last valid position arrived, and when those will arrive that are still crossing the line, ns.
+    /// When the last valid position arrived, and when the valid positions that are still crossing the line will arrive,
+    /// ns.
     solution: Option<u64>,
     solutions: VecDeque<u64>,
     /// The number of bytes that wait in the receiver, if it is on a bus.
     waiting: u64,
-    /// Until when HORUS may drop what it reads, ns, and whether it may also drop its first reading after that.
+    /// Until when HORUS may drop bytes that it reads, ns, and whether it may also drop the first bytes that it reads
+    /// after that.
     doubtful: u64,
     unproven: bool,
 }
@@ -95,7 +100,8 @@ impl Line {
         }
     }
 
-    /// Records that HORUS may take for old what it reads by `until`, ns, and its first reading after that.
+    /// Records that HORUS may treat as old, and drop, the bytes that it reads by `until`, ns, and the first bytes that
+    /// it reads after that.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
@@ -109,8 +115,8 @@ impl Line {
     }
 
     /// Records that HORUS reads `bytes` bytes of a receiver on a bus from `at` to `end`, which have waited since
-    /// `since`, ns. Returns whether HORUS must take them (`true`) or may take them (`false`); `None` if it must not
-    /// take them.
+    /// `since`, ns. Returns whether HORUS must use them (`true`) or may use them (`false`); `None` if it must not use
+    /// them.
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;
@@ -134,14 +140,14 @@ impl Line {
         });
     }
 
-    /// Advances the time to `now`, ns.
+    /// Records the valid positions whose last byte has arrived by `now`, ns.
     fn pass(&mut self, now: u64) {
         while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
             self.solution = Some(arrived);
         }
     }
 
-    /// Forgets what HORUS had taken, because it restarts at `at`.
+    /// Discards the messages that HORUS had taken, because it restarts at `at`.
     fn forget(&mut self, at: u64) {
         self.arriving.retain(|message| message.arrived > at);
         self.tracks.iter_mut().for_each(Track::clear);
@@ -150,7 +156,8 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether two messages of a kind may have arrived between the objects of one cycle and those of the next.
+    /// Returns whether two messages of one kind may have arrived between the objects of one cycle and those of the
+    /// next.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
         let newest = |kind: Kind| {
@@ -185,8 +192,8 @@ impl Line {
         }
     }
 
-    /// Returns the messages from which HORUS may have the position in a GPS object of `tick`, and whether that position
-    /// is certainly still valid at the next tick.
+    /// Returns the messages from which HORUS may have taken the position in a GPS object of `tick`, and whether that
+    /// position is certainly still valid at the next tick.
     fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
@@ -198,7 +205,7 @@ impl Line {
         (track.held(tick, numbers).collect(), track.lasts(tick, numbers))
     }
 
-    /// Returns what is wrong with a GPS object of `tick`: first its content, then its status.
+    /// Returns what is wrong with a GPS object of `tick`, in words: first its content, then its status.
     fn faults(
         &self,
         tick: u64,
@@ -253,7 +260,7 @@ impl Line {
     }
 }
 
-/// Returns the numbers of a GPS object that follow from this kind of message, as bits.
+/// Returns the numbers in a GPS object that come from this kind of message, as bits.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -270,25 +277,25 @@ struct Ticks {
     first: Option<u64>,
     last: Option<u64>,
     before: Option<u64>,
-    /// Until when ages are not known, ns.
+    /// Until when the ages of solutions are not known, ns.
     untimed: u64,
-    /// How far HORUS's timestamps are ahead of 10 ms for each tick, ms.
+    /// The number of ms by which HORUS's timestamps are ahead of 10 ms for each tick.
     ahead: u32,
 }
 
-/// What HORUS sent in the cycle of a tick.
+/// The objects that HORUS sent in the cycle of a tick, and what was wrong with them.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
     reported: Option<ReportedValues>,
     gps: [Option<Seen>; MAX_RECEIVERS],
-    /// Whether a GPS object was wrong.
+    /// Whether a GPS object of the cycle was wrong.
     blamed: bool,
-    /// Whether the timestamps do not follow from those of the cycle before.
+    /// Whether the cycle's timestamps do not follow from those of the cycle before.
     misstamped: bool,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that compares what HORUS sends with what its receivers sent; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Content {
     layout: Layout,
@@ -300,7 +307,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether HORUS may have voted otherwise than its receivers require, at some time since its last start.
+    /// Whether, at some time since HORUS's last start, its vote need not have followed from its receivers' messages.
     unjudged: bool,
 }
 

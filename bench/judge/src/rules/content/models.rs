@@ -1,29 +1,30 @@
-//! Judges by which dynamic model each receiver navigates whose position HORUS shows.
+//! Judges by which dynamic model each receiver navigates that gives HORUS a valid position.
 //!
-//! The receivers themselves state their model ([`What::Settings`]). A receiver whose position HORUS shows as valid has
-//! to navigate by [`bounds::DYNAMIC_MODEL`] once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or the change
-//! to another model, unless [`Excuse::Settings`] holds for it. Each change is reported once. A receiver that states no
-//! model, such as a recorded one, is not judged.
+//! A receiver itself states its model ([`What::Settings`]). A receiver whose position HORUS shows as valid has to
+//! navigate by [`bounds::DYNAMIC_MODEL`] once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or since the
+//! receiver changed to another model, unless [`Excuse::Settings`] holds for that receiver. Each change is reported
+//! once. A receiver that states no model, such as a recorded one, is not judged.
 
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
 
-/// The state of the part of the rule that the [module](self) describes.
+/// The models by which the receivers navigate.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
     /// The model by which each receiver navigates, if it is known.
     known: Vec<Option<u8>>,
-    /// Since when each receiver has had a wrong model, ns; `None` if its model is right, or if that has been reported.
+    /// Since when each receiver has had a wrong model, ns; `None` if its model is right, or if the wrong model has been
+    /// reported.
     other: Vec<Option<u64>>,
 }
 
 impl Models {
-    /// Returns the state in which nothing is known of `receivers` receivers.
+    /// Returns the state in which no model of any of `receivers` receivers is known.
     pub(super) fn new(receivers: usize) -> Self {
         Self { known: vec![None; receivers], other: vec![None; receivers] }
     }
 
-    /// Takes an event that happened at `at`, ns.
+    /// Updates the models with an event that happened at `at`, ns.
     pub(super) fn take(&mut self, at: u64, what: &What) {
         if let What::Settings { receiver, model, .. } = what
             && let Some(known) = self.known.get_mut(*receiver)
@@ -33,8 +34,8 @@ impl Models {
         }
     }
 
-    /// Returns the wrong model by which a receiver (from 0) navigates at `at`, ns, although a HORUS that runs since
-    /// `since` should have set it by now. It is returned once.
+    /// Returns the wrong model by which a receiver (from 0) navigates at `at`, ns, although HORUS has run since `since`
+    /// and should have set the model by now. A wrong model is returned once.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;
@@ -52,7 +53,7 @@ mod tests {
 
     const LATE: u64 = bounds::SETTINGS_TOLD;
 
-    /// Returns what is reported of GPS2 at `at`, if HORUS runs since `since`.
+    /// Returns the wrong model that is reported of GPS2 at `at`, if HORUS has run since `since`.
     fn told(events: &[(u64, What)], at: u64, since: u64) -> Option<u8> {
         let (mut models, mut disturbances) = (Models::new(2), Disturbances::default());
         for (at, what) in events {

@@ -1,4 +1,4 @@
-//! Tracks which messages of one kind HORUS may have taken, and how old they are.
+//! Tracks which messages of one kind HORUS may have received, and how old they are.
 
 use std::collections::VecDeque;
 
@@ -7,24 +7,26 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of a receiver's time of week that determine its period, which lies between the shortest and the
-/// longest of them. A lost message, or one that comes too soon, therefore changes no period for good.
+/// The number of steps of a receiver's time of week that determine the period of its messages. The period lies between
+/// the shortest and the longest of these steps, so that a lost message, or one that comes too soon, changes it only for
+/// a while.
 const STEPS: usize = 4;
-/// The most by which HORUS may have found a message late, ns.
+/// The most, ns, by which HORUS may have found a message late in the bytes of its line.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The number of possible messages beyond which they are not told apart.
+/// The greatest number of messages that are kept because each may be the last one that HORUS has taken; beyond it the
+/// oldest is dropped.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages, as the receiver keeps it (docs/design.md#validity).
+/// The period of a receiver's messages, as HORUS determines it (docs/design.md#validity).
 #[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// The last steps from one message to the next, ms.
+    /// The last steps of the time of week from one message to the next, ms.
     steps: VecDeque<u32>,
 }
 
 impl Pace {
-    /// Returns the pace before a receiver's first two messages, which counts as the longest period.
+    /// Returns the period that counts before a receiver's first two messages, which is the longest one allowed.
     fn new() -> Self {
         Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
@@ -42,14 +44,14 @@ impl Pace {
         }
     }
 
-    /// Records a message that HORUS may have taken. The period may then be any, until as many steps are certain as
-    /// count.
+    /// Records a message that HORUS may have taken or not. The period may then be any, until as many steps are certain
+    /// again as determine it.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
     }
 
-    /// Returns the shortest and the longest period that is possible, ns.
+    /// Returns the shortest and the longest period that the receiver may have, ns.
     fn range(&self) -> (u64, u64) {
         let ns = |ms: Option<&u32>| u64::from(ms.copied().unwrap_or_default()) * 1_000_000;
         (ns(self.steps.iter().min()), ns(self.steps.iter().max()))
@@ -61,8 +63,8 @@ impl Pace {
 struct Candidate {
     said: MessageContent,
     time_of_week: u32,
-    /// The two instants between which the message became new, ns. A message that repeats a time of week is as old as
-    /// the first message with that time.
+    /// The two instants between which the message's content became new, ns. A message that repeats a time of week is as
+    /// old as the first message with that time of week.
     born: (u64, u64),
     /// The two instants between which the message itself arrived, ns.
     arrived: (u64, u64),
@@ -85,13 +87,13 @@ impl Age {
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
     }
 
-    /// Returns the age `by` ns later.
+    /// Returns the age of the message or position `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Returns whether the age may be within a limit that itself lies between `least` and `most`, and whether it may be
-    /// beyond that limit.
+    /// Returns whether the age may be at most a limit that itself lies between `least` and `most`, and whether it may
+    /// be greater than that limit.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
@@ -104,7 +106,7 @@ pub(super) struct Held {
     /// The time from the message's arrival to the tick.
     pub(super) age: Age,
     /// The time from the message's time of week to the tick, modulo a week, ns. The judge's clock begins at an
-    /// arbitrary instant, so only differences between receivers count.
+    /// arbitrary instant, so only differences between receivers are meaningful.
     pub(super) since_epoch: i64,
 }
 
@@ -112,22 +114,22 @@ pub(super) struct Held {
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns the same message, seen at a tick `by` ns later.
+    /// Returns the message, seen at a tick `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
 }
 
-/// How far an object's values and status bits agree with what they may be.
+/// Whether an object's values and status bits agree with the messages that the object may show.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
     /// Whether the values and the status bits agree with one message.
     pub(super) both: bool,
-    /// Whether the values agree, perhaps with other status bits.
+    /// Whether the object's values agree with a message, perhaps with other status bits.
     pub(super) values: bool,
-    /// Whether the status bits agree, perhaps with other values.
+    /// Whether the object's status bits agree with a message, perhaps with other values.
     pub(super) status: bool,
-    /// Whether the values are those of a message, valid or not.
+    /// Whether the object's values are the numbers of a message, valid or not.
     pub(super) raw: bool,
 }
 
@@ -146,7 +148,7 @@ impl Track {
         Self { kind, candidates: vec![], none: true, pace: Pace::new() }
     }
 
-    /// Forgets all messages and the period, because HORUS has forgotten them.
+    /// Discards all messages and the period, because HORUS has started anew.
     pub(super) fn clear(&mut self) {
         self.candidates.clear();
         self.none = true;
@@ -162,14 +164,14 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message that HORUS may have taken, and otherwise will not take any more.
+    /// Records a message that HORUS may have taken; if it has not, it has missed the message for good.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
-    /// Records a message that HORUS may have taken by now. It does not count for the period until it is certain whether
-    /// HORUS took it.
+    /// Records a message that HORUS may have taken by now. The message does not count for the period until it is
+    /// certain whether HORUS took it.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
@@ -189,7 +191,8 @@ impl Track {
         self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
-    /// Returns since when a message is new that arrived between the two instants of `arrived`.
+    /// Returns the two instants between which the content of a message became new that arrived between the two instants
+    /// of `arrived`.
     fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
         let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
         let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
@@ -199,13 +202,14 @@ impl Track {
             .unwrap_or(arrived)
     }
 
-    /// Returns the latest instant at which the newest possible message may have arrived, ns; 0 if there is none.
+    /// Returns the latest instant, ns, at which the newest of the messages that HORUS may have taken can have arrived;
+    /// 0 if there is none.
     pub(super) fn newest(&self) -> u64 {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// Returns, for each message with these values, how the position in a GPS object of `tick` may move and how old it
-    /// may be. HORUS may count the age of a message that repeats a time of week from either message.
+    /// Returns, for each message that has these values, the motion and the age of the position in a GPS object of
+    /// `tick`. HORUS may count the age of a message that repeats a time of week from either of the two messages.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -231,7 +235,7 @@ impl Track {
     }
 
     /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. Unless HORUS's ticks were
-    /// regular (`timed`), all that is known is whether there was a solution.
+    /// regular (`timed`), the judge can only tell whether there was a solution.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -241,8 +245,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Compares the values and the status of a GPS object of `tick` with what they may be. Unless HORUS's ticks were
-    /// regular (`timed`), ages are not known.
+    /// Compares the values and the status of a GPS object of `tick` with the messages that the object may show. Unless
+    /// HORUS's ticks were regular (`timed`), the ages of the messages are not known.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

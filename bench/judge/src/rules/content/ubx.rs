@@ -11,35 +11,35 @@ use profile::{ABSENT_F32, ABSENT_F64};
 
 use crate::bounds;
 
-/// The longest message that HORUS certainly takes, bytes. HORUS's buffer has 256.
+/// The longest message, in bytes, that HORUS certainly receives. HORUS's buffer has 256 bytes.
 const LONGEST: usize = 256;
 
-/// The content of one kind of message: three numbers as their bits, and their effect on the status.
+/// The content of one kind of message: three numbers, as their bits, and the status bits that follow from the message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MessageContent {
-    /// The status bits while the message is young enough.
+    /// The status bits of the object while the message is young enough.
     pub(super) status: u16,
-    /// The numbers while the message is young enough; NaN for a number that is not valid.
+    /// The numbers of the object while the message is young enough; NaN for a number that is not valid.
     pub(super) values: [u64; 3],
-    /// The numbers as they are in the message, valid or not.
+    /// The numbers that the message states, whether they are valid or not.
     pub(super) raw: [u64; 3],
-    /// How a valid position moves, and how accurate it is; `None` without a valid position.
+    /// The velocity and accuracy of the message's valid position; `None` without a valid position.
     pub(super) motion: Option<Motion>,
 }
 
 /// What a NAV-PVT message with a valid position states beside the position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Motion {
-    /// The velocity north, east and down, mm/s.
+    /// The receiver's velocity north, east and down, mm/s.
     pub(super) velocity: [i32; 3],
-    /// The stated accuracies, horizontal and vertical, mm.
+    /// The accuracies that the receiver states, horizontal and vertical, mm.
     pub(super) accuracy: [u32; 2],
 }
 
 impl Motion {
-    /// Returns whether HORUS may use a position with this velocity and these accuracies: a speed of up to 200 m/s, and
-    /// accuracies that are stated, of at most 30 m horizontally and, unless it is a 2D fix, 50 m vertically (decision
-    /// 15).
+    /// Returns whether HORUS may use a position with this velocity and these accuracies. Its speed must be at most 200
+    /// m/s. Its accuracies must be stated, at most 30 m horizontally and, unless it is a 2D fix, at most 50 m
+    /// vertically (decision 15).
     fn is_credible(self, fix: u8) -> bool {
         let squares: i64 = self.velocity.iter().map(|axis| i64::from(*axis).pow(2)).sum();
         let limits = bounds::WORST_ACCURACY_MM;
@@ -76,7 +76,7 @@ impl Kind {
         }
     }
 
-    /// Returns the status bit that calls the values valid.
+    /// Returns the status bit that calls the values of this kind of message valid.
     pub(super) const fn valid(self) -> u16 {
         match self {
             Self::Position => 1 << 4,
@@ -85,7 +85,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bits of a number that is not known.
+    /// Returns the bits of the NaN that stands for a number that is not known.
     pub(super) const fn absent(self) -> u64 {
         match self {
             Self::Position => ABSENT_F64.to_bits(),
@@ -113,9 +113,9 @@ pub(super) struct Message {
 
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// When the byte began to cross, ns.
+    /// When the byte began to cross the line, ns.
     from: u64,
-    /// When the byte had crossed, ns.
+    /// When the byte had crossed the line, ns.
     to: u64,
     clean: bool,
 }
@@ -126,16 +126,16 @@ pub(super) struct Reader {
     /// The bytes from the first one on that may begin a message which is not complete.
     bytes: Vec<u8>,
     crossings: Vec<Crossing>,
-    /// When the last byte had crossed, ns.
+    /// When the last byte had crossed the line, ns.
     last: Option<u64>,
-    /// The number of first bytes that may belong to an earlier message which never ends right. HORUS may find messages
-    /// within them later, or never.
+    /// The number of bytes, from the first one on, that may belong to an earlier message which never ends with a right
+    /// checksum. HORUS may find messages within these bytes later, or never.
     doubtful: usize,
 }
 
 impl Reader {
     /// Feeds `bytes`, which the line carries from `at` on, each for `byte_ns`; `clean` says whether they are
-    /// undisturbed. Passes each message that ends in them to `found`.
+    /// undisturbed. Passes each message that ends within these bytes to `found`.
     pub(super) fn feed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool, mut found: impl FnMut(Message)) {
         if self.last.is_some_and(|last| at > last + bounds::SILENCE_ENDS) {
             self.bytes.clear();
@@ -149,8 +149,8 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // These are the ends of what keeps HORUS waiting: messages that ended wrongly, and messages that have not
-        // ended.
+        // HORUS may wait in vain for bytes up to these two positions: the end of the messages whose checksum is wrong
+        // (`doubtful`), and the end of the messages that are not complete (`waiting`).
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -189,15 +189,16 @@ impl Reader {
     }
 }
 
-/// What the first of some bytes begin.
+/// The message, if any, that begins with the first byte of a string of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Claim {
     /// The bytes begin no message.
     None,
-    /// The bytes begin a message that is not complete. It has this many bytes, or more if its length is not there yet.
+    /// The bytes begin a message that is not complete. The message has this many bytes, or more if its length field is
+    /// not there yet.
     Open(usize),
-    /// The bytes begin a message that is too long for HORUS, or whose checksum is wrong. It keeps HORUS waiting for
-    /// this many bytes.
+    /// The bytes begin a message that is too long for HORUS, or whose checksum is wrong. HORUS waits until this many
+    /// bytes have come.
     Wrong(usize),
     /// The bytes begin with a complete message of this many bytes.
     Right(usize),

@@ -1,4 +1,4 @@
-//! Series whose least and greatest values alone count, and the jitter of one start of HORUS.
+//! Defines a series of which only the least and greatest values count, and judges the jitter of one start of HORUS.
 
 use profile::Layout;
 
@@ -33,12 +33,12 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the span of the series, and when the extreme occurred that lies farther from the mean, if the series
-    /// spreads by more than `bound`, peak to peak.
+    /// Returns the span of the series and the instant of its extreme value that lies farther from the mean, if the
+    /// series spreads by more than `bound`, peak to peak.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
-        // This compares mean - min with max - mean in whole numbers.
+        // The comparison of mean - min with max - mean is made in whole numbers.
         let low = 2 * self.sum > u128::from(self.count) * u128::from(min.value + max.value);
         Some(Outlier { span, at: if low { min.at } else { max.at }, bound })
     }
@@ -52,8 +52,8 @@ struct Outlier {
     bound: u64,
 }
 
-/// The times that may vary only a little from one start of HORUS to the next. Frames are told apart by their number in
-/// the cycle, of which there are at most two.
+/// The times that may vary only a little between one start of HORUS and the next. Frames are told apart by their number
+/// in the cycle, of which there are at most two.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
     /// The times between two ticks, ns.
@@ -75,8 +75,9 @@ pub(super) struct Worst {
 impl Worst {
     /// Judges the jitter of a start of HORUS, because HORUS restarts or the run is over.
     ///
-    /// A command that scatters makes its frame scatter, so of tick, command and air only the first whose bound is
-    /// exceeded is reported. The period is only a figure, since it can be no more constant than ticks and frames are.
+    /// A transmit command that scatters makes its frame scatter, so only the first of tick, command and air whose bound
+    /// is exceeded is reported. The time between cycles is not judged, since it can be no more constant than ticks and
+    /// frames are.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -110,7 +111,7 @@ impl Worst {
     }
 }
 
-/// Keeps the greater of two outliers. Returns whether there is a new one at all.
+/// Keeps the greater of two outliers in `worst`. Returns whether there is a `new` one.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

@@ -10,29 +10,30 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart, asked for or not, cuts off whatever is under way, including a transmit command, and switches the field
-//!   off. This rule blames nothing of that. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`]
-//!   until a reset that was not asked for show a hung HORUS, which the report of that reset covers.
+//! - A restart, asked for or not, cuts off a transmit command or a frame that is under way, and switches the field off.
+//!   This rule does not blame that. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`] until a
+//!   reset that was not asked for show a hung HORUS, which the report of that reset covers.
 //! - A command without its frame, a frame that broke off, a frame without a command, and a frame that does not consist
-//!   of whole objects or has no place in its cycle each fill a place of the cycle, so that the cycle's frames are not
-//!   reported as missing in addition.
+//!   of whole objects or is one too many for its cycle each count as a frame of the cycle, so that the cycle's frames
+//!   are not reported as missing in addition.
 //! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is required, and a
 //!   frame that the drop cuts off is not blamed. HORUS brings its front end up again by taking the field down within
 //!   [`bounds::FIELD_RECOVERY`] after a lost frame; then only the lost frame is reported.
 //! - While [`Excuse::Sending`] holds, commands without frames, frames that break off or are missing and a field that
-//!   drops are not blamed. What is sent is still judged, and rule `shown` judges how soon the link recovers.
-//! - From the instant at which the bench has HORUS hang until its next start, no ticks, commands and frames are
+//!   drops are not blamed. What HORUS sends is still judged, and rule `shown` judges how soon the link recovers.
+//! - From the instant at which the bench has HORUS hang until HORUS's next start, no ticks, commands and frames are
 //!   required. A frame that was begun or commanded before that instant may break off or not come, and the field may be
-//!   switched off. What is sent is still judged, and so are the ticks that HORUS's timer goes on making. Whatever was
+//!   switched off. What HORUS sends is still judged, and so are the ticks that HORUS's timer goes on making. What was
 //!   missing before the hang is reported, since the watchdog's reset that ends the hang is not reported.
-//! - No frames are required of a cycle that its next tick does not end in time. If a tick was missing or irregular, the
-//!   timestamps may count it or not: the next timestamp decides, and binds those after it.
+//! - No frames are required of a cycle after which the next tick does not come in time. If a tick was missing or
+//!   irregular, the timestamps may count it or not: the next timestamp shows which, and the timestamps after that have
+//!   to continue it.
 //! - A frame that begins more than a cycle after a tick without another tick belongs to a tick that is missing or late.
-//!   That tick is reported, and the frame is not one too many.
+//!   That tick is reported, and the frame is not reported as one too many.
 //! - The series whose jitter is judged leave out blamed cycles. If several of tick, command, air and period scatter,
 //!   only the first in this order is reported, because the others follow from it.
-//! - If the GPS objects of a frame have the right timestamp and Reported-Position has not, that is a violation of
-//!   [`content`](super::content).
+//! - If the GPS objects of a frame have the right timestamp and Reported-Position has a wrong one, that is a violation
+//!   of [`content`](super::content).
 
 mod jitter;
 #[cfg(test)]
@@ -54,12 +55,12 @@ const LETS_GO: u64 = 100;
 struct Command {
     at: u64,
     /// Whether the command's frame may be missing: the field was off, or went off while the frame may have been on the
-    /// air, or HORUS hung then.
+    /// air, or HORUS hung at that time.
     cut_off: bool,
 }
 
-/// The numbers that a tick may have, counted from 1 since HORUS's start. There is more than one only after ticks that
-/// were missing or irregular.
+/// The numbers that a tick may have, counted from 1 since HORUS's start. A tick has more than one possible number only
+/// after ticks that were missing or irregular.
 #[derive(Clone, Copy, Debug, Default)]
 struct Number {
     least: u64,
@@ -67,9 +68,10 @@ struct Number {
 }
 
 impl Number {
-    /// Returns whether a cycle of this number has the timestamp `timestamp` (ms), which then decides the number.
+    /// Returns whether a cycle of one of these numbers has the timestamp `timestamp` (ms). If so, only that number
+    /// remains.
     fn is_stamped(&mut self, timestamp: u32) -> bool {
-        // Number and timestamp wrap together after 2^32 ms.
+        // A tick's number and its timestamp wrap together after 2^32 ms.
         let least = (self.least * u64::from(CYCLE_MS)) as u32;
         let ahead = timestamp.wrapping_sub(least);
         let steps = u64::from(ahead / CYCLE_MS);
@@ -86,10 +88,10 @@ impl Number {
 struct Tick {
     at: u64,
     number: Number,
-    /// Whether something of the tick's cycle was blamed.
+    /// Whether a violation was found in the tick's cycle.
     blamed: bool,
-    /// Whether the tick's frames may be missing: the field was off for some of the cycle, after it had dropped, or
-    /// HORUS hung.
+    /// Whether the tick's frames may be missing: the field was off for some of the cycle after it had dropped, or HORUS
+    /// hung.
     cut_off: bool,
     /// When each frame was commanded, and when its first preamble bit began, ns.
     frames: [Option<(u64, u64)>; 2],
@@ -106,9 +108,10 @@ impl Tick {
 /// A tick or frames that are missing.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
-    /// The tick after this one is missing, or the first tick after the start.
+    /// The tick after this one is missing; with `None`, the first tick after the start.
     Tick { after: Option<u64> },
-    /// Frames of the cycle of the tick at this instant are missing.
+    /// Frames of a cycle are missing: the instant of the cycle's tick, and the numbers of frames that were sent and
+    /// that are required.
     Frames { of: u64, sent: usize, wanted: usize },
 }
 
@@ -119,26 +122,26 @@ struct Run {
     powered: bool,
     /// Whether the bench has HORUS hang.
     hung: bool,
-    /// The tick before `tick`.
+    /// The tick before the last one.
     before: Option<Tick>,
     tick: Option<Tick>,
-    /// Whether the next tick is overdue and that has been recorded.
+    /// Whether the next tick is overdue and has been recorded as missing.
     tick_missing: bool,
     /// The commands whose frames have not ended, in order of time.
     commands: Vec<Command>,
-    /// Whether the carrier is on.
+    /// Whether HORUS's carrier is on.
     field: bool,
-    /// Whether the carrier has dropped and is still off.
+    /// Whether HORUS's carrier has dropped and is still off.
     dropped: bool,
-    /// When the carrier last came back, ns.
+    /// When HORUS's carrier last came back, ns.
     back: Option<u64>,
-    /// When a frame was last lost, ns.
+    /// When a frame of HORUS was last lost, ns.
     lost: Option<u64>,
-    /// The first bit of the last cycle's first frame, ns, if nothing of that cycle was blamed.
+    /// When the first bit of the last cycle's first frame began, ns, if no violation was found in that cycle.
     led: Option<u64>,
     jitter: Jitter,
-    /// What is missing since the last frame, each with the instant at which this was noticed, until it is known whether
-    /// HORUS was hung.
+    /// The ticks and frames that are missing since the last frame, each with the instant at which this was noticed.
+    /// They are kept until it is known whether HORUS was hung.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -162,8 +165,8 @@ impl Run {
         }
     }
 
-    /// Returns the tick to which something belongs that began at this instant. This may be the tick before the last
-    /// one, since a frame is known only when it has ended.
+    /// Returns the tick to which a command or frame belongs that began at this instant. This may be the tick before the
+    /// last one, since a frame is known only when it has ended.
     fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
         self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
     }
@@ -180,7 +183,7 @@ struct Measured {
     air: Series,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges ticks, transmit commands and frames; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Cycle {
     layout: Layout,
@@ -220,7 +223,7 @@ impl Rule for Cycle {
                 self.cut_off(event.at);
             }
             What::Tick => self.tick(event.at, disturbances, findings),
-            // A reset makes chip select rise, whatever HORUS was sending.
+            // A reset makes chip select rise, whatever HORUS was sending, so this rise is no command.
             What::Command if event.at < self.run.since + LETS_GO => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;
@@ -259,7 +262,7 @@ impl Rule for Cycle {
 }
 
 impl Cycle {
-    /// Records as missing what should have come before `now`.
+    /// Records each tick and frame as missing that should have come before `now`.
     fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if !run.powered {
@@ -347,7 +350,7 @@ impl Cycle {
         });
     }
 
-    /// Ends the present cycle, because the next tick has come at `now`; `in_time` says whether it was in time.
+    /// Ends the present cycle, because the next tick has come at `now`; `in_time` says whether that tick came in time.
     fn close(&mut self, now: u64, in_time: bool) {
         let run = &mut self.run;
         let Some(tick) = &mut run.tick else { return };
@@ -361,7 +364,7 @@ impl Cycle {
         }
     }
 
-    /// Adds the times of a cycle to the series when all of it is known, unless something of it was blamed.
+    /// Adds the times of a cycle to the series when all its times are known, unless a violation was found in it.
     fn measure(&mut self, tick: Option<Tick>) {
         let (run, measured) = (&mut self.run, &mut self.measured);
         let led = run.led.take();
@@ -435,7 +438,7 @@ impl Cycle {
         let command = self.command_of(started, disturbances, findings);
         let run = &mut self.run;
         if !whole && !run.field {
-            // The field went off during the frame.
+            // HORUS's field went off during the frame.
             return;
         }
         run.field |= whole;
@@ -484,7 +487,7 @@ impl Cycle {
         }
     }
 
-    /// Returns the instant of the command that began the frame which began at `started`. Earlier commands have no
+    /// Returns the instant of the command for the frame that began at `started`. The commands before that one have no
     /// frame.
     fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
@@ -506,7 +509,7 @@ const fn whole_by(command: &Command) -> u64 {
     command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
-/// Judges the objects of a frame in the cycle with this number. Returns whether nothing is wrong with them.
+/// Judges the objects of a frame in the cycle with this number. Returns whether all objects are right.
 fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
     let mut right = true;
     for object in &frame.objects {

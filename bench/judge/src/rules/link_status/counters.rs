@@ -6,15 +6,16 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The number of missed frames, if exactly the frames that are passed to this counter were received.
+/// The number of frames that the DPR must count as missed, if it received exactly the frames that are passed to this
+/// counter.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
     /// The last frame: the instant of its sample, ns, its end, ns, and its number.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// The number of further missed frames if frames that may have been received were received since the last certain
-    /// one, and the sample and number of the last such frame.
+    /// The number of further missed frames if the DPR received the frames that it may have received since the last
+    /// certain one, and the sample and number of the last such frame.
     perhaps: u64,
     maybe: Option<(u64, u64)>,
 }
@@ -37,8 +38,8 @@ impl Missed {
         }
     }
 
-    /// Returns how many frames were due between the last frame and this one, if their samples are `more` ns farther
-    /// apart than they seem.
+    /// Returns how many frames were due between the last frame and this one, if the samples of the two frames are
+    /// `more` ns farther apart than they seem.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }
@@ -49,7 +50,8 @@ impl Missed {
         (cycles * self.frames + frame.number as u64).saturating_sub(number + 1)
     }
 
-    /// Returns the most frames that were due by this frame, whichever frames before it were received.
+    /// Returns the greatest number of frames that were due before this frame, whichever of the frames before it were
+    /// received.
     fn at_most(&self, frame: &Delivery, more: i64) -> u64 {
         let since_maybe = self.maybe.map_or(0, |maybe| self.perhaps + self.due(maybe, frame, more));
         self.between(frame, more).max(since_maybe).max(self.perhaps)
@@ -70,7 +72,7 @@ impl Missed {
     }
 }
 
-/// The least and the greatest value of each counter since the DPR's start.
+/// The least and the greatest value that each counter of Link-Status may have since the DPR's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Counters {
     layout: Layout,
@@ -78,13 +80,13 @@ pub(super) struct Counters {
     rejected: [u64; 2],
     received: [u64; 2],
     missed: [Missed; 2],
-    /// Whether a frame was certainly received.
+    /// Whether the DPR has certainly received a frame.
     sure: bool,
-    /// How often something was not certain.
+    /// The number of times that it was not certain what the DPR counted.
     doubts: u64,
 }
 
-/// The contents of an image, with which later images are compared.
+/// The contents of an image with which the counters of later images are compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -115,7 +117,7 @@ impl Counters {
         self.received = [self.received[0] + u64::from(sure), self.received[1] + 1];
         let [least, most] = &mut self.missed;
         let clear = least.between(frame, -BAND) == most.between(frame, BAND);
-        // Before a frame was certainly received, none has to be missed.
+        // Before the DPR has certainly received a frame, it need not count any frame as missed.
         self.sure |= sure;
         if self.sure {
             least.frame(frame, -BAND);
@@ -128,16 +130,16 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Returns the least and the greatest number of missed frames in an image of `at`, ns, whose cause was up to
-    /// `publication` earlier.
+    /// Returns the least and the greatest number of missed frames in an image that was published at `at`, ns, up to
+    /// `publication` after the frame or deadline that caused it.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether `values` fit in an image of `at`. `next` has the counters with the next frame, if that frame may
-    /// be counted in the image.
+    /// Returns whether the counters in `values` are possible in an image of `at`. `next` has the counters with the next
+    /// frame, if that frame may be counted in the image.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -158,14 +160,15 @@ impl Counters {
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns what later images can be compared with, if this is an image of `at` and no frame is overdue then.
+    /// Returns the contents of this image, published at `at`, with which later images can be compared, if no frame is
+    /// overdue then.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether `values` have advanced since an image as the frames since then require; true if something was
-    /// not certain.
+    /// Returns whether the counters in `values` have advanced since an earlier image as the frames since then require;
+    /// true if it was not certain what the DPR counted.
     pub(super) fn follow(
         &self,
         before: &Baseline,

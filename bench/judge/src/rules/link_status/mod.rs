@@ -1,11 +1,10 @@
-//! Compares Link-Status with what was on the wires.
+//! Compares Link-Status with the signals on the wires and the frames on the air.
 //!
 //! Link-Status is valid for the instant at which its image was published: the last rise of FRESH before chip select
-//! fell. What the DPR had received by then follows from the frames at the antenna, through the same
-//! [expectation](crate::expectation) from which it follows what the DPR shows; where that is not certain, either value
-//! is right. A frame that ended shortly before FRESH may be part of the image or not, unless the image shows it or
-//! nothing else can have caused the image. So several `Snapshot`s may belong to an image, and it has to fit one of
-//! them.
+//! fell. The same [expectation](crate::expectation) that says which cycles the DPR shows also says which frames the DPR
+//! had received by then; where this is not certain, either value is right. A frame that ended shortly before FRESH may
+//! be part of the image or not, unless the image shows it or nothing else can have caused the image. So several
+//! `Snapshot`s may belong to an image, and the image has to fit one of them.
 //!
 //! # What each violation compares
 //!
@@ -17,12 +16,13 @@
 //! | `LinkTime` | the time since the DPR's start |
 //!
 //! This rule requires nothing of an image that already is another violation: one that FRESH did not announce, or that
-//! is older than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). The antenna distinguishes
-//! an image that lacks an object from one with a wrong flag: bits 0 and 1 are wrong only if they contradict both the
-//! image and what reached the antenna. While [`Excuse::Hearing`] holds, only the time, the reason of the last reset and
-//! one thing more are judged: from [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer until it answers
-//! again, Link-Status must say that the front end is at fault, that the link is not up, and that not all objects were
-//! accepted. While [`Excuse::LinkCounters`] holds, counters are only compared from image to image.
+//! is older than FRESH says (rule `ssi`), or that does not show the objects that it must show (rule `shown`). What
+//! reached the antenna tells an image that lacks an object from one with a wrong flag: bits 0 and 1 are wrong only if
+//! they contradict both the image and what reached the antenna. While [`Excuse::Hearing`] holds, only the time, the
+//! reason of the last reset and one thing more are judged: from [`bounds::FRONT_END_TOLD`] after a front end has ceased
+//! to answer until it answers again, Link-Status must say that the front end is at fault, that the link is not up, and
+//! that not all objects were accepted. While [`Excuse::LinkCounters`] holds, counters are only compared from image to
+//! image.
 
 mod clocks;
 mod counters;
@@ -44,7 +44,7 @@ use crate::expectation::{Certainty, Delivery};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
-/// The number of frames, and of rises of FRESH, that are remembered. It is large because a transaction may be long.
+/// The number of frames, and of rises of FRESH, that are kept. It is large because a transaction may be long.
 const REMEMBERED: usize = 64;
 
 /// The uncertainty of instants, ns: the resolution of the DPR's clock, the time that its front end needs to detect the
@@ -54,47 +54,48 @@ const INSTANTS: u64 = 30_000;
 /// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// The time by which the second for which a restart is shown may be longer or shorter, ns: a frame's commit, and the
-/// crystals.
+/// The tolerance, ns, of the second for which Link-Status shows a restart of HORUS: a frame's commit, and the crystals.
 const RESTART_BAND: u64 = 2_000_000;
 
-/// A Reported-Position that was accepted, or may have been.
+/// A Reported-Position that the DPR accepted, or may have accepted.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     /// The instant at which the sample was taken, ns.
     at: u64,
-    /// The time by which the DPR may take the sample to be newer, ns: the delay that the air added, which the DPR
-    /// cannot detect.
+    /// The time by which the DPR may assume that the sample is newer than it is, ns. This is the delay that the air
+    /// added, which the DPR cannot detect.
     delay: u64,
-    /// The time by which the DPR may take the sample to be older, ns. If a front end does not report when the frame
-    /// ended, the DPR assumes the longest time.
+    /// The time by which the DPR may assume that the sample is older than it is, ns. If a front end does not report
+    /// when the frame ended, the DPR assumes the longest time since then.
     unsure: u64,
 }
 
 impl Sample {
-    /// Returns a sample that stands for this one, for the other, which is not older, and for any between them.
+    /// Returns a sample that stands for this sample, for the other one, which is not older, and for any between the
+    /// two.
     fn or(self, other: Self) -> Self {
         let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
         Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
     }
 }
 
-/// The state of the DPR after a frame.
+/// The state that the DPR may have after a frame.
 #[derive(Clone, Debug)]
 struct Snapshot {
     frame: Option<Delivery>,
     counters: Counters,
-    /// The samples that may be the last accepted Reported-Position.
+    /// The samples of which one may be the last accepted Reported-Position.
     samples: Vec<Sample>,
     /// Whether it is possible that no Reported-Position was accepted.
     none: bool,
-    /// The objects of the cycle that must be accepted, and those that may be: bit n stands for object n.
+    /// The objects of the cycle that the DPR must have accepted, and those that it may have accepted: bit n stands for
+    /// object n.
     must: u8,
     may: u8,
-    /// Until when the sequence must be held, and until when it may be, ns.
+    /// Until when the DPR must hold the sequence, and until when it may hold it, ns.
     held: (u64, u64),
     frozen: Certainty,
-    /// When the DPR last took HORUS to have restarted, ns: certainly, and possibly.
+    /// When the DPR last took a cycle for a restart of HORUS, ns: certainly, and possibly.
     restarted: [Option<u64>; 2],
     implausible: Certainty,
 }
@@ -111,7 +112,8 @@ impl Snapshot {
             self.none = false;
         }
         self.samples.push(sample);
-        // If there are too many samples, the oldest two become one that stands for both and for any between them.
+        // If there are too many samples, the oldest two become one sample that stands for both and for any between
+        // them.
         if let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {
@@ -120,24 +122,25 @@ impl Snapshot {
     }
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges Link-Status; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct LinkStatus {
     layout: Layout,
     publication: u64,
     clocks: Clocks,
-    /// The snapshot after each frame, the oldest first. At the DPR's start there is one without a frame, so this is
-    /// never empty.
+    /// The snapshot after each frame, the oldest first. At the DPR's start there is a snapshot without a frame, so this
+    /// is never empty.
     snapshots: VecDeque<Snapshot>,
     fresh: VecDeque<u64>,
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Whether HORUS's field is at the antenna, and since when that has been so, ns.
+    /// Whether HORUS's field is at the DPR's antenna, and since when it has been there or not, ns.
     field: (bool, u64),
-    /// The bytes that were judged last. If they are read again, a rise of FRESH in between announced no image.
+    /// The bytes of the transaction that was judged last. If the same bytes are read again, a rise of FRESH in between
+    /// announced no image.
     last: Vec<u8>,
-    /// The bytes that FRESH announced last.
+    /// The bytes of the image that FRESH announced last.
     offered: Vec<u8>,
 }
 
@@ -227,7 +230,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records a frame that has reached the antenna, of which the DPR may misjudge the end by `unsure` ns.
+    /// Records a frame that has reached the antenna. The DPR may be wrong about the instant of its end by `unsure` ns.
     fn heard(&mut self, frame: Delivery, unsure: u64, context: &Context) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
@@ -261,14 +264,14 @@ impl LinkStatus {
         }
     }
 
-    /// Judges a transaction.
+    /// Judges Link-Status in a transaction.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let Some(Ok(values)) = &reading.link else { return };
         let before = |rose: &&u64| **rose <= reading.selected;
         let Some(&published) = self.fresh.iter().rev().find(before) else { return };
-        // Every deadline publishes an image, so an image that was not replaced for longer than that was not announced
-        // by FRESH.
+        // Every deadline publishes an image, so FRESH did not announce an image that was not replaced for longer than a
+        // deadline.
         let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
         if !dpr.powered || published < dpr.since || !announced {
             return;
@@ -286,7 +289,7 @@ impl LinkStatus {
             Some(candidates)
         };
         self.last.clone_from(&reading.miso);
-        // An image that replaces a damaged one has the time of the damaged one.
+        // An image that replaces a damaged one states the time of the damaged one.
         let mut of_the_start = None;
         if !disturbances.excuse(Excuse::UnsoundImage, published) {
             if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
@@ -313,15 +316,15 @@ impl LinkStatus {
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
         let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
-        // The words are those of the last candidate, which has every frame.
+        // The flag that is reported is the one that contradicts the last snapshot, which has every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
         if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
             findings.add(Violation::LinkFlags, reading.selected, || words);
         }
     }
 
-    /// Returns the snapshots that may belong to an image published at `published`; `None` if the image is another
-    /// violation.
+    /// Returns the snapshots that may belong to an image published at `published`; `None` if the image is a violation
+    /// that another rule reports.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
@@ -344,8 +347,8 @@ impl LinkStatus {
         Some((first..=last).collect())
     }
 
-    /// Returns whether an image that is published just after this snapshot's frame can have no other cause: the frame
-    /// is the last of its cycle, and no deadline coincides with it.
+    /// Returns whether nothing but this snapshot's frame can have caused an image that is published just after it: the
+    /// frame is the last of its cycle, and no deadline coincides with it.
     fn is_cause(&self, index: usize) -> bool {
         let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
         let Some(frame) = frame_of(index) else { return false };
@@ -354,8 +357,8 @@ impl LinkStatus {
         let (deadline, belongs) = if is_last(before) {
             (bounds::FRAME_DEADLINE, true)
         } else {
-            // Otherwise the image of the first frame is published before the second frame is processed, and then
-            // another one.
+            // Otherwise the image of the first frame is published before the second frame is processed, and another
+            // image after that.
             (bounds::SECOND_FRAME, frame.completes(before) && frame.shown == before.shown)
         };
         let in_time = frame.ended + bounds::SEQUENCE_BAND < before.ended + deadline;
@@ -388,7 +391,7 @@ impl LinkStatus {
         fits
     }
 
-    /// Returns, in words, which flag contradicts a snapshot.
+    /// Returns, in words, which flag of Link-Status contradicts a snapshot.
     fn wrong_flags(
         &self,
         snapshot: &Snapshot,
@@ -422,8 +425,8 @@ impl LinkStatus {
             true => Certainty::May,
             false => Certainty::Never,
         };
-        // After a long time without frames in a carrier, the DPR cannot distinguish a silent sender from a deaf front
-        // end.
+        // After a long time with a carrier but without frames, the DPR cannot tell a silent sender from a front end
+        // that does not receive.
         let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
@@ -467,7 +470,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns whether the image shows any object, or `all` objects, as far as that was read.
+    /// Returns whether the image shows any object or, with `all`, every object, as far as the transaction read them.
     fn objects_shown(&self, reading: &Reading, all: bool) -> Option<bool> {
         let valid = |state: &State| matches!(state, State::Valid { .. });
         let any = reading.objects.iter().any(|placed| valid(&placed.state));
@@ -505,7 +508,7 @@ impl LinkStatus {
     }
 }
 
-/// Judges what an image of `published` must say of a front end that does not answer.
+/// Judges what Link-Status must report, in an image of `published`, about a front end that does not answer.
 fn tells_of_a_silent_front_end(
     status: LinkStatusBits,
     published: u64,
@@ -532,7 +535,7 @@ fn shows(reading: &Reading, frame: &Delivery) -> bool {
     objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
 }
 
-/// Returns whether an image that was published at `published` may state this age.
+/// Returns whether Link-Status may state this age in an image that was published at `published`.
 fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
     let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
     let fits = |sample: &Sample| {

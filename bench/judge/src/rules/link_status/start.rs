@@ -9,13 +9,13 @@ use crate::{Cause, What, bounds};
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons after the supply came on. A part that finds its RAM intact takes the power-on for a
-    /// brown-out, because it cannot distinguish the two.
+    /// Returns the reasons that the DPR may state after its supply came on. A part that finds its RAM intact takes the
+    /// power-on for a brown-out, because it cannot distinguish the two.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
 
-    /// Returns the reasons after a start; any for a cause that the part does not have.
+    /// Returns the reasons that the DPR may state after a start; any reason for a cause that the part does not have.
     pub(super) const fn of(event: &What) -> Self {
         let What::Reset { cause, .. } = event else { return Self::power_on() };
         Self(match cause {
@@ -28,7 +28,7 @@ impl Reasons {
         })
     }
 
-    /// Returns, in words, what is wrong with bits 6 and 12 to 14.
+    /// Returns, in words, what is wrong with bits 6 and 12 to 14 of Link-Status, the reason of the DPR's last start.
     pub(super) fn wrong(&self, status: LinkStatusBits) -> Option<String> {
         let told = status.reset_reason();
         let unasked = [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther];
@@ -38,7 +38,7 @@ impl Reasons {
     }
 }
 
-/// The clock of Link-Status.
+/// The time since the DPR's start, as Link-Status states it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
     /// The first image since the start: the instant of its publication, ns, and how far that instant is ahead of the
@@ -47,7 +47,8 @@ pub(super) struct Time {
     last_ms: u32,
 }
 
-/// The uncertainty of the clock, ns: the DPR reads it some time before FRESH rises, and with a resolution of 1 ms.
+/// The uncertainty of the time in Link-Status, ns: the DPR reads its clock some time before FRESH rises, and with a
+/// resolution of 1 ms.
 const RESOLUTION: u64 = 2_000_000;
 
 impl Time {

@@ -57,7 +57,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
     let change = |age| move |values: &mut LinkValues| values.age_100us = age;
     assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
     assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
-    // After 6.5535 s the age has reached 65535, and 65534 is wrong again.
+    // After 6.5535 s the age in Link-Status has reached 65535, its greatest value, so 65534 is wrong.
     let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
     long.cycles = 710;
     long.control = 4 * MS;
@@ -68,7 +68,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // HORUS keeps its slot, but this tick came 1 ms earlier than its frame indicates.
+    // HORUS keeps its slot, but this tick came 1 ms earlier than the tick that follows from its frame.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -76,7 +76,7 @@ fn the_age_counts_from_the_tick_and_not_from_the_frame() {
     }
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
     assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
-    // Without ticks the judge takes the sample's instant from the frame.
+    // Without ticks in the log the judge derives the sample's instant from the frame.
     log.events.retain(|event| event.what != What::Tick);
     assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
 }
@@ -110,7 +110,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // These are a damaged object that counts as accepted, and a received frame that counts as missed.
+        // Each wrong Link-Status here counts a damaged object as accepted, or a received frame as missed.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -149,15 +149,15 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // Bit 7, the rejected uplinks, is judged by another rule.
+        // Bit 7, which says that an uplink was rejected, is judged by another rule.
         assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
-        // No frame arrives in these cycles.
+        // No frame of these cycles arrives.
         let run = Run::new(n).hit_all(20..25, &Air::Lost);
         for bit in [0, 1, 2, 3, 8, 9] {
             let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
-        // The flags are also judged when the silence has lasted too long for the sequence to be held.
+        // The flags are also judged after the silence has lasted longer than the sequence is held.
         let mut run = Run::new(n).hit_all(20..58, &Air::Lost);
         run.cycles = 70;
         for (time, cycle) in [("before", 44), ("after", 48)] {
@@ -192,7 +192,7 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 
 #[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
-    // It makes no difference whether the flags describe what was received or what is shown.
+    // The flags of an image that lacks its objects may describe what the DPR received or what the image shows.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
         let run = Run::new(3);
         let broken = run.broken(|images| {
@@ -213,7 +213,7 @@ fn a_frozen_and_a_restarted_horus_are_told() {
         assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
         let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
         run.assert_flawless();
-        // The restart is shown for a second.
+        // Link-Status shows the restart of HORUS for a second.
         for cycle in [21, 119, 121, 140] {
             let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");
@@ -318,7 +318,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // Already in the first image the time must be that since the start, within the time that a start takes.
+        // In the first image, too, the time must be that since the start, within the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));
@@ -354,7 +354,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // The FRESH wire is stuck.
+    // The FRESH wire is stuck at its level.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -366,7 +366,8 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each rise, with a number as its image, is repeated 3 ms later with the same image or with another.
+    // Each rise of FRESH announces an image, here a number. The rise is repeated 3 ms later with the same image or with
+    // another one.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -414,7 +415,7 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::PowerOn, ResetReason::PowerOn)), ..Run::new(3) };
     run.extra = vec![power(250 * MS, false), power(300 * MS, true)];
     let mut log = run.log(|images| images.retain(|image| !(250 * MS..300 * MS).contains(&image.at)));
-    // Without a supply the DPR receives nothing and cannot be read.
+    // A DPR without a supply receives nothing and cannot be read.
     for event in &mut log.events {
         if let What::Transaction { selected, miso, .. } = &mut event.what
             && (250 * MS..300 * MS).contains(selected)
@@ -425,9 +426,9 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
 
-/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image more than 260 ms
-/// after that cycle's sample is published `after` the sample, ns, and says that the sequence is held, or that it is
-/// not.
+/// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image that is published
+/// more than 260 ms after that cycle's sample is published `after` the sample, ns, and says that the sequence is held,
+/// or that it is not.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -441,8 +442,8 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
-    // The limit is 260 + 2.5 + 5.2 ms, with 0.3 ms to either side. Values are taken up to 0.2 ms before they can be
-    // read.
+    // The limit is 260 + 2.5 + 5.2 ms, with 0.3 ms to either side. The DPR takes the values of Link-Status up to 0.2 ms
+    // before they can be read.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -494,8 +495,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The certain sample is 900 ms old, the newest one 10 ms. Only among the oldest samples is a time between two of
-    // them possible.
+    // The sample that was certainly accepted is 900 ms old, and the newest one 10 ms. Only the oldest samples are
+    // merged, so that a time between two of them is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }
@@ -511,7 +512,7 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let heard = run.end(19);
     assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
     assert_eq!(told(heard + 455 * MS..run.end(89)), []);
-    // The fault may be reported until the image after the first new frame is published.
+    // Link-Status may report the fault until the image after the first new frame is published.
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }
@@ -521,7 +522,8 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     let told = |mut run: Run| {
         let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
-        // The frames of cycles 10 to 19 reach the antenna and may be missed; the excuse itself ends with cycle 50.
+        // The frames of cycles 10 to 19 reach the antenna and the DPR may miss them; the excuse for that ends with
+        // cycle 50.
         run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
         let silent = run.end(9) + bounds::SILENCE;
         run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))

@@ -1,15 +1,15 @@
-//! Judges what Port-Status says of the DPR's own health: its clock, its passes over the flash, what these passes and
-//! the scrubs have found, and why the DPR last stopped.
+//! Judges what Port-Status says of the DPR's own health: its clock, its passes over the flash, the faults that these
+//! passes and the scrubs have found, and why the DPR last stopped.
 //!
 //! | field | right value |
 //! |---|---|
 //! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never decreasing |
-//! | passes over the flash | never decreasing; as many as there was time for, or fewer if the SSI was misused |
+//! | passes over the flash | never decreasing; the number for which there was time, or fewer if the SSI was misused |
 //! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never decreasing |
 //! | bit 6 | set while buffers are out of use |
 //! | reason of the last safe state | 0 after power-on; the same value between two starts |
 //!
-//! The judge cannot tell from outside whether a firmware had stopped before a later start.
+//! The judge cannot tell from outside whether a firmware had entered its safe state before a later start.
 
 use profile::PortValues;
 
@@ -17,20 +17,20 @@ use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 
-/// The state of the part of the rule that the [module](self) describes.
+/// What is known of the DPR by which the health fields of Port-Status are judged.
 #[derive(Clone, Debug)]
 pub(super) struct HealthFields {
     /// When the DPR last started, ns.
     since: u64,
-    /// Whether the DPR may have stopped before its last start.
+    /// Whether the DPR may have entered its safe state before its last start.
     stopped: bool,
-    /// Whether the flight controller has taken more of the DPR's processor time than it may.
+    /// Whether the flight controller has used more of the DPR's processor time than it may.
     slow: bool,
     last: Option<PortValues>,
 }
 
 impl HealthFields {
-    /// Returns the state after the supply has come on at `at`, ns.
+    /// Returns the state after the DPR's supply has come on at `at`, ns.
     pub(super) const fn powered(at: u64) -> Self {
         Self { since: at, stopped: false, slow: false, last: None }
     }
@@ -40,12 +40,13 @@ impl HealthFields {
         Self { stopped: true, ..Self::powered(at) }
     }
 
-    /// Records that the flight controller takes more of the DPR's processor time than it may.
+    /// Records that the flight controller uses more of the DPR's processor time than it may.
     pub(super) fn slowed(&mut self) {
         self.slow = true;
     }
 
-    /// Returns, in words, what is wrong with Port-Status in an image of `published` (ns) that was read with `reading`.
+    /// Returns, in words, what is wrong with the health fields of Port-Status in an image that was published at
+    /// `published` (ns) and read in the transaction `reading`.
     pub(super) fn wrong(
         &mut self,
         values: &PortValues,
@@ -53,7 +54,7 @@ impl HealthFields {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        // An object that was made within the first millisecond has no values yet.
+        // A Port-Status that was made within the first millisecond has no values yet.
         let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
@@ -94,7 +95,7 @@ mod tests {
     use crate::Event;
     use crate::testing::{RECEIVE_BIT, injected};
 
-    /// Values that are right 1 s after the start.
+    /// Values of Port-Status that are right 1 s after the DPR's start.
     const RIGHT: PortValues = {
         let values = sound();
         PortValues { timestamp: 990, ..values }
@@ -191,7 +192,7 @@ mod tests {
         let mut health = HealthFields::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
-        // The object with which the DPR starts does not have the reason yet.
+        // The Port-Status with which the DPR starts does not state the reason of the last safe state yet.
         let mut health = HealthFields::again(0);
         let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
         assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));

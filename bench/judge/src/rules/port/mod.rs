@@ -1,17 +1,17 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge works out from the log alone what a correct DPR has made of every transaction (`model`). A transaction
-//! shows in the second image after its end at the latest, and in no image before it; therefore Port-Status has to
-//! follow from one of these transactions. Where something is not certain (how long a self-test takes), several states
-//! are possible, and what is read afterwards decides.
+//! The judge works out from the log alone which state each transaction leaves a correct DPR in (`model`). An image that
+//! is published after a transaction's end shows its effect from the second such image on at the latest, and no earlier
+//! image shows it; therefore Port-Status has to follow from one of these transactions. Where something is not certain
+//! (how long a self-test takes), several states are possible, and what is read afterwards shows which of them it was.
 //!
 //! # What is not required
 //!
-//! - This rule requires nothing while [`Excuse::Service`] holds: how much of what was written the DPR received depends
-//!   on its budget and on the clocks that bits are sampled with. Afterwards the judge accepts Port-Status once, while
-//!   no written object is pending, if the number of transactions can have led to it, and compares what follows with it.
-//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that what is not intact is not valid.
-//! - This rule requires nothing of a map that FRESH has not announced in time, which is another violation.
+//! - This rule requires nothing while [`Excuse::Service`] holds: how many of the written bytes the DPR received depends
+//!   on its budget and on the clocks with which bits are sampled. Afterwards the judge accepts Port-Status once, while
+//!   no written object is pending, if the number of transactions can have led to it, and compares later values with it.
+//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that an object that is not intact is not valid.
+//! - This rule requires nothing of a map that FRESH has not announced in time, because that is another violation.
 
 mod health;
 mod model;
@@ -32,24 +32,25 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
-/// The number of rises of FRESH that are remembered. It is large because a transaction may be long.
+/// The number of rises of FRESH that are kept. It is large because a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The number of written objects that are remembered because they may not show yet: more than there can be between two
-/// images.
+/// The number of written objects that are kept because Port-Status may not show them yet: more than can be written
+/// between two images.
 const WRITTEN: usize = 128;
 
-/// An uplink's age is that at the instant at which Port-Status was made, which is up to this long before its
-/// publication, ns.
+/// The longest time, ns, from the making of Port-Status until its publication. An uplink's age is that at the instant
+/// at which Port-Status was made.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
-/// The time from a transaction's end until the DPR has judged it, with the error of the crystals, ns.
+/// The longest time from a transaction's end until the DPR has judged what the transaction wrote, with the error of the
+/// crystals, ns.
 const JUDGED_AFTER: u64 = 2_000_000;
 
 /// A millisecond, in ns.
 const MS: u64 = 1_000_000;
 
-/// The states that are possible after a transaction.
+/// The states that a correct DPR may have after a transaction.
 #[derive(Clone, Debug)]
 struct Entry {
     /// When the transaction ended, ns.
@@ -58,21 +59,21 @@ struct Entry {
     models: Vec<Model>,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges Port-Status and the uplinks; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct PortRule {
     layout: Layout,
     publication: u64,
-    /// The entries, the oldest first; empty if, and only if, the DPR's state is not known.
+    /// The entries for the transactions, the oldest first; empty if, and only if, the DPR's state is not known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
     /// When the last transaction ended that may have changed what Port-Status counts, ns: one that wrote an object, or
     /// any transaction while the flight controller misused the SSI.
     written: u64,
-    /// The values of Port-Status when it was last looked at, and the number of transactions since then.
+    /// The values of Port-Status when it was last read, and the number of transactions since then.
     known: (PortValues, u32),
-    /// The access violations in Link-Status and in Port-Status, and the last command's timestamp, from when no written
-    /// object was pending; `None` once Port-Status was wrong, which is another violation.
+    /// The number of access violations in Link-Status and in Port-Status, and the last command's timestamp, as they
+    /// were when no written object was pending; `None` once Port-Status was wrong, which is another violation.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has said that its last self-test failed.
@@ -123,8 +124,8 @@ impl Rule for PortRule {
 }
 
 impl PortRule {
-    /// Starts anew, because the DPR starts without having received anything. `known` says whether it is known what it
-    /// will receive.
+    /// Resets the state because the DPR starts and has received nothing yet. `known` says whether it is known what the
+    /// DPR will receive.
     fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
@@ -152,7 +153,7 @@ impl PortRule {
         }
     }
 
-    /// Records what the DPR has received.
+    /// Records the bytes that the DPR has received.
     fn write(&mut self, mosi: &[u8], at: u64) {
         let Some(last) = self.entries.back() else { return };
         let models = step(&last.models, mosi, at, self.layout.map_len());
@@ -211,8 +212,8 @@ impl PortRule {
             }
             return;
         }
-        // What was written before the last but one rise of FRESH must show; what was written before the last rise may
-        // show.
+        // An object that was written before the last but one rise of FRESH must show; one that was written before the
+        // last rise may show.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -223,7 +224,7 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The violation is reported once, and from here on Port-Status as read is the reference.
+            // The violation is reported once, and later values are compared with the Port-Status that was read.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -240,8 +241,9 @@ impl PortRule {
         }
     }
 
-    /// Judges the access violations in Link-Status. Link-Status counts the violations of all kinds together since the
-    /// DPR's start, so its count grows as Port-Status's does while no command clears the latter.
+    /// Judges the number of access violations in Link-Status. Link-Status counts the violations of all kinds together
+    /// since the DPR's start, so its count must grow as the counts in Port-Status do, as long as no command clears
+    /// those.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -255,8 +257,8 @@ impl PortRule {
         }
     }
 
-    /// Settles that what was written up to entry number `place` shows, because with these values nothing else is
-    /// possible.
+    /// Records that the objects written up to entry number `place` show, because nothing else is possible with these
+    /// values.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -268,7 +270,7 @@ impl PortRule {
         }
     }
 
-    /// Compares both uplinks' places, their bits and their ages with what was written.
+    /// Compares both uplinks' bytes in the image, their status bits and their ages with what was written.
     fn uplinks(
         &self,
         places: std::ops::RangeInclusive<usize>,
@@ -299,15 +301,15 @@ impl PortRule {
     }
 }
 
-/// Returns whether Port-Status may say `now` after `before` and `transactions` transactions, of which it is not known
-/// what the DPR received. Each transaction counts at most once, and at most twice as one too many. What was written
-/// before Port-Status said `before` may show after it; such transactions number at most [`bounds::SSI_BUDGET`] for each
-/// of two images.
+/// Returns whether Port-Status may change from `before` to `now` after `transactions` transactions, if it is not known
+/// what the DPR received of them. Each transaction adds at most one to each counter, and at most two to that of
+/// transactions that are too many. Transactions that were made before Port-Status was `before` may show only later;
+/// there are at most [`bounds::SSI_BUDGET`] of them for each of two images.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If the count is equal and the last command differs, a command has cleared the counters, and that command is
-    // counted itself.
+    // If the number of commands is equal and the last command differs, a command has cleared the counters, and that
+    // command is counted itself.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
@@ -333,8 +335,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether a writer's bit, its age (ms) and, if it was read, its place may have these values in an image of
-/// `published`, ns.
+/// Returns whether a writer's status bit, the age of its uplink (ms) and, if they were read, the bytes of the uplink
+/// may have these values in an image of `published`, ns.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,
@@ -347,6 +349,6 @@ fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, publi
     let told = u64::from(age_ms);
     let age_fits = (least..=most).contains(&told) || age_ms == u16::MAX && most >= u64::from(u16::MAX);
     let bytes_fit = read.is_none_or(|read| if fresh { read == &stored[..] } else { is_vacant(read) });
-    // The bit follows from the age, so that it changes exactly when the age reaches the limit.
+    // The status bit follows from the age, so that the bit changes exactly when the age reaches the limit.
     age_fits && bytes_fit && fresh == (told < expiry)
 }

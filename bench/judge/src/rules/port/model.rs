@@ -1,5 +1,5 @@
-//! What a correct DPR makes of what the flight controller writes: parts of a transaction, kinds of violation,
-//! timestamps, places (`profile::port_status`, `profile::uplink`, `profile::command`).
+//! Models what a correct DPR does with the bytes that the flight controller writes: parts of a transaction, kinds of
+//! violation, timestamps, stored uplinks (`profile::port_status`, `profile::uplink`, `profile::command`).
 
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Violations};
@@ -8,14 +8,14 @@ use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
 use crate::rules::is_later;
 
-/// The number of bytes that the DPR receives of a transaction: a request, an object, and as many bytes behind it as
-/// show that something is written there.
+/// The number of bytes that the DPR receives of a transaction: a request, an object, and eight bytes more, which show
+/// whether more than an object was written.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
 /// The number of newer timestamps in a row after which the DPR accepts a writer that restarted.
 const ROW: u8 = 3;
 
-/// Returns whether a transaction with this MOSI can change anything that Port-Status or an uplink's place shows.
+/// Returns whether a transaction with this MOSI can change anything that Port-Status or the stored uplinks show.
 pub(super) fn writes(mosi: &[u8]) -> bool {
     let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
     !is_vacant(taken_in)
@@ -43,14 +43,14 @@ impl Timestamps {
     }
 }
 
-/// The contents of a writer's place.
+/// The uplink that the DPR has stored of one writer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// The contents are not known.
+    /// It is not known what the DPR has stored.
     Unknown,
-    /// Nothing is stored.
+    /// The DPR has stored nothing.
     Empty,
-    /// These bytes are stored, from a transaction that ended at this instant, ns.
+    /// The DPR has stored these bytes, from a transaction that ended at this instant, ns.
     Stored(Vec<u8>, u64),
 }
 
@@ -62,19 +62,19 @@ pub(super) struct Model {
     last_command: (u32, u32),
     last_refused: Option<bool>,
     violations: Violations,
-    /// The places of the base station and of the flight controller.
+    /// The stored uplinks of the base station and of the flight controller.
     pub(super) places: [Place; 2],
     /// The timestamps of the base station, of the flight controller and of commands; `None` where they are not known.
     timestamps: [Option<Timestamps>; 3],
     test: Test,
 }
 
-/// The state of self-tests.
+/// The state of the DPR's self-tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// No test is under way, and the last one ended with this result.
+    /// No self-test is under way, and the last one ended with this result.
     Idle { passed: bool, failed: bool },
-    /// A test was begun at this instant, ns, and may have ended.
+    /// A self-test was begun at this instant, ns, and may have ended.
     Begun(u64),
 }
 
@@ -83,8 +83,8 @@ impl Test {
         Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
     }
 
-    /// Returns whether Port-Status may have these values in an image of `at`, ns. A test that has ended has either
-    /// passed or failed.
+    /// Returns whether the self-test bits of Port-Status may have these values in an image of `at`, ns. A self-test
+    /// that has ended has either passed or failed.
     fn fits(self, values: &PortValues, at: u64) -> bool {
         let status = values.status;
         match self {
@@ -96,7 +96,7 @@ impl Test {
 }
 
 impl Model {
-    /// Returns the state at the DPR's start.
+    /// Returns the state that the DPR has at its start.
     pub(super) fn at_start() -> Self {
         Self {
             uplinks_accepted: 0,
@@ -134,7 +134,8 @@ impl Model {
             && self.test.fits(values, at)
     }
 
-    /// Records the values that Port-Status has had. A self-test that it does not report as running has ended.
+    /// Updates the state with the values that Port-Status had. A self-test that Port-Status does not report as running
+    /// has ended.
     pub(super) fn told(&mut self, values: &PortValues) {
         if !values.status.self_test_running() {
             self.test = Test::told(values);
@@ -190,8 +191,8 @@ impl Model {
         })
     }
 
-    /// Returns the states of `then` if the timestamp is newer than those before it, and else the state that refuses it;
-    /// both if the earlier timestamps are not known.
+    /// Returns the states that `then` gives if the timestamp is newer than those before it, and else the state in which
+    /// it is refused; both if the earlier timestamps are not known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);
@@ -226,7 +227,7 @@ impl Model {
                 vec![done(cleared)]
             }
             (_, Test::Idle { .. }) => vec![done(Self { test: Test::Begun(at), ..self })],
-            // A test that was begun may have ended or not.
+            // The self-test that was begun may have ended or not.
             (_, Test::Begun(_)) => {
                 let refused = self.clone().refused(Violation::CommandBusy);
                 vec![done(Self { test: Test::Begun(at), ..self }), refused]

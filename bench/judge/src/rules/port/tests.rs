@@ -20,15 +20,15 @@ fn command(timestamp: u32, command: Command) -> Vec<u8> {
     CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes().to_vec()
 }
 
-/// What a correct DPR shows at a publication, as far as these tests need it.
+/// The Port-Status and uplinks that a correct DPR shows at a publication, as far as these tests need them.
 #[derive(Clone, Default)]
 struct Shown {
     values: PortValues,
     stored: Option<(Vec<u8>, u64)>,
 }
 
-/// Returns a log in which `written` is sent at its instants, and the image of each instant 10 ms · n has the map that
-/// `shown` returns for it.
+/// Returns a log in which each object of `written` is sent at its instant, and the image of each instant 10 ms · n has
+/// the map that `shown` returns for that instant.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -68,15 +68,15 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns when the transaction ends that sends an object written at `at`, ns.
+/// Returns when the transaction ends, ns, that sends an object written at `at`.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// Returns what is found for one uplink at [`AT`], if the images from number `shown_after` after its end on show it as
-/// `change` changes it.
+/// Returns the violations that are found for one uplink written at [`AT`]. The images from number `shown_after` after
+/// the end of its transaction show the uplink as `change` changes it.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -120,7 +120,7 @@ fn what_port_status_says_otherwise_is_wrong_once() {
     for change in changes {
         assert_eq!(one(1, change), [(Violation::PortStatusWrong, 1)]);
     }
-    // A failed test is reported for each image.
+    // The failed self-test is reported for each image.
     let failed = one(1, |shown| shown.values.status = PortStatusBits::new().with_self_test_failed(true));
     assert_eq!(failed[0].0, Violation::PortStatusWrong);
 }
@@ -293,7 +293,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // These are the transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two images.
+    // The number counts the transactions from 121 ms to 233 ms, when Port-Status is first accepted, and those of two
+    // images.
     const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
@@ -321,7 +322,7 @@ fn counters_may_fall_during_misconduct_where_the_last_command_is_another() {
     assert!(!may_follow(&told(15, 1, 7), &told(0, 0, 8), 0));
 }
 
-/// Inserts an event in its place.
+/// Inserts an event into the log where its instant belongs.
 fn insert(log: &mut crate::Log, at: u64, what: What) {
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
     log.events.insert(place, Event { at, what });
@@ -469,7 +470,8 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
 fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
         for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
-            // The last rise is that at 200 ms, and the only transaction after it reads values that are not possible.
+            // The last rise of FRESH is that at 200 ms, and the only transaction after it reads values that are not
+            // possible.
             let mut log = log(&[], |published| {
                 let mut shown = Shown::default();
                 shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
@@ -509,7 +511,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
     assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
     assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
-    // Therefore Port-Status is not accepted before that image.
+    // Therefore the judge does not accept Port-Status as a reference before that image.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
     insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
@@ -519,8 +521,8 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // The second command finds the first test running or ended: the images published within `over` say that it has
-    // ended.
+    // When the second command arrives, the first self-test is running or has ended: the images published within `over`
+    // say that it has ended.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -551,13 +553,14 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // Here an uplink whose transaction ended `ago` ms before the publication is stated to be `age` ms old.
+    // The check is made for an uplink whose transaction ended `ago` ms before the publication and that is stated to be
+    // `age` ms old.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
         let place = Place::Stored(bytes.clone(), PUBLISHED - ago * MS);
         let age = u16::try_from(age).unwrap();
-        // A bit or a place that contradicts the age is wrong, whatever the age.
+        // A status bit or an uplink that contradicts the stated age is wrong, whatever the age.
         assert!(!shows(&place, (!fresh, age), Some(read), PUBLISHED));
         assert!(!shows(&place, (fresh, age), Some(if fresh { &zeros } else { &bytes }), PUBLISHED));
         assert_eq!(
@@ -567,19 +570,20 @@ fn the_limits_of_an_uplinks_age() {
         );
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
-    // Port-Status is made up to four cycles before its publication, and an uplink is judged up to 2 ms after its end,
-    // so the age may be 42 ms less. It may be 1 ms more for the millisecond that has begun.
+    // Port-Status is made up to four cycles before its publication, and an uplink is judged up to 2 ms after its
+    // transaction's end, so the stated age may be 42 ms less. It may be 1 ms more for the millisecond that has begun.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
             assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
         }
     }
     assert!(may(10, 0), "it cannot be younger than nothing");
-    // The age stays at its greatest value.
+    // The stated age stays at its greatest value.
     assert!(may(66_000, 65_535));
     assert!(may(65_534, 65_535));
     assert!(!may(65_533, 65_535));
-    // Where nothing was stored the place is empty, and where its contents are not known it may hold anything.
+    // Where the DPR has stored nothing, the uplink is empty in the map; where it is not known what it has stored, the
+    // uplink may be anything.
     let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
     assert!(empty((false, u16::MAX), None));
     assert!(empty((false, u16::MAX), Some(&zeros)));
@@ -590,8 +594,8 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have these values if these objects were sent to the DPR since its start, each in a
-/// transaction of its own.
+/// Returns whether Port-Status may have these values if the objects `sent` were sent to the DPR since its start, each
+/// in a transaction of its own.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -617,7 +621,7 @@ fn an_uplink_must_be_newer_or_third_of_a_rising_row() {
         (&[1_000, 1, 2], 1, true),
         (&[1_000, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 3, 4], 3, false),
-        // A timestamp that is not newer than the one before it begins a new row.
+        // A timestamp that is not newer than the one before it begins a new row of newer timestamps.
         (&[1_000, 1, 1, 2], 1, true),
         (&[1_000, 1, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 2_000, 3, 4], 2, true),
@@ -654,7 +658,7 @@ fn each_part_of_a_transaction_is_judged_by_itself() {
     assert_eq!(kinds(vec![0, 1, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0xFF, 0]), [Some(profile::Violation::TooShort)]);
     assert_eq!(kinds(vec![0, 0, 1, 0, 0, 0, 0, 0]), [Some(profile::Violation::RequestDamaged)]);
-    // The DPR receives eight bytes behind the object.
+    // The DPR receives only eight bytes behind the written object.
     for (behind, kind) in [(0, Some(profile::Violation::TooLong)), (7, Some(profile::Violation::TooLong)), (8, None)] {
         let mut mosi = vec![0; 100];
         mosi[72 + behind] = 1;
@@ -715,7 +719,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
             values.status = status.with_self_test_passed(over);
         })
     };
-    // A test does not run for longer than its bound.
+    // A self-test does not run for longer than its bound.
     let runs = |at: u64| {
         let status = PortStatusBits::new().with_self_test_running(true);
         let last_command = Command::SelfTest.word();
@@ -724,7 +728,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
         Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
     };
     assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
-    // The first test cannot be refused: it either runs or has ended.
+    // The first self-test cannot be refused: it either runs or has ended.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
     assert!(says(&sent, 1, (1, Command::SelfTest), false, false));
@@ -740,7 +744,7 @@ fn only_a_self_test_may_be_refused_while_another_runs() {
     assert!(says(&sent, 1, (2, Command::ClearCounters), false, true));
     assert!(!says(&sent, 1, (1, Command::SelfTest), true, true));
     assert!(!says(&sent, 2, (2, Command::ClearCounters), false, true));
-    // The command also clears uplinks and violations, and begins no test.
+    // The command that clears the counters also clears those of uplinks and violations, and begins no self-test.
     let sent = [writing(&uplink(5, 1)), writing(&uplink(5, 1)), clear(1)];
     assert!(says(&sent, 1, (1, Command::ClearCounters), false, false));
     assert!(!says(&sent, 1, (1, Command::ClearCounters), false, true));

@@ -1,43 +1,45 @@
-//! Compares what is shown with what reached the DPR's antenna: absence, sequence, age.
+//! Compares the objects that transactions read with those that reached the DPR's antenna: absence, sequence, age.
 //!
-//! *Truth* is what HORUS put on the air ([`crate::truth`]) and which of it reached the DPR's antenna, after loss,
-//! damage, repetition and delay ([`crate::expectation`]). What the flight controller reads is compared with both.
+//! An object, or a cycle, is *shown* if a transaction reads it as valid. What is shown is compared with two records:
+//! what HORUS put on the air ([`crate::truth`]), and which part of that reached the DPR's antenna, after loss, damage,
+//! repetition and delay ([`crate::expectation`]).
 //!
 //! # Which violation is which
 //!
-//! An object that was read as valid is judged once, by the first row that applies:
+//! An object that was read as valid is judged once, by the first of these rows that applies:
 //!
 //! | the object | violation |
 //! |---|---|
-//! | HORUS never sent these bytes in this place | `ShownNeverSent` |
+//! | HORUS never sent these bytes as this object | `ShownNeverSent` |
 //! | no frame that may be shown brought it: out of sequence, or not at the antenna | `ShownOutOfSequence` |
 //! | its image has expired | `ShownExpired` |
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data that remain in place become expired data. That is one cause, so stale data are reported only when they
+//! Stale data that stay in the image become expired data. That is one cause, so stale data are reported only when they
 //! are gone without having expired.
 //!
 //! `NotShown` is a cycle that must be shown and is in no transaction; `Vacant` is an object that is missing where
 //! others of its cycle are shown. Both concern only transactions that began after the image had to be readable and
-//! before the next image could be. They do not apply where the place holds another violation: an object of the table
-//! above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged here, because rule `ssi`
+//! before the next image could be. They do not apply where the bytes of the object are another violation: one of the
+//! table above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged here, because rule `ssi`
 //! judges whether it may do so.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant at which the bench has the DPR hang until its next start, nothing new must be shown. Data that the
-//! DPR's processor would have taken away may stay: they are not stale if the deadline had not passed by that instant.
-//! An expired image must not be read even then, since expiry takes no processor. The same holds for a DPR with a dead
-//! task, except that the rest of its firmware may show what it receives.
+//! From the instant at which the bench has the DPR hang until the DPR's next start, nothing new must be shown. Data
+//! that the DPR's processor would have removed may stay: they are not stale if the deadline had not passed by that
+//! instant. An expired image must not be read even then, since expiry takes no processor. A DPR with a dead task is
+//! judged in the same way, except that the rest of its firmware may show what it receives.
 //!
 //! # Limits
 //!
-//! - An image may stay although the next frame was received and brought nothing that may be shown. It is then found
-//!   only when its deadline or its 25 ms have passed.
-//! - A transaction that takes longer than a second is not judged, because what it could have read is not remembered.
-//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be. At an
-//!   [`Excuse::Withdrawal`], a cycle that no transaction had to show before need not be shown any more.
+//! - An image may stay although the next frame was received and brought nothing that may be shown. The violation is
+//!   then found only when the image's deadline or its 25 ms have passed.
+//! - A transaction that takes longer than a second is not judged, because the frames from which its bytes may have come
+//!   are not kept for so long.
+//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be shown. When
+//!   an [`Excuse::Withdrawal`] begins, a cycle that no transaction had to show before need not be shown any more.
 
 mod recovery;
 #[cfg(test)]
@@ -57,36 +59,36 @@ use crate::read::{Placed, Reading, State, Values};
 use crate::truth::KEPT;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The number of cycles that may wait for a transaction that does not end.
+/// The number of cycles that are kept while a transaction that may show them does not end.
 const WAITING: usize = 16;
 
 /// A cycle that must be shown.
 #[derive(Clone, Debug)]
 struct Due {
-    /// The cycle's frame; the last one if it has two.
+    /// The cycle's frame; if the cycle has two frames, the last one.
     frame: Delivery,
     timestamp: u32,
     /// The objects of the cycle that must be shown: bit n stands for object n.
     objects: u8,
-    /// From when on a transaction must show the cycle, ns.
+    /// The instant from which on a transaction must show the cycle, ns.
     from: u64,
-    /// Until when a transaction must show the cycle, ns.
+    /// The instant until which a transaction must show the cycle, ns.
     until: u64,
-    /// When chip select fell for the first transaction that had to show the cycle and did not, ns.
+    /// When chip select fell for the first transaction that had to show the cycle but did not, ns.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or showed in its place data that are another violation.
+    /// Whether a transaction showed the cycle, or showed in place of it data that are another violation.
     answered: bool,
 }
 
-/// The object that the last reading showed in a place.
+/// The bytes of an object as the last transaction showed them.
 #[derive(Clone, Debug)]
 struct LastShown {
     bytes: Vec<u8>,
-    /// From when on the object has expired, ns.
+    /// The instant from which on the object has expired, ns.
     expired: u64,
 }
 
-/// Data that were shown after the deadline and have not expired.
+/// Data that were shown after their deadline and have not expired.
 #[derive(Clone, Debug)]
 struct Stale {
     at: u64,
@@ -94,7 +96,7 @@ struct Stale {
     serial: u64,
 }
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges which objects are shown; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Shown {
     layout: Layout,
@@ -119,10 +121,11 @@ enum Fate {
     Right {
         /// The serial number of the frame that the object is from.
         serial: u64,
-        /// When that frame's first preamble bit began, ns.
+        /// When the first preamble bit of the frame that the object is from began, ns.
         started: u64,
     },
-    /// The object must not be shown: the violation, the serial number of the frame, and the words.
+    /// The object must not be shown: the violation, the serial number of the frame that the object is from, and the
+    /// violation in words.
     Wrong(Violation, u64, String),
 }
 
@@ -156,7 +159,8 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // A frame whose image did not have to be readable when the DPR began to hang may never be readable.
+            // If the image of a frame did not have to be readable when the DPR began to hang, that image may never
+            // become readable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -167,11 +171,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR takes away an image that holds the bit, and may do so before anybody has read it.
+            // The DPR removes an image in which the disturbed bit is, and may do so before anybody has read it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // A frame that the front end had not handed over when the disturbance began is lost.
+            // A frame that the DPR's front end had not handed over when the disturbance began is lost.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -213,7 +217,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // A new image may follow, whatever this frame brings.
+            // A new image may follow this frame, whatever the frame brings.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -230,7 +234,7 @@ impl Shown {
         self.deliveries.push_back(delivery);
     }
 
-    /// Decides the cycles whose time is over at `now`, or with `all` every cycle.
+    /// Judges each cycle whose time to be shown is over at `now`, or with `all` every cycle.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
         // A transaction that began in time and has not ended may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
@@ -249,7 +253,7 @@ impl Shown {
         }
     }
 
-    /// Judges a transaction.
+    /// Judges the objects that a transaction read.
     fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let dpr = context.running(Board::Dpr);
         let forgotten = reading.deselected - reading.selected > KEPT / 2;
@@ -289,7 +293,7 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data when they are gone, unless they have expired by then.
+    /// Reports stale data when they are not shown any more, unless they have expired by then.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -329,7 +333,7 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns when the image expires that may show an object at `selected`, ns; `None` if no image may.
+    /// Returns when the image expires that may show an object at `selected`, ns; `None` if no image may show it.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -342,18 +346,18 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // A later frame, which brought the object again, must have replaced it.
+            // A later frame brought the object again, and its image must have replaced the earlier one.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
         }
-        // The object was rightly shown before and is still there, although its frame is no longer remembered.
+        // The object was rightly shown before and is still in the image, although its frame is no longer kept.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }
 
-    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, what it shows is another
-    /// violation.
+    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, what the transaction shows is
+    /// another violation.
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {
@@ -399,12 +403,12 @@ impl Shown {
     }
 }
 
-/// Returns how long the image waits for the second frame of its cycle, ns.
+/// Returns how long the image of a frame waits for the second frame of its cycle, ns.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }
 
-/// Returns the longest time from the cause of an image until the image is readable, ns.
+/// Returns the longest time from the frame or deadline that causes an image until the image is readable, ns.
 #[must_use]
 pub fn publication(worst_case: bool) -> u64 {
     if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }

@@ -1,55 +1,57 @@
-//! Judges how long it takes from the end of a cause until the flight controller reads what HORUS sends after it.
+//! Judges how long it takes from the end of a disturbance until the flight controller reads an object that HORUS sent
+//! after it.
 //!
-//! Causes are: an injected fault that goes away again, a restart of either board, a supply that goes off or on, a frame
-//! that reaches the DPR's antenna otherwise than HORUS sent it, and a hang that the bench brought about. The cause of a
-//! hang goes away when the board restarts, by its watchdog or otherwise. After the end of each cause the link has a
+//! A disturbance is here: an injected fault that goes away again, a restart of either board, a supply that goes off or
+//! on, a frame that reaches the DPR's antenna otherwise than HORUS sent it, and a hang that the bench brought about. A
+//! hang ends when the board restarts, by its watchdog or otherwise. After the end of each disturbance the link has a
 //! number of cycles to recover: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be
-//! brought up again. If causes overlap, or follow each other before the link has recovered, the last end counts, and
-//! the latest of the instants by which the link must have recovered from each of them.
+//! brought up again. If disturbances overlap, or follow each other before the link has recovered, their last end
+//! counts, and the link has until the latest instant that any of them allows.
 //!
-//! A late recovery is a violation only if since its cause no violation was found that keeps HORUS's samples from being
-//! read ([`keeps_from_reading`]): a cause is reported once.
+//! A late recovery is a violation only if since the beginning of the disturbance no violation was found that keeps
+//! HORUS's samples from being read ([`keeps_from_reading`]): one cause is reported once.
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// The time before the end of the run, ns, in which the end of a cause is not measured. It is longer than any recovery
-/// may take, and than a watchdog takes to bite.
+/// The time before the end of the run, ns, in which the end of a disturbance is not measured. It is longer than any
+/// recovery may take, and longer than a watchdog takes to bite.
 const TAIL: u64 = 400_000_000;
 
-/// Causes from which the link has not recovered yet, or has recovered together.
+/// Disturbances from which the link has not recovered yet, or from which it has recovered together.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
-    /// The end of the last cause, ns.
+    /// The end of the last disturbance, ns.
     since: u64,
-    /// By when the link must have recovered, ns.
+    /// The instant by which the link must have recovered, ns.
     due: u64,
-    /// Whether one of the causes requires that a front end is brought up.
+    /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of violations that explain a late recovery when the first of the causes began.
+    /// The number of violations that explain a late recovery, as found when the first of the disturbances began.
     told: u64,
 }
 
-/// The longest recoveries, in cycles of 10 ms begun.
+/// The longest times from the end of a disturbance until an object that HORUS sent after it was read, in cycles of 10
+/// ms, rounded up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Longest {
-    /// The longest of all recoveries.
+    /// The longest time of all recoveries.
     pub(super) all: Option<u64>,
-    /// The longest of the recoveries for which no front end had to be brought up.
+    /// The longest time of the recoveries for which no front end had to be brought up.
     pub(super) without_bring_up: Option<u64>,
 }
 
-/// The state of the part of the rule that the [module](self) describes.
+/// The disturbances from which the link recovers, and how long it took after each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
-    /// The causes after which nothing sent later has been read yet.
+    /// The disturbances after which nothing that HORUS sent later has been read yet.
     causes: Option<Causes>,
-    /// Whether the recovery from these causes has been reported as late.
+    /// Whether the recovery from the present disturbances has been reported as late.
     late: bool,
-    /// Whether each board is without a supply, so that the cause has no end yet.
+    /// Whether each board is without a supply, so that the disturbance has not ended yet.
     off: [bool; 2],
-    /// Whether each board hangs, so that the cause has no end yet.
+    /// Whether each board hangs, so that the disturbance has not ended yet.
     hung: [bool; 2],
-    /// The causes of the last [`TAIL`], and when something sent after them was read, ns.
+    /// The disturbances of the last [`TAIL`], each with the instant at which an object sent after it was read, ns.
     recent: Vec<(Causes, u64)>,
     /// The last frame that HORUS sent: when its first bit began, ns, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
@@ -57,11 +59,11 @@ pub(super) struct Recovery {
 }
 
 impl Recovery {
-    /// Takes the next event.
+    /// Processes the next event of the log.
     pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
         self.settle(event.at, findings);
         match &event.what {
-            // A fault that never goes away is no cause, because the link cannot recover from it.
+            // A fault that never goes away is no disturbance here, because the link cannot recover from it.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
                 let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
@@ -74,7 +76,7 @@ impl Recovery {
                 self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
-            // The power-on of both boards at the beginning of the run is no cause.
+            // The power-on of both boards at the beginning of the run is no disturbance.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
                 self.hung[*board as usize] = false;
@@ -104,12 +106,13 @@ impl Recovery {
         causes.bring_up |= bring_up;
     }
 
-    /// Returns whether a cause has no end yet.
+    /// Returns whether a disturbance has not ended yet.
     fn is_open(&self) -> bool {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// Records that a transaction that began at `selected` showed an object of a frame that `started` then, ns.
+    /// Records that a transaction that began at `selected` showed an object of a frame whose first bit was at
+    /// `started`, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
             return;
@@ -119,7 +122,7 @@ impl Recovery {
         }
     }
 
-    /// Counts the causes that lie far enough back in the run.
+    /// Counts the disturbances that lie far enough back in the run to be measured.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
         if let Some(causes) = self.causes
@@ -143,7 +146,7 @@ impl Recovery {
         });
     }
 
-    /// Returns the longest recoveries. One that is not complete at `end` has taken all the time until then.
+    /// Returns the longest recoveries. For one that is not complete at `end`, the time until then counts.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
         let open = self.is_open();
@@ -166,7 +169,7 @@ impl Longest {
     }
 }
 
-/// Returns the number of violations so far that explain a late recovery.
+/// Returns the number of violations found so far that explain a late recovery.
 fn told(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
@@ -198,7 +201,7 @@ const fn keeps_from_reading(violation: Violation) -> bool {
     )
 }
 
-/// Reports that the link recovered late, unless a violation found since explains it.
+/// Reports that the link recovered late, unless a violation that was found since the disturbance explains it.
 fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     if told(findings) > causes.told {
         return;
@@ -214,7 +217,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Returns the number of cycles begun in `from..to`, which is at least one.
+/// Returns the number of cycles of 10 ms that begin in `from..to`, at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }
@@ -231,8 +234,8 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// Returns what is found if these events happen and a frame that was sent just before `read` is read then, after
-    /// all of them.
+    /// Returns the violations that are found if these events happen, and after all of them a frame that was sent just
+    /// before `read` is read at that instant.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -262,8 +265,8 @@ mod tests {
             let without_bring_up = (cycles == 5).then_some(5);
             assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
             assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
-            // The violation that kept the frame from being read is reported, and the late recovery is only its
-            // consequence.
+            // The violation that kept the frame from being read is reported; the late recovery is only a consequence of
+            // that violation.
             assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
         }
     }
@@ -292,7 +295,8 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The 15 cycles of the front end end at 250 ms, and the 5 cycles of the air at 170 ms or 260 ms.
+        // The link has 15 cycles, until 250 ms, after the front end's fault, and 5 cycles, until 170 ms or 260 ms,
+        // after the fault of the air.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
@@ -356,7 +360,8 @@ mod tests {
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
                 assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
             }
-            // Until the restart nothing counts as recovered, whatever is shown, and nothing as late.
+            // Until the restart the link does not count as recovered, whatever is shown, and no recovery counts as
+            // late.
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
             recovery.take(&hung(50 * MS, board), &mut findings);
             recovery.shown(60 * MS, 65 * MS);

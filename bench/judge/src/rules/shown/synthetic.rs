@@ -1,7 +1,8 @@
-//! Makes a log of a HORUS, an air and a DPR that follow the design, for the tests of two rules.
+//! Makes a log of a HORUS, an air and a DPR that follow the design, for the tests of the rules `shown` and
+//! `link_status`.
 //!
-//! The DPR is a small separate model. `profile::sequence`, which the firmware runs and the judge does not, decides what
-//! is shown, and deadlines are events, one after the other.
+//! The DPR is a small model of its own. It shows what `profile::sequence` says, which the firmware uses and the judge
+//! does not, and its deadlines are events, one after the other.
 
 use std::collections::BTreeMap;
 
@@ -21,11 +22,11 @@ pub(crate) const MS: u64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
-    /// These objects of the profile are hit.
+    /// These objects of the profile are damaged by the air.
     Hit(Vec<usize>),
-    /// The frame arrives this much later, ns.
+    /// The frame arrives late by this time, ns.
     Delayed(u64),
-    /// The frame arrives again this much later, ns.
+    /// The frame arrives a second time, later by this time, ns.
     Repeated(u64),
     /// The frame breaks off in the middle.
     Cut,
@@ -37,9 +38,9 @@ pub(crate) struct Image {
     /// When FRESH rises, ns.
     pub(crate) at: u64,
     pub(crate) link: LinkValues,
-    /// The bytes of each object's place; zeros where there is no object.
+    /// The bytes of each object in the image; zeros where there is no object.
     pub(crate) places: Vec<Vec<u8>>,
-    /// Until when the image can be read, ns.
+    /// The instant until which the image can be read, ns.
     pub(crate) expires: u64,
 }
 
@@ -55,11 +56,11 @@ impl Image {
 pub(crate) struct Run {
     pub(crate) n: usize,
     pub(crate) cycles: u32,
-    /// The effects of the air, by number of the cycle, from 1, and of the frame in the cycle, from 0.
+    /// The effects of the air, each with the number of its cycle, from 1, and of its frame in the cycle, from 0.
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
     /// The cycles before which HORUS restarts: its timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
-    /// The cycles in which HORUS stands still: the timestamp is that of the cycle before.
+    /// The cycles in which HORUS's timestamp stands still: it is that of the cycle before.
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
@@ -117,7 +118,7 @@ impl Run {
         20 * MS + u64::from(cycle) * self.period + starts * 63_700 * US
     }
 
-    /// Returns when the cycle's last frame ends as it is sent, ns.
+    /// Returns when the last frame of the cycle ends as HORUS sends it, ns.
     pub(crate) fn end(&self, cycle: u32) -> u64 {
         self.tick(cycle) + age_at_end(self.layout(), air::frames(self.n) - 1) + 3 * US
     }
@@ -144,7 +145,7 @@ impl Run {
         }
     }
 
-    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, with their ends.
+    /// Adds the events of HORUS and of the air. Returns the frames that reach the antenna, each with its end.
     fn frames(&self, events: &mut Vec<Event>) -> Vec<(u64, Vec<u8>, bool)> {
         let mut heard = vec![];
         for cycle in 1..=self.cycles {
@@ -233,17 +234,17 @@ impl Run {
         Log { header, events }
     }
 
-    /// Returns the verdict on the run, after `edit`.
+    /// Returns the verdict on the run, after `edit` has changed the images.
     pub(crate) fn verdict(&self, edit: impl Fn(&mut Vec<Image>)) -> Verdict {
         judge(&self.log(edit))
     }
 
-    /// Returns the violations of the two rules, after `edit`.
+    /// Returns the violations of the rules `shown` and `link_status`, after `edit` has changed the images.
     pub(crate) fn broken(&self, edit: impl Fn(&mut Vec<Image>)) -> Vec<Violation> {
         kinds(&self.verdict(edit))
     }
 
-    /// Asserts that a correct DPR breaks nothing, and returns the verdict.
+    /// Asserts that the judge finds no violation of a correct DPR, and returns the verdict.
     pub(crate) fn assert_flawless(&self) -> Verdict {
         let verdict = self.verdict(|_| {});
         let words: Vec<String> =
@@ -267,7 +268,7 @@ const OWN: [Violation; 11] = [
     Violation::LinkTime,
 ];
 
-/// Returns the violations of the two rules only, because the log lacks what other rules need.
+/// Returns only the violations of the rules `shown` and `link_status`, because the log lacks what other rules need.
 pub(crate) fn kinds(verdict: &Verdict) -> Vec<Violation> {
     verdict.kinds().filter(|kind| OWN.contains(kind)).collect()
 }
@@ -287,16 +288,16 @@ struct Dpr {
     since: u64,
     reason: ResetReason,
     sequence: Sequence,
-    /// The sequence as of the last frame whose image, if one waited, has been published.
+    /// The state of the sequence after the last frame of which an image has been published.
     told: Sequence,
-    /// The frames of the current cycle that have arrived, and whether the cycle is shown.
+    /// The frames of the current cycle that have arrived, as bits, and whether the cycle is shown.
     seen: u8,
     in_sequence: bool,
     frozen: bool,
     restarted: Option<u64>,
     reported: Option<u64>,
     counts: [u32; 4],
-    /// The last frame: the instant of its sample, and its number.
+    /// The last frame that arrived: the instant of its sample, and its number.
     last: Option<(u64, usize)>,
     counted: u32,
     due: Due,
@@ -336,7 +337,8 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs until `end` on the frames that arrive from 30 ms after its start on.
+    /// Runs the model until `end` with the frames `heard`; those that arrive within 30 ms after its start are not
+    /// received.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

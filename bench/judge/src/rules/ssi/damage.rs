@@ -1,8 +1,8 @@
-//! Determines what a place holds that is neither an intact object nor vacant.
+//! Determines what is wrong with the bytes of an object that are neither intact nor empty.
 //!
-//! A transaction during which the image changed brought bytes of several images. Each byte of the place is then one
-//! that HORUS sent there in some cycle, or a fill byte of a scrub, and no single cycle explains all of them. If a place
-//! differs by one bit from what was sent, it counts as damaged, although another cycle may have that byte too.
+//! A transaction during which the image changed brought bytes of several images. Each byte of the object is then one
+//! that HORUS sent there in some cycle, or a fill byte of a scrub, and no single cycle explains all of them. If an
+//! object differs by one bit from what was sent, it counts as damaged, although another cycle may have that byte too.
 
 use std::collections::VecDeque;
 
@@ -18,14 +18,14 @@ const REMEMBERED: usize = 16;
 /// The bytes that a scrub fills buffers with.
 const FILLS: [u8; 2] = [0x00, 0xFF];
 
-/// The state of the part of the rule that the [module](self) describes.
+/// The Link-Status objects with which later ones are compared.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Damage {
     links: VecDeque<[u8; LinkStatus::SIZE]>,
 }
 
 impl Damage {
-    /// Keeps the Link-Status of what was read or offered, if it is intact.
+    /// Keeps the Link-Status of a transaction, or of the bytes that FRESH announced, if it is intact.
     pub(super) fn remember(&mut self, reading: &Reading) {
         // Link-Status is at the start of the image.
         let Some((Some(Ok(_)), link)) = Some(reading.link).zip(reading.miso.first_chunk()) else { return };
@@ -38,8 +38,8 @@ impl Damage {
         self.links.push_back(*link);
     }
 
-    /// Reports what is wrong with what was read. Returns whether anything is. `spliced` says whether Link-Status and
-    /// the objects come from two images.
+    /// Reports what is wrong with the bytes that a transaction read. Returns whether anything is wrong. `spliced` says
+    /// whether Link-Status and the objects come from two images.
     pub(super) fn find(
         &self,
         reading: &Reading,
@@ -93,7 +93,7 @@ fn is_torn<'a>(bytes: &[u8], sources: impl Iterator<Item = &'a [u8]> + Clone) ->
     bytes.iter().enumerate().all(explained) && sources.clone().all(|source| differing(source) > 1)
 }
 
-/// Returns whether an intact object that belongs in another place is in the place of `object`.
+/// Returns whether the bytes of `object` are an intact object that belongs elsewhere.
 fn is_misplaced(object: &Placed, rejection: Rejection, reading: &Reading, layout: Layout) -> bool {
     if rejection == Rejection::Identifier {
         return true;

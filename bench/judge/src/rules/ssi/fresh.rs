@@ -1,20 +1,20 @@
 //! Judges whether each rise of FRESH is justified, and whether each image that is read was announced.
 //!
-//! # What FRESH claims
+//! # What FRESH announces
 //!
 //! From the rise of FRESH on, a transaction brings the new image, or 0xFF throughout while that image is being put in,
-//! but never an older one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises it
+//! but never an older one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
 //!
-//! - before it gives the SSI's buffers back, so that no image is readable without FRESH;
+//! - before the processor gives the SSI's buffers back, so that no image is readable without FRESH;
 //! - at once if a transaction is under way, which still brings the image before.
 //!
-//! Therefore nothing may be offered yet at the rise itself. Then the first evidence after the rise decides: what is
-//! offered when FRESH falls, or what a transaction brings that began after the rise. Whether the image becomes readable
-//! in time depends on how long the buffers are held. Each publication has a rise, including that of an image without
-//! objects at the missed-frame deadline.
+//! Therefore the bytes that a transaction would read may not be known at the rise itself. Then the first evidence after
+//! the rise counts: the bytes that could be read when FRESH falls, or those of a transaction that began after the rise.
+//! Whether the image becomes readable in time depends on how long the processor holds the buffers. FRESH rises for each
+//! publication, including that of an image without objects at the missed-frame deadline.
 //!
-//! The image that a transaction brings must have been announced before its chip select fell. An image whose rise comes
-//! later is put in after the transaction's end.
+//! The image that a transaction brings must have been announced before its chip select fell. An image for which FRESH
+//! rises later is put in only after the transaction's end.
 
 use std::collections::VecDeque;
 
@@ -26,11 +26,11 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// The number of rises that are kept: more than there are during a transaction, unless the flight controller hangs for
-/// long.
+/// The number of rises of FRESH that are kept: more than there are during a transaction, unless the flight controller
+/// hangs for long.
 const REMEMBERED: usize = 64;
 
-/// The features that distinguish an image from others.
+/// The features of an image by which it is told apart from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
@@ -39,7 +39,7 @@ struct Mark {
 }
 
 impl Mark {
-    /// Returns the mark of what was read; `None` if too little was read.
+    /// Returns the features of the image that a transaction read; `None` if too little of it was read.
     fn of(reading: &Reading) -> Option<Self> {
         let mark = Self { link: reading.link.and_then(Result::ok), stamp: reading.timestamp() };
         (mark != Self { link: None, stamp: None }).then_some(mark)
@@ -64,8 +64,8 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether both marks belong to one image; `None` if that is not known. A cycle is shown by one image, but
-    /// its timestamp recurs after a restart of HORUS.
+    /// Returns whether these are features of the same image; `None` if that is not known. A cycle is shown by one
+    /// image, but its timestamp recurs after a restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -75,8 +75,8 @@ impl Mark {
         }
     }
 
-    /// Returns whether both marks certainly belong to one image. Two images may be made within one millisecond, but
-    /// then their counts differ. Without Link-Status it is not certain, since timestamps recur after a restart of
+    /// Returns whether these are certainly features of the same image. Two images may be made within one millisecond,
+    /// but then their counts differ. Without Link-Status it is not certain, since timestamps recur after a restart of
     /// HORUS.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
@@ -88,11 +88,12 @@ impl Mark {
 #[derive(Clone, Copy, Debug)]
 struct Claim {
     rose: u64,
-    /// The mark of the image that the rise announces, once it is known.
+    /// The features of the image that the rise of FRESH announces, once they are known.
     mark: Option<Mark>,
-    /// Whether the rise was not justified and that has been reported.
+    /// Whether it has been reported that the rise of FRESH was not justified.
     told: bool,
-    /// Whether the image differs from the announced one, so that it has no FRESH, and that has been reported.
+    /// Whether it has been reported that an image was read that differs from the announced one, so that no rise of
+    /// FRESH announced it.
     unannounced: bool,
 }
 
@@ -102,19 +103,19 @@ impl Claim {
     }
 }
 
-/// The state of the part of the rule that the [module](self) describes.
+/// The rises of FRESH, and what has been read.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
-    /// The rises in order of time.
+    /// The rises of FRESH, in order of time.
     claims: VecDeque<Claim>,
     /// The bytes that FRESH announced last, if they are unsound; empty otherwise.
     condemned: Vec<u8>,
-    /// The newest timestamp that was read, ms.
+    /// The newest timestamp that a transaction read, ms.
     newest: Option<u32>,
 }
 
 impl Claims {
-    /// Records a rise of FRESH. `excused` says whether there is a reason that nothing is offered.
+    /// Records a rise of FRESH. `excused` says whether there is a reason that no transaction could begin.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -152,7 +153,8 @@ impl Claims {
         }
     }
 
-    /// Judges what is `offered`, which the last rise announced.
+    /// Judges the image `offered`, which could be read at or after the last rise of FRESH and which that rise
+    /// announced.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
@@ -163,7 +165,7 @@ impl Claims {
         }
         claim.mark = Mark::of(offered);
         let Some(mark) = claim.mark else { return };
-        // FRESH may come late for an image that was read without it.
+        // If an image was read before FRESH rose for it, FRESH may still rise late.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
         let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
@@ -199,11 +201,11 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Another rule judges objects older than those read before.
+        // Objects that are older than objects read before are judged by another rule.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
-            // The flight controller held chip select for so long that earlier announcements are forgotten.
+            // The flight controller held chip select for so long that earlier rises of FRESH are no longer kept.
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
@@ -234,7 +236,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // From now on this image counts as the present one.
+                // From now on the image that was read counts as the present one.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;
@@ -295,7 +297,7 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
-        // Two marks may belong to one image if neither its time nor the timestamp of its objects differs.
+        // Two sets of features may be of one image if neither its time nor the timestamp of its objects differs.
         let times = Mark { link: Some(link), stamp: None };
         let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
         let next = Mark { stamp: Some(100), ..whole };

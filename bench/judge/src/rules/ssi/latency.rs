@@ -1,4 +1,5 @@
-//! Measures how soon after its tick and its last bit a cycle is readable, and keeps what HORUS sent in the last cycles.
+//! Measures how soon after its tick and its last bit a cycle is readable, and keeps the objects that HORUS sent in the
+//! last cycles.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -12,10 +13,10 @@ use crate::{Findings, Max, Quantiles, Violation};
 /// The number of cycles that are kept. They span far more than the age of any image.
 const REMEMBERED: usize = 100;
 
-/// The number of ticks that are kept. Few suffice, because a frame is sent within its cycle.
+/// The number of ticks that are kept. A few are enough, because a frame is sent within its cycle.
 const TICKS: usize = 4;
 
-/// A cycle of HORUS.
+/// A cycle of HORUS, and how its objects became readable.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     stamp: u32,
@@ -24,25 +25,25 @@ struct Cycle {
     /// When the cycle's frames began, ns.
     started: [Option<u64>; 2],
     /// When the last bit of the cycle's last frame reached the DPR's antenna, ns, if the frame was not delayed. If the
-    /// DPR may have missed the frame and it came again, the last time counts.
+    /// DPR may have missed the frame and the frame came again, its last arrival counts.
     last_bit: Option<u64>,
     /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// The longer time that the cycle may take to be readable after its last bit, ns. It applies if the LEN of the
-    /// frame was damaged on the air, or may be damaged in the DPR's buffer, because then the DPR cannot read the
-    /// objects while they arrive, nor recognise the second frame of its cycle. It also applies if the DPR may have
-    /// missed the second of two frames, because the first one alone is shown when the second is overdue.
+    /// The longer time, ns, within which the cycle must be readable after its last bit, if one applies. It applies if
+    /// the LEN of the frame was damaged on the air, or may be damaged in the DPR's buffer, because then the DPR cannot
+    /// read the objects while they arrive, nor recognise the second frame of its cycle. It also applies if the DPR may
+    /// have missed the second of two frames, because the first one alone is shown when the second is overdue.
     longer: Option<u64>,
-    /// Whether the cycle was readable.
+    /// Whether the cycle has become readable.
     readable: bool,
-    /// Whether the cycle was readable too late.
+    /// Whether the cycle became readable too late.
     late: bool,
-    /// The objects that were sent; bit 0 is Reported-Position.
+    /// The objects that were sent in the cycle; bit 0 is Reported-Position.
     objects: u8,
     profile: Vec<u8>,
 }
 
-/// The state of the part of the rule that the [module](self) describes.
+/// The last cycles of HORUS, and the figures of how soon they were readable.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycles {
     cycles: VecDeque<Cycle>,
@@ -152,15 +153,15 @@ impl Cycles {
         }
     }
 
-    /// Records that the cycle of `stamp` was read without FRESH, so that a later rise for it is no latency. Returns
-    /// whether FRESH has already risen for it too late, which has been reported.
+    /// Records that the cycle of `stamp` was read without FRESH, so that the delay of a later rise of FRESH for that
+    /// cycle is not measured. Returns whether FRESH has already risen for the cycle too late, which has been reported.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;
         cycle.late
     }
 
-    /// Returns what HORUS sent as object `index` in the last cycles.
+    /// Returns the bytes that HORUS sent as object `index` in the last cycles.
     pub(super) fn objects(&self, layout: Layout, index: usize) -> impl Iterator<Item = &[u8]> + Clone {
         let place = layout.in_profile(index).unwrap_or_default();
         let sent = self.cycles.iter().filter(move |cycle| cycle.objects >> index & 1 == 1);

@@ -4,43 +4,44 @@
 //! |---|---|
 //! | `service` | whether transactions are made, and whether the DPR serves them in time |
 //! | `fresh` | whether each rise of FRESH is justified, and whether each image that is read was announced |
-//! | `damage` | what a place holds that is neither an intact object nor vacant |
+//! | `damage` | what is wrong with the bytes of an object that are neither intact nor empty |
 //! | `latency` | how soon after its tick and its last bit a cycle is readable |
 //!
 //! # One cause, one violation
 //!
 //! - This rule requires nothing of a DPR without supply, or in its start-up time. A transaction that began before the
 //!   DPR's last start is not judged.
-//! - A DPR that the bench has hang owes nothing from then on until its next start, because it cannot serve anything
-//!   meanwhile. What had waited too long before the hang is reported, and what is read during the hang still has to be
-//!   right. A DPR with a dead task owes nothing either, since that task may be one that prepares the SSI.
-//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if the end of a transaction
-//!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
-//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`]: then it is [`Violation::Silent`]
-//!   alone.
-//! - A single transaction may read 0xFF throughout because it met the DPR busy. The DPR may be busy when it puts an
-//!   image in, which FRESH announces within [`bounds::SSI_READY`], soon after another transaction, when the image's
-//!   time is over, or when it has served all transactions that it grants between two images. Any other such transaction
-//!   is [`Violation::Unserved`].
-//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. If it became unsound later, or
-//!   FRESH rose while nothing could be read yet, the transaction that found it decides: it is torn, misplaced or
-//!   damaged, in this order, and one of them for each transaction.
-//! - While [`Excuse::Service`] holds, the flight controller is owed no service, and what it reads with wrong clocks is
-//!   not judged here. What it reads as valid still has to be right, by the rule of [`super::shown`]. No image may be
-//!   late because of the flight controller.
-//! - A transaction that ends within [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) after the DPR was ready again after the one
-//!   before is owed service only from the end of that time on.
-//! - What is unsound while [`Excuse::UnsoundImage`] holds is not judged here, because only a check that finds it is
-//!   required. That it is not valid is judged by [`super::shown`]. The DPR may replace such an image by one with the
-//!   same content.
+//! - A DPR that the bench has hang need not serve anything from then on until its next start. Service that was overdue
+//!   before the hang is reported, and what is read during the hang still has to be right. A DPR with a dead task need
+//!   not serve anything either, since that task may be one that prepares the SSI.
+//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if it got them through the end
+//!   of a transaction, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of this are
+//!   not reported as well, unless nothing is readable for longer than [`bounds::EXPIRY`]: then the violation is
+//!   [`Violation::Silent`] alone.
+//! - A single transaction may read 0xFF throughout because the DPR is busy. The DPR may be busy when it puts an image
+//!   in, which FRESH announces within [`bounds::SSI_READY`], soon after another transaction, when the image's time is
+//!   over, or when it has served all transactions that it grants between two images. Any other transaction that reads
+//!   0xFF throughout is [`Violation::Unserved`].
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. If the image became unsound
+//!   later, or FRESH rose while nothing could be read yet, it is judged by the transaction that found it: it is torn,
+//!   misplaced or damaged, the first of these that applies, and one of them for each transaction.
+//! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and the bytes that the flight
+//!   controller reads with wrong clocks are not judged here. The objects that it reads as valid still have to be right,
+//!   by the rule of [`super::shown`]. No image may be late because of the flight controller.
+//! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
+//!   next transaction ends within that pause, the DPR has to be ready for a further one only as if it had ended with
+//!   the pause.
+//! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds are not judged here, because all that is required is a
+//!   check that finds them. That they do not pass for valid is judged by [`super::shown`]. The DPR may replace such an
+//!   image by one with the same content.
 //! - A transaction that brings an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
-//!   older than what was read before, it is [`Violation::Regression`] instead, which belongs to another rule.
+//!   older than objects that were read before, it is [`Violation::Regression`] instead, which belongs to another rule.
 //! - It is not judged how soon a frame is readable that began while [`Excuse::Latency`] holds. A frame that began while
 //!   [`Excuse::Length`] holds has as much time as one whose LEN was damaged on the air. If a frame began while
-//!   [`Excuse::Hearing`] holds and came again, its time counts from the last time, because the DPR may have missed it
-//!   before.
-//! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. A cycle that
-//!   is read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
+//!   [`Excuse::Hearing`] holds and came again, its time counts from its last arrival, because the DPR may have missed
+//!   it before.
+//! - A cycle that is readable too late after its last bit is not reported as a late sample in addition. A cycle that is
+//!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
 //!   found first.
 
 mod damage;
@@ -57,7 +58,7 @@ use fresh::Claims;
 use latency::Cycles;
 use service::Service;
 
-/// The rule that the [module](self) describes, with its state.
+/// The rule that judges the SSI and FRESH; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Ssi {
     service: Service,
@@ -134,7 +135,7 @@ impl Rule for Ssi {
 }
 
 impl Ssi {
-    /// Takes an event of the SSI of a DPR that has a supply.
+    /// Processes an event of the SSI while the DPR has a supply.
     fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         let unsound = |at| context.disturbances().excuse(Excuse::UnsoundImage, at);
@@ -145,7 +146,7 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // It cannot be determined which image this is if one of its bits was hit.
+                // If a bit of the announced image was hit, it cannot be determined which image it is.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;

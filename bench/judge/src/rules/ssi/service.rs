@@ -7,19 +7,20 @@ use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 use crate::{Findings, Max, Violation};
 
-/// What a transaction shows about whether anything could be read.
+/// Whether a transaction read an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
-    /// An image was read.
+    /// The transaction read an image.
     Image,
-    /// Every byte read was 0xFF.
+    /// Every byte that the transaction read was 0xFF.
     Nothing,
-    /// Too few bytes were read to decide.
+    /// Too few bytes were read to tell whether they are of an image.
     Unknown,
 }
 
 impl Read {
-    /// Returns what `reading` shows; `busy` says whether the DPR's SPI peripheral did not serve it.
+    /// Returns whether the transaction `reading` read an image; `busy` says whether the DPR's SPI peripheral did not
+    /// serve it.
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
@@ -37,7 +38,7 @@ enum Why {
     Transaction,
     /// The image's time was over, and hardware took the buffers; there is nothing to give back until the next image.
     Expiry,
-    /// The processor took the buffers by itself.
+    /// The processor took the buffers by itself, without the end of a transaction or of the image's time.
     Own,
 }
 
@@ -50,26 +51,26 @@ struct Hold {
 /// A transaction has ended, and the DPR is not ready for the next one yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// Since when readiness is owed, ns: since the transaction's end, or since the end of the pause after the one
-    /// before.
+    /// The instant from which on the DPR has [`bounds::SSI_READY`] to become ready, ns: the transaction's end, or the
+    /// end of the pause after the transaction before.
     since: u64,
-    /// Whether there is an image to be read.
+    /// Whether the DPR has to become ready, because there is an image to be read.
     owed: bool,
 }
 
-/// A row of transactions that read only 0xFF.
+/// A series of transactions that read only 0xFF.
 #[derive(Clone, Copy, Debug)]
 struct Streak {
-    /// When chip select fell for the first transaction of the row, ns.
+    /// When chip select fell for the first transaction of the series, ns.
     first: u64,
-    /// When chip select fell for the last transaction of the row, ns.
+    /// When chip select fell for the last transaction of the series, ns.
     last: u64,
     count: u64,
-    /// Whether the buffers were held for too long meanwhile, which is a separate violation.
+    /// Whether the processor held the buffers for too long during the series, which is a separate violation.
     explained: bool,
-    /// Whether these transactions have been reported as silence.
+    /// Whether the transactions of the series have been reported as a silence.
     told: bool,
-    /// Whether the first transaction of the row had no reason to read only 0xFF.
+    /// Whether the first transaction of the series had no reason to read only 0xFF.
     unserved: bool,
 }
 
@@ -79,7 +80,7 @@ impl Streak {
     }
 }
 
-/// The state of the part of the rule that the [module](self) describes.
+/// What is known of the DPR's service over the SSI.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
@@ -104,10 +105,11 @@ pub(super) struct Service {
     /// When FRESH first rose in the transaction under way, ns.
     rose_within: Option<u64>,
     hold: Option<Hold>,
-    /// Until when the DPR need not notice the end of a transaction, ns.
+    /// The end of the pause within which the DPR need not notice the end of a transaction, ns.
     paused_until: u64,
     pending: Option<Pending>,
-    /// When FRESH rose while nothing was owed, ns, so that no other bound states when the image has to be readable.
+    /// When FRESH rose while the DPR did not have to become ready, ns, so that no other bound states when the image has
+    /// to be readable.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -145,12 +147,13 @@ impl Service {
         }
     }
 
-    /// Starts anew. What was under way is not judged, because the restart itself is judged.
+    /// Resets the state because the DPR starts anew. Whether the DPR was late before is not judged, because the restart
+    /// itself is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
         // The DPR's SPI peripheral does not serve a transaction that is under way at its start. The instants at which
-        // it began, and at which an earlier one ended, need not be kept. They are used only when the time for a start
-        // is over, which is longer than any transaction that is not long.
+        // that transaction began, and at which an earlier long one ended, need not be kept. They are used only when the
+        // time for a start is over, and any transaction that lasts so long is a long one itself.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -165,22 +168,22 @@ impl Service {
         self.restart(at);
     }
 
-    /// Records that the DPR hangs from `at` on. What had waited too long by then is reported, and nothing is owed any
-    /// more.
+    /// Records that the DPR hangs from `at` on. Service that was overdue by then is reported, and the DPR need not
+    /// serve anything any more.
     pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
         self.settle(at, findings);
         self.end_streak(findings);
         self.hung = true;
     }
 
-    /// Records that the flight controller misuses the SSI, so that nothing is owed to it.
+    /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
         // If the processor takes the buffers now, it does so because of the misused transaction.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Reports a readiness or a transaction that is overdue at `now`.
+    /// Reports that the DPR is not ready, or that no transaction is made, if that is overdue at `now`.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
@@ -202,8 +205,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH; `offers` says whether a transaction could begin. Returns whether there is a reason if
-    /// none could.
+    /// Records a rise of FRESH; `offers` says whether a transaction could begin. If none could, returns whether there
+    /// is a reason for that.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -254,7 +257,8 @@ impl Service {
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
-        // A flight controller that does not wait for the DPR as long as it has to gives no evidence against the DPR.
+        // If a flight controller does not wait for the DPR as long as it has to, its transactions prove nothing against
+        // the DPR.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
@@ -290,7 +294,7 @@ impl Service {
         }
     }
 
-    /// Returns whether the image's time may be over.
+    /// Returns whether the image's time may be over at `at`.
     fn is_expired(&self, at: u64) -> bool {
         self.rose_at.is_some_and(|rose| at >= rose + bounds::EXPIRY_EARLIEST)
     }
@@ -306,7 +310,8 @@ impl Service {
         }
     }
 
-    /// Reports what has waited too long until now, because the DPR can serve the next transaction or the run is over.
+    /// Reports what the DPR has failed to do in time by `now`, because it can serve the next transaction or the run is
+    /// over.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);
@@ -337,8 +342,8 @@ impl Service {
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is restarted by its watchdog, which is another violation. This time is longer than the
-        // restart takes.
+        // A DPR that hangs is restarted by its watchdog, which is another violation. The bound of a silence is longer
+        // than that restart takes.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

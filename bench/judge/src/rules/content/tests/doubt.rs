@@ -1,11 +1,12 @@
-//! Tests messages that HORUS may have missed, restarts, and ticks that are not regular.
+//! Tests messages that HORUS may have missed, restarts of HORUS, and ticks that are not regular.
 
 use super::reported as reported_as;
 use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns what is found in a run in which burst `number` of GPS1 is on a disturbed line and HORUS takes it or not.
+/// Returns the violations that are found in a run in which burst `number` of GPS1 is on a disturbed line, and HORUS
+/// takes that burst or not.
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -57,7 +58,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The line was doubtful until the silence after the burst, so the next burst is certain.
+    // The line is quiet again after the doubtful burst, so the next burst is certain.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -67,14 +68,15 @@ fn a_message_that_is_certain_ends_the_doubt() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns what is found for a receiver that falls silent after burst 19, with bursts every 40 ms of which burst
-/// `doubtful` is not certain. At `age` (ms) after the last burst, HORUS shows its position as valid or as not valid.
+/// Returns the violations that are found for a receiver that falls silent after burst 19, with bursts every 40 ms,
+/// where it is not certain that HORUS received burst `doubtful`. At `age` (ms) after the last burst, HORUS shows the
+/// receiver's position as valid or as not valid.
 fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::with_period(1, 40);
     scene.receivers[0].truncate(20);
     for burst in &mut scene.receivers[0] {
         (burst.att, burst.ins) = (None, None);
-        // The doubt begins within a burst, so that the bursts around it stay certain.
+        // The disturbance begins within a burst, so that HORUS certainly receives the bursts before and after it.
         burst.clean = true;
     }
     let number = cycle_after(&scene.receivers[0][19], age * MS);
@@ -88,7 +90,8 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     let own = tick(number)..tick(number + 1);
     events.without(|event| matches!(event.what, What::Sent { started, .. } if !own.contains(&started)));
     if doubtful < 20 {
-        // A false start just before the burst makes it doubtful; its announced length ends after the burst.
+        // A false start of a message just before the burst makes the burst doubtful; the length that the false start
+        // announces ends after the burst.
         let at = scene.receivers[0][doubtful].at - 10 * BYTE_NS;
         events.fed(at, 0, [0xB5, 0x62, 1, 7, 80, 0, 1, 2, 3, 4].to_vec());
     }
@@ -125,8 +128,8 @@ fn horus_may_drop_a_message_from_before_its_first_tick() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// Returns what is found if GPS1 sends until 545 ms and HORUS restarts in the cycle of 570 ms and ticks again from 600
-/// ms on.
+/// Returns the violations that are found if GPS1 sends until 545 ms, and HORUS restarts in the cycle of 570 ms and
+/// ticks again from 600 ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);
@@ -220,8 +223,8 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns what is found until cycle `last` if GPS1 falls silent after burst 3, at 349 ms, while its object stays
-/// valid, not stale and heard from cycle 65 (660 ms) on. One earlier tick was moved by `moved`, ns.
+/// Returns the violations that are found until cycle `last` if GPS1 falls silent after burst 3, at 349 ms, while HORUS
+/// shows its object as valid, not stale and heard from cycle 65 (660 ms) on. One earlier tick was moved by `moved`, ns.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -249,7 +252,8 @@ fn ages_are_not_judged_for_two_seconds_after_irregular_ticks() {
     assert_eq!(still_valid(bound, false, 66), STATUS);
     assert_eq!(still_valid(bound + 1, false, 66), []);
     assert_eq!(still_valid(bound + 1, true, 66), []);
-    // The last irregular tick is the one after the moved tick, number 62, and two seconds later ages are known again.
+    // The last irregular tick is number 62, the one after the moved tick. Two seconds after it, ages of solutions are
+    // known again.
     let until = 61 + UNTIMED / bounds::CYCLE;
     assert_eq!(still_valid(bound + 1, false, until), []);
     assert_eq!(still_valid(bound + 1, false, until + 1), STATUS);
@@ -262,7 +266,7 @@ fn an_ages_bounds_allow_for_clock_error_and_message_delay() {
         (least, most)
     };
     let taken = bounds::MESSAGE_TAKEN;
-    // The uncertainty of an age is 2.1 % (1/47) and 1 ms.
+    // The uncertainty of a solution's age is 2.1 % (1/47) and 1 ms.
     assert_eq!(age(470 * MS, (0, 0)), (470 * MS - taken - (470 * MS - taken) / 47 - MS, 481 * MS));
     assert_eq!(age(taken + 48 * MS, (MS, MS)), (47 * MS - MS - MS, 59 * MS + 59 * MS / 47 + MS));
     assert_eq!(age(taken + 48 * MS, (MS, 48 * MS)), (0, 59 * MS + 59 * MS / 47 + MS));
@@ -285,8 +289,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // The receiver's period is not certain either, so the limit is a second and 150 ms, and the delay with which the
-    // message was found.
+    // The receiver's period is not certain either, so its position may be valid for a second and 150 ms, and for the
+    // delay with which the message was found.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {
@@ -316,7 +320,8 @@ fn a_message_with_a_doubtful_time_of_week_may_be_old() {
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
             let status = values.status.with_stale(true).with_heard(true);
             let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
-            // If HORUS has certainly taken the burst before, the age is that of the burst before.
+            // If HORUS has certainly received the burst before this one, the solution's age is that of the burst
+            // before.
             let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
             gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);

@@ -1,5 +1,5 @@
-//! A run in which receivers send messages and HORUS states their values, with a change by each test for the judge to
-//! find.
+//! A run in which receivers send messages and HORUS sends their values. Each test changes something that the judge has
+//! to find.
 
 mod buses;
 mod doubt;
@@ -17,7 +17,7 @@ use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps}
 /// A group of messages that a receiver puts on its line at once.
 #[derive(Clone, Debug)]
 struct Burst {
-    /// When the first byte of the burst begins, ns.
+    /// When the first byte of the burst begins to cross the line, ns.
     at: u64,
     pvt: Option<NavPvt>,
     att: Option<NavAtt>,
@@ -72,7 +72,8 @@ impl Burst {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// Returns the values that HORUS derives from the burst while it is young enough, in the cycle of this timestamp.
+    /// Returns the values that a GPS object shows of the burst while the burst is young enough, in the cycle of this
+    /// timestamp.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -104,14 +105,15 @@ struct Scene {
     cycles: u64,
 }
 
-/// How far a receiver's numbers are ahead of those of the receiver before it, so that it is 2.2 m north and 1.5 m west
-/// of it, and has 0.2 m/s² more along each axis.
+/// The difference between the numbers of a receiver's bursts and those of the receiver before it. It places each
+/// receiver 2.2 m north and 1.5 m west of the one before, and adds 0.2 m/s² along each axis.
 const APART: u32 = 200;
-/// The first cycle that shows the inputs of HORUS's state, since three samples come before it.
+/// The first cycle that shows the inputs of HORUS's state, since HORUS needs three samples of them first.
 const INPUTS_KNOWN: u64 = 4;
 /// The instant of the receivers' first burst, ns; another follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick that is far from the arrival of a message, and by which the period is known.
+/// The number of a tick at which no message is about to arrive or has just arrived, and by which the receivers' period
+/// is known.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -132,7 +134,7 @@ impl Scene {
         Self { receivers: (0..gps as u32).map(receiver).collect(), period_ms, cycles }
     }
 
-    /// Returns the values of GPS `receiver` (from 0) at `tick`.
+    /// Returns the values that GPS object `receiver` (from 0) shows at `tick`.
     fn shown(&self, receiver: usize, tick: u64, timestamp: u32) -> GpsValues {
         let taken = |burst: &&Burst| burst.arrived() + MS <= tick;
         let bursts = self.receivers[receiver].iter().take_while(taken);
@@ -146,8 +148,9 @@ impl Scene {
     }
 
     /// Returns the events of the run. `change` may change what HORUS sends in a cycle (from 1). If `change` leaves
-    /// Reported-Position untouched, Reported-Position is the vote over the objects as changed. Once the inputs of its
-    /// state are known, HORUS monitors while there is a result, and has lost its position where there was one before.
+    /// Reported-Position untouched, Reported-Position is the vote over the objects as changed. Once the inputs of
+    /// HORUS's state are known, HORUS reports that it monitors while the vote has a result, and that it has lost its
+    /// position where the vote had a result before.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -188,12 +191,13 @@ impl Scene {
         events
     }
 
-    /// Returns what is found in the run if `change` changes what HORUS sends.
+    /// Returns the violations that are found in the run if `change` changes what HORUS sends.
     fn said(&self, change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Vec<(Violation, u64)> {
         kinds(&self.events(change))
     }
 
-    /// Returns what is found if GPS1 is changed in cycle `number`, and Reported-Position with it.
+    /// Returns the violations that are found if `change` changes GPS1 in cycle `number`, and Reported-Position follows
+    /// from the changed GPS1.
     fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
         self.said(|cycle, as_reported, gps| {
             if cycle == number {
@@ -204,7 +208,7 @@ impl Scene {
     }
 }
 
-/// Returns `status` with the age of the solution of `gps`.
+/// Returns `status`, but with the age of the solution that the status of `gps` states.
 fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
     status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
 }
@@ -219,12 +223,12 @@ fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
 
-/// Returns the vote over a single receiver.
+/// Returns the Reported-Position that is voted from a single receiver.
 fn reported(gps: &GpsValues) -> ReportedValues {
     voted(std::slice::from_ref(gps))
 }
 
-/// Returns the vote over receivers that do not move: the median of those that are valid and not excluded.
+/// Returns the voted position of receivers that do not move: the median of those that are valid and not excluded.
 fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
@@ -238,8 +242,8 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
         let values: Vec<f64> = members.iter().map(of).filter(|value| !value.is_nan()).collect();
         if values.len() < least { None } else { middle(values) }
     };
-    // A quorum has the value, and no two values differ by more than the limits. Angles are compared on the circle,
-    // where no difference exceeds pi.
+    // The voted attitude or acceleration is valid if a quorum of receivers has it and no two values differ by more than
+    // the limits. Angles are compared on the circle, where no difference exceeds pi.
     let are_agreed = |of: &[[f32; 3]], limits: [f64; 3]| {
         let off = |axis: usize, one: &[f32; 3], its: &[f32; 3]| (f64::from(one[axis]) - f64::from(its[axis])).abs();
         let turned = |off: f64| if limits[0] < 0.1 { off.min(std::f64::consts::TAU - off) } else { off };
@@ -276,7 +280,8 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     }
 }
 
-/// Returns the median, which is the mean of the middle two for an even number of values; `None` without values.
+/// Returns the median of the values, which is the mean of the middle two for an even number of values; `None` without
+/// values.
 fn middle(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);

@@ -11,7 +11,7 @@ const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
 /// The number of 10⁻⁷ degrees of latitude in a metre, at 47.5 degrees.
 const PER_METRE: f64 = 89.94;
 
-/// Returns receivers that stand still, each this far north and above, m.
+/// Returns a scene of receivers that stand still, each this far north and above the origin, m.
 fn standing(places: &[(f64, f64)]) -> Scene {
     let mut scene = Scene::of_cycles(places.len(), 100, 120);
     for (receiver, (north, up)) in places.iter().enumerate() {
@@ -24,7 +24,7 @@ fn standing(places: &[(f64, f64)]) -> Scene {
     scene
 }
 
-/// Returns receivers that stand together, except that GPS2 is 100 m off in these of its bursts.
+/// Returns a scene of receivers that stand together, except that GPS2 is 100 m off in the bursts of this range.
 fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 260);
     for burst in &mut scene.receivers[1][bursts] {
@@ -33,19 +33,19 @@ fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     scene
 }
 
-/// Returns the first cycle that shows burst `number` of GPS2.
+/// Returns the number of the first cycle that shows burst `number` of GPS2.
 fn shows(scene: &Scene, number: usize) -> u64 {
     let burst = &scene.receivers[1][number];
     cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
 }
 
-/// Returns what is found if GPS2 is excluded in these cycles.
+/// Returns the violations that are found if HORUS shows GPS2 as excluded in these cycles.
 fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// Returns what is found if these receivers are excluded from the second cycle on in which all receivers are valid. In
-/// the first such cycle there is no result yet.
+/// Returns the violations that are found if HORUS excludes these receivers from the second cycle on in which all
+/// receivers are valid. In the first such cycle the vote has no result yet.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -62,7 +62,8 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns what is found if these receivers are the members of the result and no receiver is excluded.
+/// Returns the violations that are found if Reported-Position is the vote of these receivers alone and no receiver is
+/// excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {
@@ -76,7 +77,7 @@ fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns what is found if there is no result.
+/// Returns the violations that are found if Reported-Position has no valid position in any cycle.
 fn none(scene: &Scene) -> Vec<Violation> {
     let said = scene.said(|_, reported, gps| {
         *reported = ReportedValues { status: reported.status, ..ReportedValues::absent(gps[0].timestamp) };
@@ -85,7 +86,7 @@ fn none(scene: &Scene) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns what is found if `change` changes Reported-Position in one cycle.
+/// Returns the violations that are found if `change` changes Reported-Position in one cycle.
 fn changed(gps: usize, change: impl Fn(&mut ReportedValues)) -> Vec<(Violation, u64)> {
     Scene::new(gps).said(|cycle, reported, _| {
         if cycle == STEADY {
@@ -119,7 +120,7 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // The distance is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
+    // The exclusion's distance is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -142,7 +143,8 @@ fn a_receiver_that_strays_has_no_vote() {
 fn a_receiver_is_not_excluded_without_a_cause() {
     let scene = Scene::new(3);
     assert_eq!(excluded(&scene, 0..0), []);
-    // One violation is the beginning of the exclusion, and the other is its end, which comes too early.
+    // One violation is the beginning of the exclusion, and the other is the end of the exclusion, which comes too
+    // early.
     assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
     assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
     let mut scene = Scene::new(3);
@@ -213,7 +215,7 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
     assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
     assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
-    // The judge does not prescribe which of two sets of the same size is chosen.
+    // The judge does not prescribe which of two sets of agreeing receivers of the same size HORUS chooses.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
     assert_eq!(of_members(&scene, &[1, 2]), []);
     assert_eq!(of_members(&scene, &[0, 1]), []);
@@ -228,8 +230,8 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// Returns what is found if all of three receivers have a vote, and what is found if the third, which is this far north
-/// and above (m), has none.
+/// Returns the violations that are found if all of three receivers take part in the vote, and those that are found if
+/// the third, which is this far north and above (m), does not.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -242,7 +244,8 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // An age of up to 160 ms adds 5 cm at most, and the verdict is in doubt within another 1 % and 5 cm.
+    // A position's age of up to 160 ms adds 5 cm at most to its accuracy. Within another 1 % and 5 cm of the limit, two
+    // receivers may agree or not.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -254,7 +257,7 @@ fn two_receivers_agree_within_three_times_their_combined_accuracy() {
         assert_eq!(together(accuracy, 0.0, high * 0.98 - 0.06), agree, "{accuracy:?}");
         assert_eq!(together(accuracy, 0.0, -high * 1.02 - 0.25), disagree, "{accuracy:?}");
     }
-    // At the limit either verdict is right.
+    // At the limit itself the receivers may agree or disagree.
     assert_eq!(together([3_000, 3_000], 12.75, 0.0), (vec![], vec![]));
 }
 
@@ -355,17 +358,18 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_is_older_if_its_message_comes_late() {
-    // GPS2 flies north between the two others, which stand still. Each row states how late each receiver's messages
-    // are, ms, and how old GPS2's position is when its message arrives, s.
+    // GPS2 flies north between the two other receivers, which stand still. Each row states how late each receiver's
+    // messages are, ms, and how old GPS2's position is when its message arrives, s.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
         ([20, 0, 40], 0.030),
         ([0, 40, 0], 0.090),
-        // These latencies differ by more than HORUS accepts.
+        // The receivers' latencies in these rows differ by more than HORUS accepts.
         ([0, 70, 0], 0.050),
         ([70, 0, 65], 0.050),
-        // These are in doubt, because HORUS takes a message up to 12 ms after its arrival.
+        // In these rows it is uncertain whether HORUS accepts the latencies, because HORUS takes a message up to 12 ms
+        // after its arrival.
         ([0, 50, 0], 0.050),
         ([0, 50, 0], 0.100),
     ] {
@@ -374,7 +378,7 @@ fn a_position_is_older_if_its_message_comes_late() {
             for (number, burst) in (0..).zip(bursts) {
                 burst.at += late * MS;
                 let pvt = burst.pvt.as_mut().unwrap();
-                // The week ends during the run.
+                // The GPS week ends during the run, so the time of week begins again at zero.
                 pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
             }
         }
@@ -485,8 +489,8 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns what is found with bursts changed by `bursts`, first if the vote follows the rules, then if `changed`
-/// changes it in all cycles in which every receiver has sent messages.
+/// Returns the violations that are found in a scene whose bursts `bursts` changes: first if the vote follows the rules,
+/// then if `changed` changes it in all cycles in which every receiver has sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -595,7 +599,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
             att.heading_1e5 %= 36_000_000;
             burst.ins.as_mut().unwrap().accelerations_1e2 = [front, 0, 0];
         };
-        // Reported-Position states the value where it must not, and does not state it where it must.
+        // Reported-Position states the value where it must not, or omits the value where it must state it.
         let changed = |reported: &mut ReportedValues, gps: &[GpsValues]| {
             let of_front = off[3] != 0;
             if of_front {
@@ -616,7 +620,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
     }
 }
 
-/// Returns receivers that all jump this far north and up in these of their bursts, m.
+/// Returns a scene of receivers that all jump this far north and up (m) in the bursts of this range.
 fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 300);
     for receiver in &mut scene.receivers {
@@ -629,14 +633,14 @@ fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> S
     scene
 }
 
-/// Removes the result, and leaves the state of HORUS as it is.
+/// Removes the voted position from Reported-Position, and leaves HORUS's state as it is.
 fn withhold(reported: &mut ReportedValues) {
     let state = reported.status.state().unwrap();
     *reported = ReportedValues::absent(reported.timestamp);
     reported.status = reported.status.with_degraded(true).with_state(state);
 }
 
-/// Returns what is found if there is no result in these cycles.
+/// Returns the violations that are found if Reported-Position is not valid in these cycles.
 fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
     scene.said(|cycle, reported, _| {
         if cycles.contains(&cycle) {
@@ -669,9 +673,9 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     let scene = jumping(3, 8..12, 1_000.0, 0.0);
     let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
     assert_eq!(withheld(&scene, from..until), []);
-    // In the first of these cycles HORUS may still have had the burst before.
+    // In the first of these cycles HORUS may still have voted on the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The time of 400 ms for which the place was held back before it was interrupted does not count afterwards.
+    // The position was held back for 400 ms before it was interrupted; that time does not count afterwards.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -690,7 +694,7 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
 
 #[test]
 fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
-    // Accuracies of 4 m each allow 17 m, and 200 m/s adds 2 m in each cycle.
+    // Accuracies of 4 m each allow a step of 17 m, and 200 m/s adds 2 m in each cycle.
     let missing = |north: f64, cycles: u64| {
         let scene = jumping(3, 8..99, north, 0.0);
         let from = voted_from(&scene, 8);
@@ -699,7 +703,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // A result must be shown once an aircraft could have flown that far, which is 100 m after 0.42 s.
+    // A voted position must be shown once an aircraft could have flown to it, which is 100 m after 0.42 s.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -716,7 +720,7 @@ fn what_is_held_back_moves_within_the_same_reach_or_begins_anew() {
     let (from, anew) = (voted_from(&scene, 8), voted_from(&scene, 13));
     assert_eq!(withheld(&scene, from..anew + 100), []);
     assert_eq!(withheld(&scene, from..from + 105), VOTE);
-    // In this scene there is no result to show in between.
+    // In this scene the vote has no result to show for a while.
     let mut scene = jumping(1, 8..99, 1_000.0, 0.0);
     scene.receivers[0].drain(10..13);
     let again = voted_from(&scene, 10);
@@ -788,7 +792,7 @@ fn horus_is_starting_until_its_first_result() {
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
     assert_eq!(scene.said(lost), REPORTED, "there was none");
-    // After a cycle that no frame shows, there may have been a result before.
+    // After a cycle of which no frame arrives, it is not known whether the vote had a result before.
     let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
@@ -815,19 +819,19 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// Returns what is found if HORUS restarts for `cause` while GPS2 is excluded, and from the first cycle of the next
-/// start on GPS2 and GPS3 are excluded or not.
+/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are
+/// excluded or not from the first cycle of the next start on.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
-/// Does the same as [`after_restart`], and if `off`, HORUS's supply is off for 10 ms before.
+/// Returns the violations that [`after_restart`] returns; if `off`, HORUS's supply is off for 10 ms before the restart.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
 }
 
-/// Does the same as [`after_off`] in a run of 3 receivers, with the restart `cycles` cycles after the first cycle in
-/// which GPS2 is excluded.
+/// Returns the violations that [`after_off`] returns, in a run of 3 receivers, with the restart `cycles` cycles after
+/// the first cycle in which GPS2 is excluded.
 fn after_cycles(
     scene: &Scene,
     cycles: u64,
@@ -1000,8 +1004,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// HORUS takes the vote for a tick in the cycle before it, with ages computed for the tick. A position that grows too
-/// old in between has no vote, although the tick's object shows a newer one.
+/// HORUS votes for a tick in the cycle before that tick, with ages computed for the tick. A position that grows too old
+/// in between takes no part in the vote, although the tick's object shows a newer one.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {
@@ -1013,7 +1017,7 @@ fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
             }
         })
     };
-    // A position is valid for 250 ms.
+    // A receiver's position is valid for 250 ms.
     for (silence, found) in [(246, &[][..]), (226, &VOTE)] {
         let mut scene = Scene::new(3);
         let bursts = &mut scene.receivers[1];

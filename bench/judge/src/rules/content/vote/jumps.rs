@@ -1,30 +1,31 @@
-//! Judges whether a voted result jumps, and how long it has held, each as far as the log shows it (decision 15, jumps).
+//! Judges whether a voted place or altitude jumps, and how long it has lasted, each as far as the log shows it
+//! (decision 15, jumps).
 //!
-//! A place or an altitude jumps if it lies farther from the one that was last shown than 200 m/s and both accuracies
-//! allow. It must not be shown before there was a result at every tick of a second, each within that reach of the one
-//! before it. A result must be shown if the last shown one leads to it, or if it has held for that second. In between,
-//! and where it is not known what HORUS had to show, either is right.
+//! A voted place or altitude jumps if it lies farther from the one that HORUS showed last than 200 m/s and both
+//! accuracies allow. HORUS must not show one that jumps before the vote has had a result at every tick of a second,
+//! each within that distance of the result before it. HORUS must show a place or altitude if it does not jump, or if it
+//! has lasted for that second. In between, and where it is not known what HORUS had to show, HORUS may show it or not.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
 use super::places::{Range, Relation};
 use crate::bounds;
 
-/// The voted place or altitude at a tick.
+/// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest distance that two accuracies allow, m.
+    /// The least and the greatest distance, m, within which two receivers agree: two places, or two altitudes.
     const LIMITS_M: (f64, f64);
 
-    /// Returns how far the next mark is from this one, m.
+    /// Returns the distance from this place or altitude to the next one, m.
     fn way(&self, next: &Self) -> Range;
 
-    /// Returns the greatest inflated accuracy of the mark's members, m.
+    /// Returns the greatest inflated accuracy, m, among the receivers from which this place or altitude was voted.
     fn accuracy(&self) -> Range;
 
-    /// Returns a mark that covers both.
+    /// Returns a place or altitude that covers both this one and `other`.
     fn or(self, other: Self) -> Self;
 
-    /// Returns whether this mark leads to the next one, which is `ns` later.
+    /// Returns whether the next place or altitude, `ns` later, is near enough to this one not to be a jump.
     fn leads_to(&self, next: &Self, ns: u64) -> Relation {
         let Range { least, most } = self.way(next);
         let off = |distance: f64| distance * bounds::GEODESY_SHARE + bounds::ARITHMETIC_M;
@@ -44,7 +45,8 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether two steps may lead from this mark to the next, whatever lies between.
+    /// Returns whether the next place or altitude, two ticks later, can be reached without a jump, whatever lies
+    /// between.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
@@ -56,7 +58,7 @@ fn flown(ns: u64) -> f64 {
     f64::from(bounds::FASTEST_MM_S) / 1e3 * ns as f64 / 1e9
 }
 
-/// A place on the ellipsoid, known within `within` metres.
+/// A voted place on the ellipsoid, known to within `within` metres.
 #[derive(Clone, Debug)]
 pub(super) struct Spot {
     pub(super) at: Geodetic,
@@ -89,7 +91,7 @@ impl Mark for Spot {
     }
 }
 
-/// A height, m above the ellipsoid.
+/// A voted height, m above the ellipsoid.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
     pub(super) height: Range,
@@ -112,37 +114,37 @@ impl Mark for Level {
     }
 }
 
-/// What HORUS has to show at a tick.
+/// The place or altitude that HORUS has to show at a tick.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
-    /// Whether there certainly is a result, and whether there may be one.
+    /// Whether the vote certainly has a result, and whether it may have one.
     pub(super) sure: bool,
     pub(super) may: bool,
-    /// Where the result is if there is one; `None` if that is not known.
+    /// The place or altitude if the vote has a result; `None` if it is not known.
     pub(super) mark: Option<T>,
 }
 
-/// The result that was last shown.
+/// The place or altitude that HORUS showed last.
 #[derive(Clone, Debug)]
 enum Last<T> {
-    /// No result was shown since HORUS's start.
+    /// HORUS has shown no place or altitude since its start.
     Nothing,
-    /// It is not known what was shown.
+    /// It is not known which place or altitude HORUS showed.
     Unknown,
-    /// This mark was shown at this tick.
+    /// HORUS showed this place or altitude at this tick.
     At(u64, T),
 }
 
-/// The course of the results: what was last shown, and what there was since.
+/// The voted places or altitudes: the one that HORUS showed last, and what is known of those since then.
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The mark at the last tick, and the mark at the tick before that, if they are known. Where it is not known at
-    /// which of two ticks a message was taken, the mark between covers both possibilities.
+    /// The voted place or altitude at the last tick, and the one at the tick before that, if they are known. Where it
+    /// is not known at which of two ticks HORUS took a message, the value between them covers both possibilities.
     before: [Option<T>; 2],
-    /// The last tick at which certainly no result followed from the one of the tick before, or at which one was shown.
+    /// The last tick at which the vote certainly had no result or a jump, or at which HORUS showed a place or altitude.
     broke: u64,
-    /// The last tick at which the row of results may have broken.
+    /// The last tick at which the vote may have had no result or a jump.
     may_have_broken: u64,
 }
 
@@ -151,13 +153,13 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Forgets which marks were shown and which there were since, because they are not known.
+    /// Records that it is not known which places or altitudes HORUS showed last and voted since.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];
     }
 
-    /// Advances to the next tick, with what HORUS has to show at it.
+    /// Advances to the next tick, with the place or altitude that HORUS has to show at it.
     pub(super) fn advance(&mut self, tick: u64, found: &Found<T>) {
         let [before, earlier] = std::mem::take(&mut self.before);
         let follows = match (&before, &earlier, &found.mark) {
@@ -175,7 +177,7 @@ impl<T: Mark> Course<T> {
         self.before = [found.mark.clone(), before.filter(|_| found.may)];
     }
 
-    /// Returns whether the result certainly has to be shown.
+    /// Returns whether HORUS certainly has to show this place or altitude.
     pub(super) fn must_be_shown(&self, tick: u64, found: &Found<T>) -> bool {
         let is_near = match (&self.last, &found.mark) {
             (Last::Nothing, _) => true,
@@ -185,7 +187,8 @@ impl<T: Mark> Course<T> {
         found.sure && (is_near || tick - self.may_have_broken > bounds::HELD_BACK)
     }
 
-    /// Returns what is wrong with showing this mark, if it jumps and has not held.
+    /// Returns, in words, why HORUS must not show this place or altitude yet, if it jumps and has not lasted for a
+    /// second.
     pub(super) fn shown_too_soon(&self, tick: u64, mark: &T) -> Option<String> {
         let Last::At(at, last) = &self.last else { return None };
         let jumps = last.leads_to(mark, tick - at) == Relation::Disagree;
@@ -196,7 +199,7 @@ impl<T: Mark> Course<T> {
         })
     }
 
-    /// Records that this mark is shown.
+    /// Records that HORUS shows this place or altitude.
     pub(super) fn show(&mut self, tick: u64, mark: T) {
         *self = Self { last: Last::At(tick, mark), before: [None, None], broke: tick, may_have_broken: tick };
     }

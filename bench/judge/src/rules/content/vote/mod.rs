@@ -1,37 +1,40 @@
-//! Judges whether Reported-Position and the excluded receivers follow from what the receivers state.
+//! Judges whether Reported-Position and the excluded receivers follow from the receivers' messages.
 //!
 //! This module is written from decision 15 alone and takes nothing from the voter that HORUS runs.
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it, so it has of each receiver what the object of this cycle shows, or
-//! what the object of the cycle before shows. A receiver with a valid position in both objects is a candidate, unless
-//! the older position may have grown too old for this tick and the newer one came after the vote. A receiver with a
-//! valid position in one of them may be a candidate. A receiver that is excluded in this cycle and was in the one
-//! before is not eligible. Position, velocity and accuracy are those of the messages that show what an object shows;
-//! their age is known within the limits of [`Age`]. From this follows for each two receivers whether they agree,
+//! HORUS votes for a tick in the cycle before it, so the vote uses for each receiver either what the object of this
+//! cycle shows or what the object of the cycle before shows. A receiver whose position may be voted on is a candidate.
+//! A receiver with a valid position in both objects is a candidate, unless the older position may have grown too old
+//! for this tick and the newer one came after the vote. A receiver with a valid position in one of the two objects may
+//! be a candidate. A receiver that is excluded in this cycle and was excluded in the one before is not eligible for the
+//! result. Position, velocity and accuracy are those of the messages from which an object was made; the age of those
+//! messages is known within the limits of [`Age`]. From all this follows for each two receivers whether they agree,
 //! disagree, or may do either ([`places`]).
 //!
-//! HORUS does not state which eligible receivers are the members of a result, only how many they are. Therefore every
-//! set of that size is tried, and something is a violation only if it is wrong for every set.
+//! HORUS does not state which eligible receivers its result was voted from, the members of the result; it states only
+//! how many they are. Therefore every set of that size is tried, and something is a violation only if it is wrong for
+//! every set.
 //!
 //! | violation | when |
 //! |---|---|
 //! | `VoteWrong` | a result has fewer than M members or no majority, its members disagree, or a larger set agrees |
-//! | `VoteWrong` | a place or an altitude jumps, and is shown before it has held for a second ([`jumps`]) |
+//! | `VoteWrong` | a place or an altitude jumps, and is shown before it has lasted for a second ([`jumps`]) |
 //! | `VoteMissing` | there is no result, though a majority of the eligible, at least M, agree, and it does not jump |
 //! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
 //! | `ReportedWrong` | the values are not the members' medians, or a status bit or an invalid value is wrong |
 //!
-//! A receiver must not be excluded while it has no position, while there is no result, while it agrees with a member,
-//! or later than 1.1 s after it began to agree with all. It must be excluded if it agrees with no member, or if it
-//! cannot have agreed for a second since it was excluded. Where M members have an altitude, a receiver with an altitude
-//! has to agree with a member that has one. After a restart that leaves RAM as it was, a receiver must still be
-//! excluded if it was in the last cycle before the restart and cannot have returned since. A receiver must not be
-//! excluded then if it was not before, agreed with all others, and neither it nor M of the others have sent anything
-//! new since.
+//! A receiver must not be excluded while it has no position, while there is no result, while it agrees with a member of
+//! the result, or later than 1.1 s after it began to agree with all members. It must be excluded if it agrees with no
+//! member, or if it cannot have agreed for a second since it was excluded. Where M members have an altitude, a receiver
+//! with an altitude has to agree with a member that has one. After a restart of HORUS that leaves RAM as it was, a
+//! receiver must be excluded if it was excluded in the last cycle before the restart and cannot have returned since.
+//! After such a restart a receiver must not be excluded if it was not excluded before, agreed with all others, and
+//! neither it nor M of the others have sent anything new since.
 //!
-//! An altitude, an attitude and an acceleration each take M members that have one, all of which have to agree.
+//! An altitude, an attitude and an acceleration are each voted only from members that have one. At least M of them are
+//! needed, and all of them have to agree.
 //!
 //! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
@@ -39,13 +42,13 @@
 //!
 //! - The cycle after one in which the judge has not seen every object, or has blamed one, is not judged, because it is
 //!   not known which receivers were excluded before.
-//! - A position, and an agreement, are not judged while it is not known what HORUS holds: HORUS's ticks are not
-//!   regular, or a message may have been taken or not and the object shows neither.
-//! - It is not judged which of several sets of the same size wins.
+//! - A position, and whether receivers agree, are not judged while it is not known which message HORUS uses: HORUS's
+//!   ticks are not regular, or HORUS may have taken a message or not and the object shows neither case.
+//! - The judge does not prescribe which of several sets of the same size HORUS chooses.
 //! - The status bit that concerns HORUS's clock is not judged here.
 //!
-//! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to apply decision 15 to what it
-//! takes from the line. What it takes is judged as for every GPS object.
+//! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to apply decision 15 to the
+//! messages that it takes from the line. Whether it takes the right messages is judged as for every GPS object.
 
 mod jumps;
 mod places;
@@ -63,52 +66,52 @@ use places::{Place, Range, Relation, median, median_of, spread};
 /// A set of receivers as bits; bit 0 is GPS1.
 type Set = u8;
 
-/// A GPS object of a cycle, and the messages from which HORUS may have its position.
+/// A GPS object of a cycle, and the messages from which HORUS may have taken its position.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<Held>,
     /// Whether the object's position is certainly still valid at the next tick, if no newer message arrives.
     pub(super) lasts: bool,
-    /// Whether the receiver sent so much within a cycle that the voter may have had values that no object shows.
+    /// Whether the receiver sent so much within a cycle that the voter may have used values that no object shows.
     pub(super) hurried: bool,
 }
 
-/// When an excluded receiver last failed to agree, ns.
+/// When an excluded receiver last failed to agree with the result, ns.
 #[derive(Clone, Copy, Debug, Default)]
 struct Returning {
-    /// The last tick at which the receiver may have been no candidate, or may have disagreed.
+    /// The last tick at which the excluded receiver may have been no candidate, or may have disagreed.
     may_not: u64,
-    /// The last tick at which the receiver certainly was no candidate or disagreed; `None` if there is none.
+    /// The last tick at which the excluded receiver certainly was no candidate or disagreed; `None` if there is none.
     did_not: Option<u64>,
 }
 
-/// The state of the part of the rule that the [module](self) describes.
+/// What is known of HORUS's vote from one cycle to the next.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
     /// The number of the last cycle seen, counted from HORUS's start, and the receivers that were excluded in it.
     last: (u64, Set),
-    /// The objects seen in that last cycle.
+    /// The objects of each receiver in the last cycle that was seen.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// The receivers that must be excluded in the first cycle of this start, and those that may be, until that cycle
-    /// was seen.
+    /// The receivers that must be excluded in the first cycle of this start of HORUS, and those that may be; `None`
+    /// once that cycle was seen.
     restarted: Option<(Set, Set)>,
-    /// The receivers that may have been outvoted after the last cycle seen.
+    /// The receivers that may have been excluded by the vote after the last cycle seen.
     doubtful: Set,
     /// The tick of the last cycle seen, ns.
     pub(super) last_tick: u64,
-    /// Whether there was a result since HORUS's start, and whether there may have been one.
+    /// Whether the vote has had a result since HORUS's start, and whether it may have had one.
     located: bool,
     may_be_located: bool,
     places: Course<Spot>,
     altitudes: Course<Level>,
-    /// Whether it is known what the inputs of HORUS's state say.
+    /// Whether it is known which readings of its inputs HORUS has accepted.
     inputs_known: bool,
 }
 
-/// Whether HORUS finds in its RAM which receivers were excluded.
+/// Whether HORUS, when it starts, finds in its RAM which receivers were excluded before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ram {
     /// HORUS finds in its RAM which receivers were excluded, because its supply stayed on.
@@ -121,7 +124,7 @@ pub(super) enum Ram {
     Lost,
 }
 
-/// The verdict on a cycle.
+/// The verdict on the vote of a cycle.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Judged {
     /// The violation, and what is wrong in words.
@@ -130,7 +133,7 @@ pub(super) struct Judged {
     pub(super) away: [Option<(f64, Option<f64>)>; MAX_RECEIVERS],
 }
 
-/// A cycle as the voter has to see it.
+/// The objects of a cycle, and what they say about the receivers that take part in its vote.
 struct Cycle<'a> {
     /// The object of each receiver in this cycle, and in the cycle before.
     seen: &'a [Seen],
@@ -146,38 +149,38 @@ struct Cycle<'a> {
     /// The receivers that are excluded, and those that were excluded in the cycle before.
     now: Set,
     before: Set,
-    /// The number of receivers that a quorum needs.
+    /// The number of receivers that have to agree for a result.
     least: usize,
 }
 
 impl Cycle<'_> {
-    /// Returns those of `others` that have this relation to `receiver`.
+    /// Returns those of the receivers `others` that have this relation to `receiver`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
             .fold(0, |set, other| set | bit(other))
     }
 
-    /// Returns whether `receiver` certainly agrees with all of `others`.
+    /// Returns whether `receiver` certainly agrees with all receivers in `others`.
     fn agrees_with_all(&self, receiver: usize, others: Set) -> bool {
         let others = others & !bit(receiver);
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest set in `of` in which every two receivers certainly agree.
+    /// Returns the largest subset of `of` in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
         sets.filter(agree).max_by_key(|set| set.count_ones()).unwrap_or(0)
     }
 
-    /// Returns the receivers that certainly are eligible, and those that may be.
+    /// Returns the receivers that certainly are eligible for the result, and those that may be.
     fn eligible(&self) -> (Set, Set) {
         (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
     }
 
     /// Returns the members of a result with which `receiver` has to agree: those that certainly count, and those that
-    /// may. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
+    /// may count. If the receiver and a quorum of the members have an altitude, only members with an altitude count.
     fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
         let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
         if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
@@ -189,7 +192,7 @@ impl Cycle<'_> {
         }
     }
 
-    /// Returns where the result is and how high, whether it is shown or held back.
+    /// Returns the voted place and the voted altitude, whether HORUS shows them or holds them back.
     fn found(&self) -> (Found<Spot>, Found<Level>) {
         let (eligible, may_vote) = self.eligible();
         let largest = self.largest(eligible);
@@ -212,13 +215,13 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the greatest accuracy of these members along an axis.
+    /// Returns the greatest accuracy among these members of a result along an axis.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
     }
 
-    /// Returns the place that these members have as a result.
+    /// Returns the place that is voted from these members of a result.
     fn spot(&self, members: Set) -> Option<Spot> {
         let origin = &self.places[each(members).next()?];
         let there: Option<Vec<_>> = each(members).map(|member| self.places[member].north_east(origin)).collect();
@@ -229,7 +232,8 @@ impl Cycle<'_> {
         Some(Spot { at: origin.beside([north.middle(), east.middle()])?, within, accuracy: self.accuracy(members, 0)? })
     }
 
-    /// Returns the altitude that these members have as a result, if it is known which of them have an altitude.
+    /// Returns the altitude that is voted from these members of a result, if it is known which of them have an
+    /// altitude.
     fn level(&self, members: Set) -> Option<Level> {
         let high = members & self.high;
         let of: Option<Vec<_>> = each(high).map(|member| self.places[member].altitude().0).collect();
@@ -238,7 +242,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a mark that holds for each of `marks`; `None` if one of them is not known.
+/// Returns a place or altitude that covers all of `marks`; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -261,15 +265,15 @@ impl Vote {
         }
     }
 
-    /// Starts anew after `ticks` ticks. HORUS forgets everything but, where its `ram` is kept, which receivers are
-    /// excluded. The excluded receivers are those of the last cycle seen, or the outcome of one of at most three votes
-    /// after it that no frame shows. In those votes the receivers `heard` may have had positions that the cycle does
-    /// not show. A receiver that agreed with all others in that cycle can only be outvoted by a new position: its own,
-    /// or those of a whole quorum.
+    /// Resets the state because HORUS starts anew after `ticks` ticks. Only the record of the excluded receivers is
+    /// kept, and only where HORUS's `ram` is kept. The excluded receivers are those of the last cycle seen, or the
+    /// outcome of one of at most three votes after that cycle which no frame shows. In those votes the receivers
+    /// `heard` may have had positions that the cycle does not show. A receiver that agreed with all others in that
+    /// cycle can only be excluded because of a new position: its own, or those of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // No cycle was seen since the start before this one.
+            // No cycle was seen between the start before this one and this start.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -291,8 +295,8 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// Returns what is wrong with the excluded receivers in the first cycle seen after a start, whose number is
-    /// `number`.
+    /// Returns, in words, what is wrong with the excluded receivers in the first cycle seen after a start of HORUS;
+    /// `number` is the number of that cycle.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
             return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
@@ -306,8 +310,9 @@ impl Vote {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position's values in cycle `number` since HORUS's start, whose GPS objects are sound. Whether
-    /// HORUS may be starting is judged only where the inputs of its state are known.
+    /// Judges Reported-Position's values in cycle `number` since HORUS's start. The cycle's GPS objects have been found
+    /// right. The judge requires that HORUS says it is starting, or does not, only where the inputs of its state are
+    /// known.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -340,7 +345,7 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // It is not known whether HORUS takes this result for the last one.
+            // The judge cannot tell whether HORUS treats this result as the one that was shown last.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -359,8 +364,8 @@ impl Vote {
         judged
     }
 
-    /// Records, for each excluded receiver, what decides its return: its agreement with every member, or, without a
-    /// result, with one of the eligible.
+    /// Records, for each excluded receiver, whether it may return: whether it agrees with every member of the result
+    /// or, without a result, with one of the eligible receivers.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -385,7 +390,7 @@ impl Vote {
         }
     }
 
-    /// Returns what is wrong with the excluded receivers, whichever set the members are.
+    /// Returns, in words, which exclusions are wrong whichever set the members of the result are.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
         let Cycle { sure, may, now, before, .. } = *cycle;
         let others = may & !(now & before);
@@ -413,8 +418,8 @@ impl Vote {
         })
     }
 
-    /// Returns what is wrong with the result, or with its absence. Adds to `members` every set that may be the
-    /// result's.
+    /// Returns, in words, what is wrong with the result of the vote, or with its absence. Adds to `members` every set
+    /// of receivers that the result may have been voted from.
     fn vote(
         &self,
         tick: u64,
@@ -427,7 +432,7 @@ impl Vote {
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
         let (eligible, _) = cycle.eligible();
-        // Any other state depends on the inputs and is judged with them.
+        // Any other state of HORUS depends on its inputs and is judged with them.
         let is_located = reported.status.position_valid();
         let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
@@ -505,7 +510,8 @@ impl Vote {
     }
 }
 
-/// Returns the place and the altitude that Reported-Position shows for one of these sets of members.
+/// Returns the place and the altitude that Reported-Position shows, if one of these sets of receivers is what they were
+/// voted from.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {
@@ -542,7 +548,7 @@ impl<'a> Cycle<'a> {
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
         let (was, is) = (valid(earlier), valid(seen));
-        // The vote had the position of the cycle before, aged to this tick, or the position of this cycle.
+        // The vote used the position of the cycle before, aged to this tick, or the position of this cycle.
         let position = |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude];
         let same = |(was, is): (&Seen, &Seen)| position(was).map(f64::to_bits) == position(is).map(f64::to_bits);
         let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
@@ -570,7 +576,7 @@ impl<'a> Cycle<'a> {
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
-    /// Returns the distance of each excluded receiver from the farthest receiver that has a vote.
+    /// Returns the distance of each excluded receiver from the farthest receiver that takes part in the vote.
     fn away(&self) -> [Option<(f64, Option<f64>)>; MAX_RECEIVERS] {
         let mut away = [None; MAX_RECEIVERS];
         for receiver in each(self.now & self.may) {
@@ -584,7 +590,7 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// Returns what is wrong with a Reported-Position that is not valid.
+/// Returns, in words, what is wrong with a Reported-Position that states no valid position.
 fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
@@ -609,7 +615,7 @@ fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     wrong_state.then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
 }
 
-/// Returns what is wrong with the position.
+/// Returns, in words, what is wrong with the latitude, longitude or altitude of Reported-Position.
 fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
@@ -650,8 +656,8 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// Returns what is wrong with attitude or acceleration. The voter had each member's values of this cycle's object, or
-/// those of the object before.
+/// Returns, in words, what is wrong with the attitude or acceleration of Reported-Position. The voter used each
+/// member's values from this cycle's object, or from the object of the cycle before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
         return None;
@@ -691,7 +697,7 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// Extracts from an object the values that a median is made of, and whether they are valid.
+/// A function that extracts from an object the values of which a median is taken, and whether they are valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
 /// Returns the largest difference of any two of these values, which are angles if `circle` is set.
@@ -700,8 +706,8 @@ fn farthest(of: &[f32], circle: bool) -> f64 {
     pairs.map(|off| if circle { ((off + PI).rem_euclid(2.0 * PI) - PI).abs() } else { off }).fold(0.0, f64::max)
 }
 
-/// Returns whether `shown` is the median. A single value must match bit by bit; the median of angles is taken relative
-/// to the first.
+/// Returns whether `shown` is the median of the values `of`. A single value must match bit by bit; the median of angles
+/// is taken relative to the first angle.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {
     match *of {
         [] => false,
@@ -735,7 +741,7 @@ fn set(seen: &[Seen], which: impl Fn(&Seen) -> bool) -> Set {
     seen.iter().enumerate().filter(|(_, seen)| which(seen)).fold(0, |set, (receiver, _)| set | bit(receiver))
 }
 
-/// Returns the receivers' names in words.
+/// Returns the receivers' names for a message to a human reader.
 fn names(set: Set) -> String {
     let names: Vec<String> = each(set).map(|receiver| format!("GPS{}", receiver + 1)).collect();
     if names.is_empty() { "nobody".to_owned() } else { names.join(", ") }

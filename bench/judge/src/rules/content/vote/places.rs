@@ -1,12 +1,13 @@
 //! Computes where the receivers are at a tick, how far apart they are, and whether they agree, each as far as the log
 //! shows it.
 //!
-//! How much older a position is than its message follows from the delay between the time of week in each message and
-//! its arrival. The position is 50 ms older for the candidate with the middle delay. For another candidate the
-//! difference of its delay is added, if it is at most 50 ms (decision 15, brought to the tick).
+//! The delay between the time of week in each message and the message's arrival tells how much older the position is
+//! than its message. Among the candidates, which are the receivers whose position may be voted on, the position is 50
+//! ms older for the one with the middle delay. For another candidate the difference between its delay and the middle
+//! one is added, if that difference is at most 50 ms (decision 15, brought to the tick).
 //!
 //! The instant at which HORUS took a message is known to within some milliseconds, and where two messages show the same
-//! position it is not known which of them HORUS holds. Therefore places, accuracies and distances are ranges here, and
+//! position it is not known which of them HORUS uses. Therefore places, accuracies and distances are ranges here, and
 //! two receivers agree, disagree, or may do either.
 
 use gnss_sim::{Geodetic, TangentPlane};
@@ -15,7 +16,7 @@ use super::super::track::{Held, WEEK};
 use super::{Set, bit};
 use crate::bounds;
 
-/// The distance of two receivers, m, beyond which they are not compared in a plane.
+/// The distance of two receivers, m, beyond which their positions are not compared in a tangent plane.
 const PLANE: f64 = 10_000.0;
 
 /// A range from a least to a greatest value.
@@ -69,7 +70,7 @@ pub(super) enum Relation {
     Doubtful,
 }
 
-/// A receiver's place at a tick, in every version that HORUS's voter may have.
+/// The place of a receiver at a tick, in every version that HORUS's voter may use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place(Vec<Version>);
 
@@ -80,22 +81,23 @@ struct Version {
     plane: TangentPlane,
     /// The altitude that the object shows, m; `None` for a 2D fix.
     altitude: Option<f64>,
-    /// The messages from which HORUS may have the position; empty while it is not certain what HORUS holds.
+    /// The messages from which HORUS may have taken the position; empty while this is not known.
     messages: Vec<Held>,
-    /// The position's movement and accuracy; `None` until its age is known.
+    /// The distance that the receiver has moved since the position's epoch, and its accuracy; `None` until the
+    /// position's age is known.
     held: Option<Brought>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Brought {
-    /// The distance that the receiver has moved north, east and up since the position's epoch, m.
+    /// The distance that the receiver has moved north, east and up since its position's epoch, m.
     moved: [Range; 3],
-    /// The inflated accuracies, horizontal and vertical, m.
+    /// The accuracies, horizontal and vertical, m, inflated by what the position's age adds.
     accuracy: [Range; 2],
 }
 
 impl Place {
-    /// Adds a position that a GPS object shows, and the messages from which HORUS may have it.
+    /// Adds a position that a GPS object shows, and the messages from which HORUS may have taken it.
     pub(super) fn add(
         &mut self,
         latitude: f64,
@@ -109,33 +111,33 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// Returns the delay from the time of week to the message's arrival, s, taken within half a week of `reference`
-    /// (ns).
+    /// Returns the delay from the message's time of week to its arrival, s. Times of week are compared modulo a week,
+    /// within half a week of `reference` (ns).
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the movement of every version is known.
+    /// Returns whether the receiver's movement is known in every version of its place.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
 
-    /// Returns the place at the tick, m north and east in the plane of `origin`.
+    /// Returns the receiver's place at the tick, m north and east in the tangent plane of `origin`.
     pub(super) fn north_east(&self, origin: &Self) -> Option<[Range; 2]> {
         let origin = origin.0.first()?;
         let all: Option<Vec<_>> = self.0.iter().map(|version| version.north_east(origin)).collect();
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns where another position lies in this place's plane, m north and east.
+    /// Returns where this latitude and longitude lie in this place's tangent plane, m north and east.
     pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> Option<[f64; 2]> {
         let [north, east, _] = self.0.first()?.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
         Some([north, east])
     }
 
-    /// Returns the altitude at the tick, m, which is `None` for a 2D fix, and whether it is uncertain that it is such a
+    /// Returns the altitude at the tick, m, or `None` for a 2D fix, and whether it is uncertain that the fix is a 2D
     /// fix.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
@@ -150,24 +152,25 @@ impl Place {
         [any && has.all(|has| has), any]
     }
 
-    /// Returns the inflated accuracies at the tick, horizontal and vertical, m.
+    /// Returns the receiver's inflated accuracies at the tick, horizontal and vertical, m.
     pub(super) fn accuracy(&self) -> Option<[Range; 2]> {
         let all: Option<Vec<_>> = self.0.iter().map(|version| Some(version.held?.accuracy)).collect();
         all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
     }
 
-    /// Returns the point on the ellipsoid that lies this many metres north and east in this place's plane.
+    /// Returns the point on the ellipsoid that lies this many metres north and east of this place.
     pub(super) fn beside(&self, [north, east]: [f64; 2]) -> Option<Geodetic> {
         let there = self.0.first()?.plane.to_geodetic([north, east, 0.0]);
         Some(Geodetic { height: 0.0, ..there })
     }
 
-    /// Returns the distance from `other` at the tick, m: along the ground, and in height where both have an altitude.
+    /// Returns the distance from the receiver `other` at the tick, m: along the ground, and in height where both
+    /// receivers have an altitude.
     pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
         self.0.last()?.apart(other.0.last()?)
     }
 
-    /// Returns whether the two places agree.
+    /// Returns whether the places of two receivers agree.
     pub(super) fn relation(&self, other: &Self) -> Relation {
         let relations = self.0.iter().flat_map(|one| other.0.iter().map(|its| one.relation(its)));
         relations.reduce(|one, other| if one == other { one } else { Relation::Doubtful }).unwrap_or(Relation::Doubtful)
@@ -220,7 +223,8 @@ impl Version {
     }
 }
 
-/// Brings the receivers to the tick. Those in `sure` are candidates, and those in `may` may be.
+/// Brings the positions of all receivers to the tick. The receivers in `sure` are candidates for the vote, and those in
+/// `may` may be candidates.
 pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
     let Some(reference) = some.map(|held| held.since_epoch) else { return };
@@ -229,7 +233,8 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
         let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
         median(&lags.collect::<Option<Vec<_>>>()?)
     };
-    // The middle delay is taken over each set that may be the candidates.
+    // It is not certain which receivers are the candidates, so the middle delay is taken over each set of receivers
+    // that may be.
     let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
     let middle = sets.map(of).collect::<Option<Vec<_>>>();
     let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
@@ -244,12 +249,12 @@ fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Returns the time from the time of week to the tick, s, taken within half a week of `reference`.
+/// Returns the time from a message's time of week to the tick, s, modulo a week, within half a week of `reference`.
 fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// Returns the delay from the time of week to the arrival, s, by the same `reference` as [`since_epoch`].
+/// Returns the delay from a message's time of week to its arrival, s, with the `reference` of [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
@@ -267,8 +272,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The arrival's instant cancels out: a message that arrived later has waited less, and took longer by the same
-    // time.
+    // The instant of the message's arrival cancels out: a message that arrived later has waited less for the tick, and
+    // took longer to arrive by the same time.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
@@ -292,7 +297,7 @@ impl Brought {
         Self { moved, accuracy }
     }
 
-    /// Returns the ranges that cover both.
+    /// Returns the movement and accuracy whose ranges cover both of these.
     fn or(self, other: Self) -> Self {
         let hull = |one: Range, other: Range| one.hull(other);
         Self {
@@ -302,8 +307,8 @@ impl Brought {
     }
 }
 
-/// Returns the range of the median of values in these ranges, from the median of the least values to that of the
-/// greatest.
+/// Returns the range in which the median of values lies that are known by these ranges: from the median of the least
+/// values to that of the greatest.
 pub(super) fn median(ranges: &[Range]) -> Option<Range> {
     let of = |value: fn(&Range) -> f64| median_of(ranges.iter().map(value).collect());
     Some(Range { least: of(|range| range.least)?, most: of(|range| range.most)? })
@@ -320,7 +325,7 @@ pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     }
 }
 
-/// Returns the difference of the greatest and the least value of these ranges.
+/// Returns the difference between the greatest and the least value in all of these ranges.
 pub(super) fn spread(ranges: &[Range]) -> f64 {
     let hull = ranges.iter().copied().reduce(Range::hull);
     hull.map_or(0.0, |hull| hull.most - hull.least)

@@ -63,7 +63,8 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // This is the second frame in a row that does not end, and HORUS begins the bring-up 0.5 ms after the end was due.
+    // The second frame in a row does not end here, and HORUS begins to bring its front end up 0.5 ms after the frame
+    // should have ended.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);
@@ -90,7 +91,7 @@ fn the_field_may_be_off_until_it_first_comes_on() {
 
 #[test]
 fn the_bounds_around_a_drop_are_as_stated() {
-    // The tick comes when the field has been back for exactly as long as HORUS needs.
+    // At this tick the field has been back for exactly as long as HORUS needs.
     let ready = |early: u64| {
         changed(3, |events| {
             events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
@@ -100,7 +101,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let dropped = (Violation::FieldDropped, 1, tick(5));
     assert_eq!(ready(1), [dropped]);
     assert_eq!(ready(0), [(Violation::NoFrame, 1, tick(7)), dropped]);
-    // The field goes off when the command's frame may just have ended.
+    // HORUS's field goes off when the command's frame may just have ended.
     let command = tick(5) + COMMAND[0];
     let after = |passed: u64| {
         changed(3, |events| {
@@ -112,7 +113,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let off = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
     assert_eq!(after(0), [(Violation::FieldDropped, 1, off)]);
     assert_eq!(after(1), [(Violation::CommandWithoutFrame, 1, command)]);
-    // The last lost frame lies so far back that HORUS does not recover from it any more.
+    // The last lost frame lies so far back that HORUS does not switch its field off because of it any more.
     let recovered = |passed: u64| {
         changed(3, |events| {
             let off = tick(5) + bounds::FIELD_RECOVERY + passed;

@@ -3,8 +3,9 @@ use super::*;
 /// The time after a hang at which HORUS's watchdog bites, ns.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS stops at `at` until its watchdog restarts it. Its timer goes on ticking, and the frame
-/// that its front end is sending breaks off. With `told`, the log states that the bench had HORUS hang then.
+/// Returns a run in which HORUS stops at `at` until its watchdog restarts it. HORUS's timer goes on ticking, and the
+/// frame that its front end is sending breaks off. With `told`, the log states that the bench had HORUS hang at that
+/// instant.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -57,7 +58,7 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // HORUS is not blamed either if the reset pin, or the end of the run, ends the hang.
+    // HORUS is not blamed either if the reset pin ends the hang, or if the run ends during the hang.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);
@@ -75,7 +76,7 @@ fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // No frame came in between that would have led to the report.
+    // No frame came in between after which the missing frame would have been reported.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));
@@ -116,7 +117,7 @@ fn what_a_horus_that_hangs_sends_is_judged() {
     assert_eq!(sent(|_| {}), []);
     assert_eq!(sent(|payload| payload[70] ^= 1), [Violation::SentInvalid]);
     assert_eq!(sent(|payload| *payload = stamped([60; 4])), [Violation::TimestampWrong]);
-    // These are a frame without a command, and a command without a frame.
+    // A frame without a command is reported, and a command without a frame is not.
     let mut events = hung(3, at, Some(at));
     events.frame(tick(7), &stamped([70; 4]));
     assert_eq!(broken(&events), [(Violation::FrameWithoutCommand, 1, end(3, 7) - COMMAND[0] - LATENCY)]);

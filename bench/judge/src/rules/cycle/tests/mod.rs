@@ -20,14 +20,16 @@ fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
     found(Cycle::new(&header(events.gps)), &events.log()).0
 }
 
-/// Returns what is broken in a flawless run of 20 cycles with `gps` receivers after `change` has changed it.
+/// Returns the violations that are found in a flawless run of 20 cycles with `gps` receivers after `change` has changed
+/// it.
 fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     change(&mut events);
     broken(&events)
 }
 
-/// Returns whether an event belongs to cycle `number`: its tick, and what follows until the next tick.
+/// Returns a function that says whether an event belongs to cycle `number`: to its tick, or to the time until the next
+/// tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }

@@ -1,4 +1,4 @@
-//! Tests a DPR that hangs: which data may stay, and which must not.
+//! Tests a DPR that hangs: which data may stay readable, and which must not.
 
 use super::super::synthetic::{Air, Image, MS, Run, US};
 use super::{RECEIVERS, hide};
@@ -13,7 +13,7 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit by which the DPR publishes nothing new, so that what it has published expires.
+/// Returns an edit by which the DPR publishes nothing new, so that the images that it has published expire.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }

@@ -1,4 +1,4 @@
-//! Tests the limits within which the rule requires something, each from both sides.
+//! Tests the limits within which the rule `shown` requires something, each from both sides.
 
 use super::super::Shown;
 use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
@@ -82,8 +82,8 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
 }
 
 /// A flight controller in another SPI mode samples MISO half a clock early, so that the first bit that it reads from a
-/// busy DPR is that of the line before the transfer. Without that bit the reading is judged as that of a DPR that hides
-/// the cycle; with that bit it counts as damage.
+/// busy DPR is that of the line before the transfer. If that bit is 1, the transaction counts as one of a DPR that
+/// hides the cycle; if it is 0, the bytes count as damaged.
 #[test]
 fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
     for n in RECEIVERS {
@@ -118,7 +118,7 @@ fn a_read_across_a_restart_or_loss_of_supply_is_not_judged() {
     };
     let judged = |run: &Run, selected| Run { only: Some(selected), ..run.clone() }.broken(forge);
     assert_eq!(judged(&run, restart - MS), [Violation::ShownNeverSent]);
-    // The transaction takes 0.3 ms.
+    // The transaction takes 0.3 ms, so the DPR restarts during the first one of these, and not during the second.
     assert_eq!(judged(&run, restart - 1), []);
     assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
     run.dpr_start = None;
@@ -193,7 +193,7 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
             empty.places.iter_mut().for_each(|place| place.fill(0));
             images.insert(place + 1, empty);
         };
-        // The Link-Status of this image is that of the image before, which another rule judges.
+        // The Link-Status of this image is that of the image before; another rule judges that.
         let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
         assert!(!is_missed(4 * MS));
         assert!(is_missed(0));
@@ -238,8 +238,8 @@ fn what_is_told_says_when() {
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
 
-/// Returns the violations of a run in which `edit` changes the frame of cycle 20 as it arrived, and the images hide
-/// that cycle.
+/// Returns the violations of a run in which `edit` changes the frame of cycle 20 as it arrived at the antenna, and the
+/// images do not show that cycle.
 fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
     let mut log = run.log(hide(200));
     let at = run.end(20);
@@ -287,7 +287,7 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
     let mut run =
         Run { cycles: 80, dpr_start: Some((300 * MS, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     run.assert_flawless();
-    // Cycle 38 is sent 400 ms after power-on, and the three cycles after it find the sequence at the latest.
+    // Cycle 38 is sent 400 ms after power-on, and the sequence is found with the third cycle after it at the latest.
     let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);
     assert_eq!(first, Some(41));
     run.dpr_start = None;
@@ -306,8 +306,8 @@ fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
 
 #[test]
 fn a_missed_frame_does_not_end_the_dprs_sequence() {
-    // The model of the DPR receives nothing of cycle 20. The frame that reached the antenna broke off and came 5 ms
-    // late.
+    // The DPR receives nothing of cycle 20 in this log. The frame that is then added at the antenna broke off and came
+    // 5 ms late.
     let missed = Run::new(3).hit_all([20], &Air::Lost);
     let mut log = missed.log(|_| {});
     let at = missed.end(20) + 5 * MS;
@@ -326,8 +326,8 @@ fn a_missed_frame_does_not_end_the_dprs_sequence() {
 fn a_possibly_missed_repeated_frame_may_leave_the_sequence_intact() {
     for hit in [true, false] {
         let run = Run::new(1);
-        // The repeated frame begins while the front end is being brought up, which ends as the next cycle's frame
-        // begins.
+        // The repeated frame begins while the front end is being brought up; the bring-up ends as the next cycle's
+        // frame begins.
         let again = run.end(20) + MS;
         let mut log = run.log(|_| {});
         let repeated = log.events.iter().find_map(|event| match &event.what {

@@ -6,14 +6,14 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// The numbers of receivers for which the rule differs.
+/// The numbers of receivers for which the rule `shown` differs.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
 fn a_flawless_run_breaks_nothing() {
     for n in RECEIVERS {
         let verdict = Run::new(n).assert_flawless();
-        // No cycle from before the sequence was found is shown.
+        // The cycles from before the sequence was found are not shown.
         assert_eq!(verdict.figures.valid_cycles, 37, "{n} receivers");
         assert_eq!(verdict.figures.faults.invalid_shown_valid, 0);
     }
@@ -46,7 +46,7 @@ fn a_correct_dpr_breaks_no_rule_whatever_happens_on_the_air() {
                 Run::new(n).hit(20, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit(20, frame, hit.clone()).hit(22, frame, hit.clone()).assert_flawless();
                 Run::new(n).hit_all(20..23, &hit).assert_flawless();
-                // The same effects are tried while the sequence is searched for.
+                // The same disturbances of the air are applied while the sequence is searched for.
                 Run::new(n).hit_all(9..=35, &Air::Lost).hit(37, frame, hit.clone()).assert_flawless();
             }
         }
@@ -96,7 +96,7 @@ fn a_frozen_horus_breaks_nothing() {
     }
 }
 
-/// Returns an edit that removes the objects of the images with this timestamp.
+/// Returns an edit that removes the objects from each image with this timestamp.
 fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         for image in images.iter_mut().filter(|image| image.timestamp() == Some(timestamp)) {
@@ -154,7 +154,8 @@ fn a_cycle_must_be_shown_until_the_next_frame_or_deadline() {
         let expected: &[Violation] = if expected { &[Violation::NotShown] } else { &[] };
         assert_eq!(run.broken(hide(200)), expected, "{after} ns");
     }
-    // The second of a cycle's two frames may be missing.
+    // If the second of a cycle's two frames is missing, the cycle still has to be shown, but only after the wait for
+    // that frame.
     let ready = 3_802_000 + 3_000 + 7_000_000 + 100_000;
     for (after, expected) in [(ready - 1, false), (ready, true)] {
         let mut run = Run { cycles: 25, ..Run::new(5) }.hit(20, 1, Air::Lost);
@@ -183,7 +184,7 @@ fn an_object_that_is_missing_where_its_cycle_is_shown_is_vacant() {
                     image.places[index].fill(with);
                 };
                 assert_eq!(run.broken(vacate), [Violation::Vacant], "{n} receivers, object {index}");
-                // An object that was hit on the air may be vacant.
+                // An object that was damaged on the air may be missing from the image.
                 let hit = run.clone().hit(20, usize::from(n == 5 && index > 2), Air::Hit(vec![index]));
                 let verdict = hit.assert_flawless();
                 assert_eq!(verdict.figures.valid_cycles, if index == 0 { 36 } else { 37 });
@@ -220,7 +221,7 @@ fn an_object_that_horus_never_sent_is_shown_as_valid() {
             assert_ne!(forged, run.profile(20)[run.layout().in_profile(index).unwrap()]);
             let verdict = run.verdict(forge);
             assert_eq!(kinds(&verdict), [Violation::ShownNeverSent], "{n} receivers, object {index}");
-            // Each transaction within the cycle of 10 ms counts, one every 2 ms.
+            // Each transaction within the cycle of 10 ms counts; there is one every 2 ms.
             assert_eq!(verdict.figures.faults.invalid_shown_valid, 5);
         }
     }
@@ -266,7 +267,7 @@ fn a_repeated_frame_that_is_shown_again_is_out_of_sequence() {
             run.assert_flawless();
             let objects = if n < 5 { 0..=n } else { 3 * frame..=3 * frame + 2 };
             let profile = run.profile(20);
-            // The change concerns the images that follow the repeated frame, or its missing second frame.
+            // The change is applied to the images that follow the repeated frame, or the second frame that is missing.
             let again = |images: &mut Vec<Image>| {
                 for image in images.iter_mut().filter(|it| (run.end(20) + 8 * MS..run.end(24)).contains(&it.at)) {
                     for index in objects.clone() {
@@ -297,7 +298,7 @@ fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // The verdict is the same if the silence lasts longer than the judge remembers frames.
+        // The verdict is the same if the silence lasts longer than the judge keeps frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -372,7 +373,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The model of the DPR has not received the frames that were at the antenna.
+    // The DPR of this log has not received the frames, which are now added at the antenna.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
@@ -396,7 +397,7 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
     assert_eq!(with(vec![fault(200 * MS, 215_999 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220_400 * US)], 0..0), Some(2));
     assert_eq!(with(vec![fault(200 * MS, 220 * MS)], 20..25), Some(6));
-    // The first two faults overlap, and the next two follow each other.
+    // The faults of the first run overlap, and those of the second run follow each other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
     // A fault that ends in the last 400 ms of the run, or never, is not measured.
@@ -405,7 +406,7 @@ fn recovery_counts_from_the_end_of_the_last_cause() {
     assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX), fault(210 * MS, 220 * MS)], 0..0), Some(1));
-    // If the link does not recover, the time counts until the end of the run.
+    // If the link does not recover, the time until the end of the run counts.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));
 }
 
@@ -429,7 +430,8 @@ fn every_start_but_a_boards_first_counts_as_a_cause() {
 fn the_end_of_the_last_valid_position_is_reported() {
     let mut run = Run::new(3);
     let end = run.end(40);
-    // The position is gone at the deadline, whose image is published 12.55 ms after the last bit.
+    // The position is no longer readable from the deadline on; the image of that deadline is published 12.55 ms after
+    // the last bit.
     let invalid = run.assert_flawless().figures.invalid_since_ns.unwrap();
     assert!((end + 12_550 * US..end + 14_550 * US).contains(&invalid), "{invalid}");
     run.only = Some(end + MS);
@@ -440,9 +442,9 @@ fn the_end_of_the_last_valid_position_is_reported() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // The first seeds are ones that a less careful judge took for violations; the others were not chosen.
+    // The first seeds are ones for which an earlier judge reported violations wrongly; the others were not selected.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
-        // This is a linear congruential generator (Knuth, MMIX).
+        // The pseudorandom numbers are those of a linear congruential generator (Knuth, MMIX).
         let mut state = seed;
         let mut draw = |below: u64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
