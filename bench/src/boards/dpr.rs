@@ -42,7 +42,7 @@ impl Dpr {
         }
     }
 
-    /// Takes the levels of FRESH since the last call, each with its instant, ns.
+    /// Takes the changes of FRESH's level since the last call, each with its instant, ns.
     pub fn take_fresh(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.fresh_changes)
     }
