@@ -36,7 +36,7 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// The tool of [`Tool::at`] with SWD selected and the domains powered.
+    /// Returns a tool at the board with SWD selected and both power domains powered.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -337,7 +337,7 @@ fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
     let mut tool = Tool::connected(Desk::Dpr);
     erase(&mut tool);
     tool.halt();
-    // P0.18 is the reset pin from the next reset on (UICR.PSELRESET, both words).
+    // The writes make P0.18 the reset pin from the next reset on (UICR.PSELRESET, both words).
     tool.write(NVMC_CONFIG, 1);
     for word in [0x1000_1200, 0x1000_1204] {
         tool.write(word, 18);

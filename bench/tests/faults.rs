@@ -201,7 +201,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
 /// hardware 25 ms after its publication, which follows the frame's end by well under 5 ms.
 const STALE: u64 = 30 * MS;
 
-/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,

@@ -102,7 +102,7 @@ impl Client {
         format!("${text}#{sum:02x}").into_bytes()
     }
 
-    /// The next packet's text, with run-length encoding expanded.
+    /// Returns the text of the server's next packet, with its run-length encoding expanded.
     fn reply(&self) -> String {
         while self.from_stub.recv().unwrap() != b'$' {}
         let mut text = String::new();
@@ -128,7 +128,7 @@ impl Client {
         self.reply()
     }
 
-    /// The little-endian word that the command `text` returns.
+    /// Sends the command `text` and returns the little-endian word in the reply.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }
@@ -393,7 +393,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), start);
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("hwbreak"));
-            // The program counter is set to an address without memory.
+            // The debugger sets the program counter to an address without memory.
             assert_eq!(gdb.ask("Pf=00000060"), "OK");
             assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");

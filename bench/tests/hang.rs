@@ -151,7 +151,7 @@ fn an_nrf52840_reports_the_watchdog_as_its_reset_reason_after_a_hang() {
 
 // ---- a release image that hangs while it starts
 
-/// Runs `node` to `to` and discards everything that leaves the board.
+/// Runs `node` to `to` (ns) and discards every signal that leaves the board.
 fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     while node.now() < to {
         node.advance(to);
@@ -307,7 +307,7 @@ fn a_dead_task_makes_the_watchdog_bite_and_the_link_recovers() {
     let mut wrong = vec![];
     for board in BOARDS {
         for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
-            // Each task dies at another phase of the cycle.
+            // Each task is switched off at another phase of the cycle.
             let at = BEGINS + 430 * US * u64::from(task);
             let faults = Faults::none().with(at, at, Fault::DeadTask(board, task));
             let Some(setup) = setup(faults, at + AFTER) else { return };

@@ -181,7 +181,7 @@ fn frames(events: &[AirEvent]) -> usize {
 /// The time in which HORUS starts and then sends at least four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
-/// Runs HORUS from its start into the first millisecond of a frame, which takes nearly five.
+/// Runs HORUS from its start into the first millisecond of a frame; a frame takes nearly five.
 fn into_a_frame(node: &mut Node<Horus>) {
     assert!(frames(&emitted(node, STARTS)) >= 4);
     assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
@@ -327,7 +327,7 @@ fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let _ = patch(false).apply(&mut open).unwrap();
     assert_eq!(frames(&emitted(&mut open, 300 * MS)), 0);
     assert!(!open.resets().is_empty());
-    // After the repair the flash equals the original byte for byte.
+    // After the repair the flash has its original contents, byte for byte.
     repair.mend(&mut sealed).unwrap();
     let flash = |node: &Node<Horus>| {
         let mut flash = vec![0; 112 << 10];

@@ -208,7 +208,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     }
 }
 
-/// The time at which the memory test at the start has ended, µs.
+/// Runs the board until its memory test at the start has ended; returns the time since power-on, µs.
 fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
     let result = node.address_of("MEMORY_TEST").unwrap();
     while node.word(result) != Some(start_test::TESTED) {

@@ -17,7 +17,7 @@ use profile::LinkStatus;
 use reader::{MS, transact};
 use st25r3916_model::AirEvent;
 
-/// The longest time that a watchdog may take to its reset, ns; see `faults.rs`.
+/// The longest time from a task's last check-in to the watchdog's reset, ns; `faults.rs` explains the number.
 const BITE: u64 = 200 * MS;
 
 /// The longest period of both overwritten tasks, ns: each runs in every cycle of 10 ms, or the DPR's at the latest with

@@ -261,7 +261,7 @@ struct Table {
     /// valid position, ns.
     longest: u64,
     latest: u64,
-    /// The number of profiles in which the two other receivers may have disagreed.
+    /// The number of profiles in which the two receivers that did not fail may have disagreed.
     apart: u64,
 }
 

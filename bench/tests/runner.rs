@@ -302,7 +302,7 @@ fn a_finding_has_its_instant_and_peripheral_despite_a_change_of_clock() {
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // A timer is used without its clock; then the part switches to its 8 MHz crystal and continues.
+    // The program uses a timer without its clock; then it switches the part to its 8 MHz crystal and continues.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));

@@ -255,7 +255,7 @@ fn a_restarted_horus_is_shown_from_its_fourth_frame_on() {
 fn after_a_watchdog_restart_horus_is_shown_from_its_fourth_frame_on() {
     let Some(mut relay) = both(Oscillators::default()) else { return };
     go(&mut relay, 207 * MS);
-    // The task that parses the receivers' messages never ends.
+    // The change makes HORUS's task that parses the receivers' messages never end.
     let task = relay.a.address_of("CAN1_RX1").unwrap() & !1;
     let mut was = [0; 2];
     relay.a.read(task, &mut was).unwrap();

@@ -35,7 +35,8 @@ fn two_tasks() -> Node<Player> {
 /// The firmware of [`two_tasks`] with its task `hit` at the priority `hit`.
 fn two_tasks_with(hit: u32) -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // The stores set interrupt 28 to priority 0x80 in NVIC_IPR7 and interrupt 9 in NVIC_IPR2.
+    // The stores give interrupt 28 (TIM2) priority 0x80 in NVIC_IPR7, and interrupt 9 (EXTI3) its priority in
+    // NVIC_IPR2.
     main.exti3_on_pa3().store(0xE000_E41C, 0x80).store(0xE000_E408, hit << 8).tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).mov(0, 8_000);
@@ -120,7 +121,7 @@ fn an_image_says_by_its_handlers_names_which_exceptions_they_are() {
     assert_eq!((node.exceptions_of("TIM7"), node.exceptions_of("DefaultHandler_")), (vec![], vec![]));
 }
 
-/// The value of each signal after each instant at which one changed.
+/// For each instant at which a signal changed, the values of all signals after it.
 fn over_time(marks: Vec<Mark>) -> Vec<(u64, BTreeMap<String, u64>)> {
     let mut states: Vec<(u64, BTreeMap<String, u64>)> = vec![];
     let mut state = BTreeMap::new();

@@ -63,7 +63,7 @@ pub const COMPARED: [usize; 3] = [POSITION_BITS, GPS_BITS, REPORTED_BITS];
 pub struct Code {
     /// The polynomial.
     pub named: Named,
-    /// The length of the codeword with its check bits.
+    /// The length of the codeword, check bits included, bits.
     pub bits: usize,
 }
 

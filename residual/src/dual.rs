@@ -34,7 +34,7 @@ const PIECES_LOG2: u32 = 10;
 /// The number of histograms in which words are counted in turn. Adjacent words often have equal weights, and in one
 /// histogram an increment would wait for the store of the one before.
 const HISTOGRAMS: usize = 4;
-/// The number of words of each weight in one piece: at most 2^22, which fits in a u32.
+/// For each histogram the number of words of each weight in one piece: at most 2^22, which fits in a u32.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
 /// The number of words of the dual code by weight, from 0 to the length.

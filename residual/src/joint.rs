@@ -25,7 +25,7 @@ use std::num::NonZero;
 
 use crate::{MAX_WEIGHT, Polynomial, Words};
 
-/// The most outside bits that the search combines.
+/// The most wrong bits outside the inner codeword that the search considers.
 const MAX_OUTSIDE: usize = 3;
 
 /// An inner codeword inside an outer one.
@@ -75,7 +75,7 @@ pub struct Joint {
     pub distance: Option<usize>,
     /// The weight below which all weights are proved to have no words: the distance itself, if it is known.
     pub at_least: usize,
-    /// The combinations that were searched, by total weight.
+    /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
     /// Words of the least weight, each as the set bits of the outer codeword, counted from the last bit sent. They are
     /// all words of the combinations in `examined`; there may be others with more errors inside.

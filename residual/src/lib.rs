@@ -11,6 +11,7 @@
 //! weight one by one ([`Words`]); its results must agree with those of the first and with Koopman's published ones. The
 //! theory's statements about error patterns are tested on objects that `profile` sealed ([`wire`]): detectable patterns
 //! must be rejected, and undetectable ones accepted, because otherwise the weights might be those of some other code.
+//!
 //! **One command.** `cargo xtask residual` carries out both methods and the tests, and writes the tables and the plot
 //! of `docs/safety/residual-error.md`. The counting takes a minute or two, so its result is committed ([`codes`]).
 //! Tests start from the committed result, while the command counts again and compares.

@@ -60,7 +60,7 @@ impl fmt::Display for BitErrorRate {
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // Horner's rule is used in both variables: Σ A_w a^w b^(n - w), from w = n down.
+    // With a / b as the rate's p / (1 - p), Horner's rule gives Σ A_w a^w b^(n - w), from w = n down.
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);

@@ -27,7 +27,7 @@ pub struct Judged {
     pub weights: Weights,
     /// The code's error curve.
     pub curve: ErrorCurve,
-    /// P_ud at the tabulated rates, computed exactly and rounded once.
+    /// P_ud at the tabulated bit error rates, calculated exactly and rounded once.
     pub undetected: Vec<(BitErrorRate, f64)>,
 }
 

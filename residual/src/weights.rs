@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn hamming_codes_have_the_weights_in_the_books() {
-        // The code is the [15, 11] Hamming code with its extension by parity (MacWilliams, Sloane, chapter 1).
+        // These are the [15, 11] Hamming code and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
         let hamming = weights(Polynomial::from_normal(4, 3).unwrap(), 15);
         let expected = [1_u32, 0, 0, 35, 105, 168, 280, 435, 435, 280, 168, 105, 35, 0, 0, 1].map(BigUint::from);
         assert_eq!(hamming.counts(), expected);

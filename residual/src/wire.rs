@@ -453,7 +453,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// A number from 0 to `limit` - 1, uniform to a part in 2^50.
+    /// A random number from 0 to `limit` - 1; the probabilities of all numbers are equal to a part in 2^50.
     fn below(&mut self, limit: usize) -> usize {
         ((u128::from(self.next()) * limit as u128) >> 64) as usize
     }

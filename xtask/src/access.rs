@@ -30,7 +30,7 @@ pub(crate) enum Refusal {
     NoAnswer,
 }
 
-/// The part at the probe, as identified before any access changes it.
+/// The kind of part at the probe, as identified before any access changes the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Seen {
     /// A Nordic part, identified by its CTRL-AP. The word is FICR.INFO.PART, which can be read if the part is not

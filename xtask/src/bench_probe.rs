@@ -33,7 +33,7 @@ const TRANSFER_CLOCKS: u64 = 48;
 const DEFAULT_KHZ: u32 = 4_000;
 const MOST_KHZ: u32 = 8_000;
 
-/// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
+/// The bit that stands for nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
 /// The beginning of both parts' RAM. Code of the firmwares runs below it: in flash, or in the DPR's code RAM. An
@@ -57,7 +57,7 @@ struct Switched {
 }
 
 impl BenchBoard {
-    /// Switches the board on with the contents of `file`, or as a new one without a file.
+    /// Switches the board on with the memory contents in `file`, or as a new board if there is no such file.
     pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
         let kept = bench_flash::read(board, &file)?;
         let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;
@@ -112,7 +112,7 @@ impl BenchBoard {
         self.with(|on| on.unplugged_after = None);
     }
 
-    /// Switches the board's supply off and on: memory that its part does not keep is lost.
+    /// Switches the board's supply off and on, so that memory which its part does not keep is lost.
     pub(crate) fn switch_off_and_on(&self) {
         self.with(|on| {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };

@@ -125,7 +125,7 @@ fn with_defects(file: &str, text: &str) -> Result<String> {
     Ok(result)
 }
 
-/// The manifest of the copy's package in `folder`.
+/// Returns the manifest of the copy's package in `folder`, made from the original's `text`.
 fn manifest(folder: &str, text: &str) -> String {
     let dependencies = "[dependencies]\n";
     let mut text = text.to_owned();

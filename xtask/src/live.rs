@@ -1,4 +1,4 @@
-//! The whole link in real time, with the base station's page.
+//! Runs the whole link in real time, with the base station's page.
 //!
 //! # Design
 //!
@@ -230,7 +230,7 @@ impl Page {
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and sends the messages that its flight controller forwards.
+    /// Runs the link, and sends to the station the messages that the link's flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -314,7 +314,7 @@ impl Observer for Page {
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let mut bytes = [0; 512];
         let mut to_write = None;
-        // An error here means that there is no message.
+        // An error of `recv` means that no further message has come.
         while let Ok(length) = self.socket.recv(&mut bytes) {
             if !self.loses()
                 && let Some(inbound) = &mut self.inbound

@@ -101,7 +101,7 @@ mod tests {
     fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
         let fits = "x".repeat(120);
         let comment = format!("// {}", "x".repeat(118));
-        // The line has 120 characters of two bytes each.
+        // This line has 120 characters of two bytes each, which is not too long.
         let accents = "é".repeat(120);
         let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
         assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);

@@ -135,7 +135,7 @@ pub(crate) struct Abilities {
     pub(crate) fixed_period: bool,
 }
 
-/// A receiver's configuration, and the message that is arriving.
+/// The configuration of a receiver, and the message that it is receiving.
 #[derive(Debug, Clone)]
 pub(crate) struct Configuration {
     port: Port,
@@ -267,7 +267,7 @@ impl Configuration {
         while !rest.is_empty() {
             let (key, after) = rest.split_first_chunk::<4>()?;
             let key = u32::from_le_bytes(*key);
-            // Bits 28 to 30 give the size: a bit (in a byte), 1, 2, 4 and 8 bytes.
+            // Bits 28 to 30 of a key give the size of its value: a bit (in a byte), 1, 2, 4 and 8 bytes.
             let size = match key >> 28 & 7 {
                 1 | 2 => 1,
                 3 => 2,
@@ -297,7 +297,8 @@ impl Configuration {
 
     fn can_be(&self, key: u32, value: u64) -> bool {
         match key {
-            // A period of 25 ms, 40 Hz, is the fastest of the generation (NEO-M9N: 25 Hz with several constellations).
+            // A period of 25 ms, which is 40 Hz, is the shortest of receivers of this generation (NEO-M9N: 25 Hz with
+            // several constellations).
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),

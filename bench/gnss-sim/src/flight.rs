@@ -107,7 +107,7 @@ pub enum Phase {
     Landed,
 }
 
-/// One planned flight, which can be queried cheaply at any instant and in any order.
+/// A planned flight, whose state at any instant can be calculated in any order at little cost.
 #[derive(Debug, Clone)]
 pub struct Flight {
     plane: TangentPlane,
@@ -117,7 +117,7 @@ pub struct Flight {
     height: Plan,
     speed: Plan,
     course: Plan,
-    /// North and east at each multiple of `GRID`, m.
+    /// The distance flown to north and east at each multiple of `GRID`, m.
     sums: Vec<[f64; 2]>,
 }
 
@@ -165,7 +165,7 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // Speed is a first derivative, so only its slope is limited.
+        // The ground speed is itself a first derivative, so only the slope of its plan is limited.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
@@ -179,7 +179,7 @@ impl Flight {
         let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // The number of legs is at most LONGEST / 15, an exact small integer.
+        // The number of legs is a whole number of at most LONGEST / 15, so its conversion to an integer is exact.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
@@ -259,7 +259,7 @@ impl Flight {
 
     /// Distance flown north and east between two instants, m: five-point Gauss-Legendre.
     fn distance(&self, from: f64, to: f64) -> [f64; 2] {
-        /// Abscissae and weights on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
+        /// The abscissae and weights of the quadrature on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
         const RULE: [(f64, f64); 5] = [
             (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
             (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
@@ -284,20 +284,20 @@ impl Flight {
         let [course, turn_rate, _] = self.course.at(t);
         // The frame is level and points along the course: front, right, down.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
-        // The rotors must supply this force, per unit of mass.
+        // The force that the rotors must supply, for each unit of mass.
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());
         Pose {
             course,
             velocity: [speed * cos(course), speed * sin(course), -climb],
             acceleration,
-            // The rotors push towards body-up: force = −total × the body's down axis.
+            // The rotors push upwards along the body's vertical axis: force = −total × the body's down axis.
             pitch: atan2(-force[0], -force[2]),
             roll: asin((force[1] / total).clamp(-1.0, 1.0)),
         }
     }
 
-    /// Turn rates about the body axes, rad/s: the derivative of the attitude, by central difference.
+    /// Turn rates about the body axes, rad/s: the derivative of the attitude, by a central difference.
     fn rates(&self, t: f64) -> [f64; 3] {
         const STEP: f64 = 0.5e-3;
         let (before, now, after) = (self.pose(t - STEP), self.pose(t), self.pose(t + STEP));

@@ -277,7 +277,7 @@ impl Log {
 struct Cutter {
     /// Time of week of the current epoch, ms.
     epoch: Option<u32>,
-    /// Whether the current epoch has had its NAV-PVT.
+    /// Whether a NAV-PVT of the current epoch has already come.
     has_pvt: bool,
     /// The start of each epoch but the first: its time after the first one, ns, and the offset of its first byte.
     cuts: Vec<(u64, usize)>,
@@ -332,7 +332,7 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
 /// Length of the RTCM 3 message with a right CRC at the start of `bytes` (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
 /// length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // The catalogue lists CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
+    // The `crc` crate's catalogue lists CRC-24Q under LTE's name for it: polynomial 0x864CFB, start value 0.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

@@ -40,7 +40,7 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Minutes that would round to 60 in five digits are limited.
+    // Minutes that would be rounded to 60 with five digits are limited to less.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

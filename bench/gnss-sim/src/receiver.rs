@@ -46,9 +46,9 @@ const BITS_PER_BYTE: u64 = 10;
 
 /// GPS week of simulated flights (from 22 June 2025).
 const WEEK: i64 = 2_372;
-/// GPS time of week of the reset, ms, within a second: Wednesday, 10:00.
+/// GPS time of week of the reset to within a second, ms: Wednesday, 10:00.
 const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
-/// The seconds by which GPS is ahead of UTC since 2017 (IERS Bulletin C 52).
+/// The number of seconds by which GPS time is ahead of UTC since 2017 (IERS Bulletin C 52).
 const LEAP_SECONDS: i64 = 18;
 /// Ellipsoid above mean sea level near Winterthur, m (EGM96).
 const GEOID: f64 = 47.5;
@@ -150,7 +150,7 @@ pub struct Receiver {
     bit_rate: u32,
     /// The instant at which the line is idle again, ns.
     idle_ns: u64,
-    /// The burst that is due, once it was requested.
+    /// The burst that is due; `None` until it is requested for the first time.
     due: Option<Burst>,
 }
 
@@ -400,7 +400,8 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // The stream number keeps the receivers' noise independent under one seed; stream 0 is shared by all.
+        // Each receiver draws from a stream of its own, so their noise is independent under one seed; all share stream
+        // 0.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -444,7 +445,7 @@ impl Generated {
         self.configuration = configuration(&self.model, self.port, self.fixed_period);
     }
 
-    /// Makes the output follow the configuration from `at` (ns after reset) on.
+    /// Derives the output from the configuration again, from `at` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
         // The next epoch is the first one after `at` that no error of the clock can place before it.

@@ -115,17 +115,17 @@ pub struct NavPvt {
     pub minute: u8,
     /// Second, 0 ..= 60 (UTC).
     pub second: u8,
-    /// Bit 0 date valid, 1 time valid, 2 fully resolved, 3 magnetic declination valid.
+    /// Validity of the time: bit 0 date valid, 1 time valid, 2 fully resolved, 3 magnetic declination valid.
     pub valid: u8,
     /// Time accuracy estimate, ns.
     pub time_accuracy_ns: u32,
     /// Fraction of the second, ns, −1e9 ..= 1e9.
     pub nano: i32,
-    /// 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
+    /// Type of the fix: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
     pub fix_type: u8,
-    /// Bit 0 gnssFixOK, 1 differential, 5 vehicle heading valid.
+    /// Flags of the fix: bit 0 gnssFixOK, 1 differential, 5 vehicle heading valid.
     pub flags: u8,
-    /// Bit 5 confirmation available, 6 date confirmed, 7 time confirmed.
+    /// Confirmation of the time: bit 5 confirmation available, 6 date confirmed, 7 time confirmed.
     pub flags2: u8,
     /// Satellites used.
     pub satellites: u8,
@@ -153,7 +153,7 @@ pub struct NavPvt {
     pub heading_accuracy_1e5: u32,
     /// Position dilution of precision, 0.01.
     pub pdop_1e2: u16,
-    /// Bit 0: longitude, latitude, height and hMSL are invalid.
+    /// Further flags: with bit 0 set, longitude, latitude, height and hMSL are invalid.
     pub flags3: u8,
     /// Heading of vehicle, 1e-5 deg, valid where bit 5 of `flags` is set.
     pub heading_of_vehicle_1e5: i32,

@@ -100,7 +100,7 @@ fn damaged_messages_neither_count_nor_tell_the_time() {
 
 #[test]
 fn rtcm_and_nmea_are_counted_as_such_and_not_searched_for_ubx() {
-    // RTCM 1005 is the example in RTCM 10403.3; the NMEA sentence cannot contain a UBX frame's bytes.
+    // The message RTCM 1005 is the example in RTCM 10403.3. The NMEA sentence cannot contain the bytes of a UBX frame.
     let rtcm = [
         0xd3, 0x00, 0x13, 0x3e, 0xd7, 0xd3, 0x02, 0x02, 0x98, 0x0e, 0xde, 0xef, 0x34, 0xb4, 0xbd, 0x62, 0xac, 0x09,
         0x41, 0x98, 0x6f, 0x33, 0x36, 0x0b, 0x98,

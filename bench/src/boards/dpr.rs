@@ -31,7 +31,7 @@ pub struct Dpr {
 }
 
 impl Dpr {
-    /// The board with its SSI deselected.
+    /// Returns the DPR's board with its SSI deselected. With `watched` the traffic of its front end is recorded.
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         Self {

@@ -1,8 +1,8 @@
 //! The ST25R3916 on a board: the chip's model on the SPI bus of a part.
 //!
-//! The part's pins decide what the chip sees: without a clock on the wired pin the chip receives nothing, and a wrong
-//! clock polarity or phase shifts bits. The chip's model holds the chip's state; this module holds the wires and
-//! records their traffic for a trace.
+//! The levels of the part's pins determine what the chip receives: without a clock on the wired pin it receives
+//! nothing, and a wrong clock polarity or phase shifts bits. The chip's model holds the chip's state; this module holds
+//! the wires and records their traffic for a trace.
 
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
@@ -39,7 +39,7 @@ pub struct Wires {
     pub irq: Pin,
 }
 
-/// The chip, the wires to it, and the recorded traffic.
+/// The front end of a board: the chip, the wires to it, and the recorded traffic.
 #[derive(Clone, Debug)]
 pub struct FrontEnd {
     chip: Chip,
@@ -73,7 +73,7 @@ impl FrontEnd {
         answer
     }
 
-    /// Calls `act` on the chip at its present instant.
+    /// Calls `act` on the chip at the chip's present instant.
     pub fn with<T>(&mut self, act: impl FnOnce(&mut Chip) -> T) -> T {
         self.call(self.chip.now(), |chip, _| act(chip))
     }

@@ -38,9 +38,9 @@ pub struct InputChange {
     pub at: u64,
     /// The input's index, from 0.
     pub input: usize,
-    /// The level of the pin that is high while the input is active.
+    /// The new level of the pin that is high while the input is active.
     pub active: bool,
-    /// The level of the pin that is high while the input is inactive.
+    /// The new level of the pin that is high while the input is inactive.
     pub inactive: bool,
 }
 

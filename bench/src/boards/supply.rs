@@ -1,4 +1,4 @@
-//! Supply, reset and crystal of a board, and what a [`PowerFault`] does to them.
+//! Supply, reset and crystal of a board, and the effects of a [`PowerFault`] on them.
 
 use cortex_m4::Cost;
 use emulator_node::{Board, FromOutside, Node};

@@ -83,7 +83,7 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Virtual time since the board was switched on, in nanoseconds.
     fn now(&self) -> u64;
 
-    /// Takes the board's findings since the last call.
+    /// Takes the findings about the board's firmware since the last call.
     fn take_findings(&mut self) -> Vec<Finding>;
 
     /// Every restart of the part since the board was switched on.

@@ -1,4 +1,4 @@
-//! A part's additions to the debug port of its core.
+//! What a part adds to the debug port of its core, and what its resets do to it.
 
 use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
@@ -64,7 +64,7 @@ impl Debugged for Nrf52840 {
         self.access_port_open()
     }
 
-    /// The pin that UICR.PSELRESET selects, if both of its words agree and are not disconnected (PS 4.5, 5.3.7).
+    /// Whether UICR.PSELRESET selects a reset pin: both of its words must agree and be connected (PS 4.5, 5.3.7).
     fn has_reset_pin(&self) -> bool {
         let words = self.memory(0x1000_1200, 8).unwrap_or_default();
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0

@@ -69,7 +69,8 @@ impl BufferFault {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the image has no such buffers, [`Error::NotMemory`] where they are not in RAM.
+    /// [`Error::NoSymbol`] where the program has no buffers of this kind, [`Error::NotMemory`] where they are not in
+    /// RAM.
     pub fn begin<B: Board, C: Cost>(self, node: &mut Node<B, C>) -> Result<(), Error> {
         match self {
             Self::Flips(buffers, word) => {

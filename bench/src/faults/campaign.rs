@@ -216,7 +216,7 @@ impl Campaign {
         Self { trials }
     }
 
-    /// The number of upsets of `kind` on `board` that are of `class`.
+    /// The number of trials with an upset of `kind` on `board` whose effect is of `class`.
     #[must_use]
     pub fn count(&self, board: Board, kind: Kind, class: Class) -> usize {
         let is_one = |trial: &&Trial| trial.board == board && trial.upset.kind() == kind && trial.class == class;

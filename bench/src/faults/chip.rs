@@ -13,7 +13,7 @@ pub enum ChipFault {
     IrqLow,
     /// The chip's interrupt line stays high, even after the interrupt bits are read.
     IrqHigh,
-    /// The chip's interrupt logic hangs: no interrupt bit is set.
+    /// The chip's interrupt logic hangs, so no interrupt bit is set.
     NoInterrupts,
     /// The chip never reports the end of a frame: the listener sets I_rxs without I_rxe, the poller sets no I_txe.
     NoFrameEnds,

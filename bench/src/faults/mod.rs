@@ -106,7 +106,7 @@ pub enum Fault {
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's image, which is mended at the episode's end.
+    /// Damage to a board's program, which is mended at the episode's end.
     Image(Board, ImageFault),
 }
 
@@ -206,7 +206,7 @@ pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
     vectors::exception(board, vector)?.checked_sub(FIRST_INTERRUPT)
 }
 
-/// The exception number of interrupt 0, ARMv7-M ARM table B1-4.
+/// The number of the exception that is interrupt 0, ARMv7-M ARM table B1-4.
 const FIRST_INTERRUPT: u16 = 16;
 
 /// A fault and its duration.
@@ -235,7 +235,7 @@ impl Faults {
         Self::default()
     }
 
-    /// A run with this fault of the air from beginning to end.
+    /// The faults of a run with these faults of the air from beginning to end.
     #[must_use]
     pub fn of_air(faults: AirFaults) -> Self {
         Self::none().with(0, u64::MAX, Fault::Air(faults))

@@ -59,7 +59,6 @@ pub const WATCHDOG_STARTS: u64 = 2_000;
 
 /// The latest beginning of a hang after a reset, ns, where a board is to hang while it starts: both firmwares have
 /// finished their start by then.
-/// started by then.
 pub const STARTS: u64 = 20_000_000;
 
 /// The number of different courses of voltage in a round for each board's sagging supply.
@@ -88,7 +87,7 @@ pub enum Kind {
     Inputs,
     /// Boards that hang and dead tasks, until the watchdogs restart the boards.
     Hang,
-    /// Bits of the registers of either front end's chip.
+    /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
 }
 
@@ -294,7 +293,7 @@ fn air() -> Vec<AirFaults> {
         AirFaults { lost: 0.4, ..none },
         // A carrier without a frame looks to the DPR like a silent HORUS.
         AirFaults { lost: 1.0, ..none },
-        // The DPR cannot tell a frozen frame from a frozen HORUS.
+        // For the DPR a frame that is repeated all the time looks like a HORUS that is frozen.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
         // The bursts are at most 64 bits long, twice the length that the objects' CRCs always detect.
@@ -323,7 +322,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // u-blox receivers start at this rate when they have lost their configuration.
+        // u-blox receivers send at this bit rate when they have lost their configuration.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -345,7 +344,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Understates,
         ReceiverFault::TimeJumps(5_000),
         ReceiverFault::TimeJumps(-5_000),
-        // NAV-PVT of protocols before version 15 has 84 bytes.
+        // In protocol versions before 15, NAV-PVT has 84 bytes, 8 less than now.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
         ReceiverFault::LosesSettings,
@@ -396,7 +395,6 @@ const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerF
 /// Every fault of either board's supply and reset, some sagging supplies, and faults of both boards together in either
 /// order: both lose their supply, and both restart for any two reasons. The last fault is a restart of the DPR while
 /// its crystal is dead.
-/// while its crystal is dead.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);

@@ -9,11 +9,11 @@ const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 /// The levels of a state input's pins while an episode lasts; at other times the input is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
-    /// It is active, which is not a fault in itself.
+    /// The input is active, which is not a fault in itself.
     Active,
-    /// Both pins of the input are high: a wire is broken, and the pull-ups hold the pins high.
+    /// Both pins of the input are high, held by the pull-ups, as with a broken wire.
     BothHigh,
-    /// Both pins are low: a short to ground.
+    /// Both pins of the input are low, as after a short to ground.
     BothLow,
     /// The contact chatters: both pins of the input change over at this interval, ns.
     Chatters(u64),

@@ -44,7 +44,7 @@ pub enum WireFault {
     },
     /// From this byte on, MISO repeats the bytes of the transaction before, as far as that had any.
     MisoSplice {
-        /// The index of the first such byte, from 0.
+        /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
     },
     /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, where a transaction has both.
@@ -82,7 +82,7 @@ pub enum WireFault {
     /// The listener's antenna answers each frame that it receives, although its front end has no command for that: the
     /// front end's load modulator works without a command.
     AntennaAnswers,
-    /// The radio to the base station carries nothing.
+    /// The radio to the base station transmits nothing.
     RadioDrop,
     /// One bit of each profile on the radio is inverted, another bit each time.
     RadioBit,
@@ -182,7 +182,7 @@ struct Sent {
     miso: Vec<u8>,
 }
 
-/// The wires with their present faults. The [module](self) describes them.
+/// The wires between the boards and the world, with their present faults. The [module](self) describes them.
 #[derive(Clone, Debug)]
 pub struct Wires {
     layout: Layout,
@@ -194,7 +194,7 @@ pub struct Wires {
     fresh: bool,
     /// The transactions that the DPR sent on MISO, the latest last.
     sent: VecDeque<Sent>,
-    /// The last transaction before MISO began to repeat it.
+    /// The transaction that MISO repeats since it froze.
     frozen: Option<Sent>,
     /// The last frame on the radio.
     radio: Vec<u8>,

@@ -20,7 +20,7 @@ monitor help                    this
 ";
 
 impl<W: World> Debuggee<W> {
-    /// Carries out `command` and returns its output.
+    /// Carries out a `monitor` command and returns its output.
     pub(super) fn monitor(&mut self, command: &str) -> Result<String, W::Error> {
         let words: Vec<&str> = command.split_whitespace().collect();
         Ok(match words.as_slice() {
@@ -55,12 +55,12 @@ impl<W: World> Debuggee<W> {
             (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
         };
         match self.world.side() {
-            // The ports are P0.00 to P0.31 and P1.00 to P1.15.
+            // The DPR's part has the pins P0.00 to P0.31 and P1.00 to P1.15.
             Side::Dpr => pins(2, 32)
                 .filter(|pin| pin.port == 0 || pin.number < 16)
                 .map(|pin| (format!("P{}.{:02}", pin.port, pin.number), pin))
                 .collect(),
-            // The ports are PA0 to PH1. The NUCLEO's package of 144 pins has all of these.
+            // The HORUS side's part has the pins PA0 to PH1, and its package of 144 pins has all of these.
             Side::Horus => pins(8, 16)
                 .filter(|pin| pin.port < 7 || pin.number < 2)
                 .map(|pin| (format!("P{}{}", char::from(b'A' + pin.port), pin.number), pin))

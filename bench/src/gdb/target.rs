@@ -23,7 +23,7 @@ use super::arch::{CoreRegisters, CortexM4, Number};
 use super::world::{Debuggable, World};
 use emulator_node::{Halt, Resume};
 
-/// EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
+/// The error number EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
 
 /// One board of a run as the debugger's target, with the run around the board.

@@ -28,7 +28,7 @@ const LEAST_M: f64 = 20.0;
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
-    /// The positions of the objects, Reported-Position first.
+    /// The positions in the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     pub(super) said: [Option<Place>; 1 + profile::MAX_RECEIVERS],
     pub(super) excluded: u8,
     pub(super) latency_ms: Option<f64>,
@@ -47,7 +47,7 @@ const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
 const TRUTH: RGBColor = RGBColor(0x99, 0x99, 0x99);
 const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
-/// Draws the picture of these cycles.
+/// Draws the picture of `cycles`, with the heading `title`, as an SVG document.
 pub(super) fn svg(title: &str, receivers: usize, cycles: &[Drawn]) -> Result<String, Error> {
     let mut text = String::new();
     {
@@ -228,7 +228,7 @@ fn over_time(
     legend(&mut chart)
 }
 
-/// The intervals in which a receiver was excluded, s.
+/// The intervals in which the voter excluded `receiver`, s.
 fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     let mut spans: Vec<Range<f64>> = vec![];
     let mut was = false;

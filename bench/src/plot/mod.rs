@@ -13,7 +13,7 @@ use profile::{GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 /// The longest time from a frame's end to the rise of FRESH, ns: a later rise belongs to another cycle.
 const READABLE_WITHIN: u64 = 5_000_000;
 
-/// A position north, east and up of the picture's origin, m.
+/// A position relative to the picture's origin: metres north, east and up.
 type Place = [f64; 3];
 
 /// The values sent in the cycle of a tick.

@@ -24,7 +24,7 @@ pub struct Speed {
 pub struct Horus {
     /// The number of frames whose preamble went on the air.
     pub frames_sent: u64,
-    /// The time between the first frames of two successive cycles.
+    /// The time between the first frames of two successive cycles, ns.
     pub period_ns: Option<Span>,
     /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns: the rise of chip
     /// select after the command's byte. The jitter of this time is the firmware's.
@@ -41,7 +41,7 @@ pub struct Horus {
 pub struct Air {
     /// The bit rate of the last frame, bit/s.
     pub bit_rate: u64,
-    /// The time from the first preamble bit to the last bit of the longest frame.
+    /// The time from the first preamble bit to the last bit of the longest frame, ns.
     pub air_time_ns: u64,
     /// The number of frames that arrived whole.
     pub frames_delivered: u64,
@@ -51,7 +51,7 @@ pub struct Air {
     pub frames_lost: u64,
 }
 
-/// The receiving side, from the DPR's own counters.
+/// The receiving side, as the DPR's own counters have it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
     /// The instant of the DPR's last start, ns, from which on the next five numbers count.
@@ -111,14 +111,14 @@ pub struct Reported {
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
-/// The voter's figures, over the profiles that HORUS sent.
+/// The figures of HORUS's voter, over all profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
     /// The number of cycles for each number of receivers that agree.
     pub agree: BTreeMap<u64, u64>,
     /// The number of cycles in which fewer receivers agree than are fitted.
     pub degraded: u64,
-    /// The number of cycles without a position.
+    /// The number of cycles in which the voter had no position.
     pub none: u64,
     /// The largest horizontal error of Reported-Position against the aircraft's true position, m; `None` if there was
     /// no position, or a recording was played.
@@ -156,7 +156,7 @@ pub struct UpsetClasses {
 /// The outcomes of upsets.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Upsets {
-    /// The classes by board and kind, such as `dpr ram`.
+    /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
     pub classes: BTreeMap<String, UpsetClasses>,
     /// The dangerous upsets as text: instant, address or register, and violation. The run's seed reproduces them.
     pub dangerous: Vec<String>,

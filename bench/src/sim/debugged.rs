@@ -49,7 +49,7 @@ impl<C: Cost> Debugged<C> {
         Ok(way)
     }
 
-    /// Whether the run has come to its end.
+    /// Whether the run is over.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.course.is_over()

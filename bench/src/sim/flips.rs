@@ -1,4 +1,4 @@
-//! Flips every bit of every register of both front ends once, each on a copy of one running bench.
+//! Flips every bit of every register of both front ends once, each on a separate copy of a running bench.
 //!
 //! The bench runs until the link has been up for a while. For each bit a copy of the bench flips the bit and runs for
 //! [`FOR_NS`]. The result has the time in which the flight controller read no valid and new data, and what Link-Status

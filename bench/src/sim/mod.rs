@@ -83,7 +83,7 @@ pub struct Crystals {
     pub horus_ppb: i64,
     /// The error on the DPR board, for the crystals of the microcontroller and of the front end.
     pub dpr_ppb: i64,
-    /// The error of the flight controller's crystal.
+    /// The error on the side of the flight controller, for its crystal.
     pub flight_controller_ppb: i64,
 }
 
@@ -166,7 +166,7 @@ impl Setup {
 /// The observer of a run. Each of its functions may take any time, and it may end the run early. Neither changes the
 /// results of the run up to then.
 pub trait Observer {
-    /// The run has come this far, in virtual nanoseconds.
+    /// The run has reached the instant `virtual_ns`.
     fn progress(&mut self, virtual_ns: u64);
 
     /// A board logged a line.

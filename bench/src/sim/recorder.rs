@@ -100,7 +100,7 @@ impl Recorder {
     }
 }
 
-/// The event with the aircraft's position at a tick at `at`, ns.
+/// The event that has the aircraft's true position at a tick at `at` (ns).
 fn aircraft(flight: &Flight, at: u64) -> Event {
     let place = flight.state(at as f64 / 1e9).position;
     let billionths = |degrees: f64| (degrees * 1e9).round() as i64;

@@ -140,7 +140,7 @@ impl Receivers {
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
             self.events.note(at, What::Tick);
             if self.tasks.is_some() {
-                // The pin is high for a constant time before each tick.
+                // The pin TICK rises a constant time before each tick.
                 let rose = at.saturating_sub(TICK_PULSE_NS);
                 self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
             }
@@ -220,7 +220,7 @@ pub(super) struct Notes {
     pub(super) events: Vec<Event>,
     /// The traffic between the part and its front end; empty unless there is a trace.
     pub(super) crossings: Vec<(u64, Crossing)>,
-    /// The other marks for a trace: the pin TICK and the tasks.
+    /// The marks for a trace that are not of the front end: those of the pin TICK and of the tasks.
     pub(super) marks: Vec<Mark>,
     /// The instant since which a transaction with a receiver may be under way, ns. The bytes of a transaction are
     /// logged when it is over, and the first byte is known only when it has been transferred.

@@ -2,8 +2,9 @@
 //!
 //! # Formats
 //!
-//! The file's ending selects the format. sigrok's importer only reads VCD, and only its one-bit wires; GTKWave and
-//! Surfer read both. For 10 s of the link with three receivers, `cargo xtask sim --seconds 10 --trace run.fst`:
+//! The ending of the file's name selects the format. sigrok imports only VCD, and only the one-bit wires in it; GTKWave
+//! and Surfer read both formats. The table is for 10 s of the link with three receivers, `cargo xtask sim --seconds 10
+//! --trace run.fst`:
 //!
 //! | ending | format | size |
 //! |---|---|---|
@@ -72,7 +73,7 @@ pub enum Error {
     Late {
         /// The signal.
         signal: String,
-        /// The instant at which it changed, ns.
+        /// The instant of the late event, ns.
         at: u64,
         /// The instant up to which the trace is written, ns.
         written: u64,

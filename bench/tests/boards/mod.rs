@@ -18,7 +18,7 @@ pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, Stri
     if ci { Err(words) } else { Ok(words) }
 }
 
-/// Reports that this test is not run because `missing`, and fails it where the environment has `CI`.
+/// Reports that a test is not run because something is missing, or fails the test where the environment has `CI`.
 ///
 /// # Panics
 ///
@@ -58,12 +58,12 @@ fn chip() -> Chip {
     Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
 
-/// The HORUS board with three receivers, none of which sends.
+/// The HORUS board with three receivers, none of which sends; `None` if the firmware was not built.
 pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
 
-/// The board of [`horus`] with these oscillators.
+/// The board of [`horus`] with the given oscillators.
 pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
     horus_with(oscillators)
 }
@@ -84,7 +84,7 @@ pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }
 
-/// The board of [`dpr`] with a part of these settings.
+/// The board of [`dpr`] whose part has the given settings.
 pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
     dpr_with(settings)
 }

@@ -1,5 +1,5 @@
-//! Defects that a hurried change could leave in the sources. Each has a small change of one file, the run of `cargo
-//! xtask sim` that shows it, and the violation that results.
+//! Defects that a hurried change could leave in the sources. Each defect has a small change of one file, the run of
+//! `cargo xtask sim` that shows the defect, and the violation that results.
 //!
 //! `cargo xtask defects` applies all defects to a copy of the workspace at once, each as a choice at run time, and runs
 //! each separately (`xtask/src/defects.rs`). If the new text contains the word `DEFECT`, that word is the choice;
@@ -21,7 +21,7 @@ pub(crate) struct Edit {
 
 /// The result of a defect's run.
 pub(crate) enum Shows {
-    /// The run shows this violation, perhaps among others.
+    /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
     /// The run shows no violation. The text gives the reason: a missing rule or, if no rule is possible, the test that
     /// finds the defect.
@@ -63,11 +63,11 @@ const ORDER: &str = "base-station/src/drone/order.rs";
 
 /// The only fault is the defect.
 const PLAIN: &str = "--seconds 6";
-/// The receivers have their factory settings.
+/// In this run the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
-/// Receivers and their lines fail.
+/// In this run receivers and their lines fail.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
-/// Receivers and their lines fail, and all receivers jump at once.
+/// In this run receivers and their lines fail, and all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
 /// The air and the front ends fail.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";

@@ -12,7 +12,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// The number of receivers of the images that these tests run.
+/// The number of receivers for which the firmwares of these tests are built.
 pub(crate) const RECEIVERS: usize = 3;
 
 /// The places of the objects in the image.
@@ -203,7 +203,7 @@ impl Upstream<Horus> for Antenna {
     }
 }
 
-/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 pub(crate) struct Reader {
     master: SsiMaster,
     pub(crate) views: Vec<View>,

@@ -26,7 +26,7 @@ const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const SETTLED: u64 = 300 * MS;
 
-/// The time from a tick of HORUS to its cycle's image being readable, with three receivers, ns.
+/// The time from a tick of HORUS until the image of that tick's cycle can be read, with three receivers, ns.
 const READABLE: u64 = 5 * MS;
 
 /// The control cycle of the flight controller, ns. Exactly one transaction ends in any interval of this length.

@@ -195,7 +195,7 @@ table! {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))
     });
-    // HORUS's external oscillator is never switched on.
+    // HORUS's program never switches its external oscillator on.
     a_horus_that_does_not_use_its_crystal => Row {
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(RCC_CR, 0x1_0000, 0)]),
         ..Row::new(Violation::CrystalWrong, Faults::none)

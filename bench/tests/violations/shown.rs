@@ -34,7 +34,7 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, until, Fault::Wire(fault))
 }
 
-/// Inverts bits of a byte of Link-Status in one transaction.
+/// The fault that `bits` of byte `byte` of Link-Status are inverted in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
     of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }

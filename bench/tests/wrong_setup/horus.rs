@@ -262,7 +262,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // The firmware's time limit ends a transfer that never completes.
+    // A transfer never completes, and the firmware's time limit ends it.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -362,7 +362,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without ticks receivers 2 and 3 are not polled.
+    // Without the timer's interrupt the firmware does not poll receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],

@@ -26,7 +26,7 @@ pub(crate) enum Case {
     EveryObject,
     /// GPS1 and GPS2 are exchanged, with valid CRCs.
     Swapped,
-    /// This object is from the cycle before, with valid CRCs.
+    /// This object is that of the cycle before, with valid CRCs.
     OfTheCycleBefore(usize),
     /// The latitude of Reported-Position was changed and its frame CRC calculated anew, so that its position CRC is
     /// wrong.

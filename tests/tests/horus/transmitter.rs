@@ -34,7 +34,7 @@ enum Started {
 /// A port of the transmitter that carries out no transfer.
 struct Wires {
     started: Option<Started>,
-    /// The bytes that the last transfer has clocked in, and their number.
+    /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
     /// Whether the interrupt pin reads high, once.
     irq: bool,

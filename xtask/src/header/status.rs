@@ -10,7 +10,7 @@ use profile::{
 
 use super::defines;
 
-/// A bit, or the bits of a code: its name, its mask, its meaning.
+/// A bit of a status word, or the bits of a code in it: name, mask, meaning.
 type Bits = (&'static str, u16, &'static str);
 
 /// Returns the definitions of all status words.

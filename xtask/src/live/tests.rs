@@ -359,7 +359,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     assert_eq!(tab.troubles(), Vec::<String>::new());
 }
 
-/// A user who presses buttons of the panel at random.
+/// A user who presses buttons of the panel at random while the link flies.
 struct Storm {
     panel: Panel,
     rng: Rng,

@@ -54,7 +54,7 @@ struct Outbox {
     bytes: VecDeque<u8>,
     /// The instants (ns) since which bytes have waited, each with the number of bytes that came then.
     since: VecDeque<(u64, usize)>,
-    /// The instant of the part's last communication, ns.
+    /// The instant at which the part last communicated with the receiver, ns.
     read_at: u64,
 }
 
@@ -177,7 +177,7 @@ impl Receivers {
         }
     }
 
-    /// Begins `fault` of a receiver's bus at `now` (ns); `seed` decides everything random about it.
+    /// Begins `fault` of a receiver's bus at `now` (ns); `seed` determines all random values of the fault.
     pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
         match self.interfaces.get_mut(receiver) {
             Some(Interface::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
@@ -197,7 +197,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// Sets the rate at which a receiver's UART listens, in baud.
+    /// Sets the bit rate at which a receiver's UART receives, in baud.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
         if let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) {
             uart.listen_at(baud);
@@ -270,7 +270,7 @@ impl Receivers {
         self.next = self.interfaces.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
-    /// Drives the lines to their rest levels at power-on.
+    /// Drives the lines to the levels that they have at rest, at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
         for interface in &self.interfaces {
             match interface {
@@ -346,7 +346,7 @@ impl Receivers {
         }
     }
 
-    /// The next instant at which a receiver drives the part's pins by itself, ns.
+    /// The next instant at which a receiver changes the level of a pin of the part, ns.
     #[must_use]
     pub(super) fn next_event(&self) -> u64 {
         self.next

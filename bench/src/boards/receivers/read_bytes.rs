@@ -63,7 +63,7 @@ impl Crossings {
         self.open.first().map_or(u64::MAX, |(from, ..)| *from)
     }
 
-    /// Takes the traffic of the transactions that are over.
+    /// Takes the bus traffic of the transactions that have ended, as bytes of `receiver`.
     pub(super) fn take(&mut self, receiver: usize) -> Vec<ReadBytes> {
         let mut given: Vec<ReadBytes> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {

@@ -54,7 +54,7 @@ pub(super) struct Spi {
     last: Option<u64>,
     /// The number of successive 0xFF bytes that the controller has sent.
     filler: u32,
-    /// The last bit and the last byte that were clocked out.
+    /// The last bit, and the last byte, that the receiver sent.
     last_bit: bool,
     last_byte: u8,
     /// The fault of MISO.

@@ -13,7 +13,7 @@ const BIT: u64 = 2_500;
 
 const MS: u64 = 1_000_000;
 
-/// A controller on all three buses, and the receivers.
+/// A controller that follows a script on a UART, on I2C and on SPI, and the receivers on these.
 struct Script {
     receivers: Receivers,
     now: u64,

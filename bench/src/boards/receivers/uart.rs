@@ -1,8 +1,8 @@
 //! A receiver's UART.
 //!
-//! The receiver's own input tolerates a sender that is off by 2.5 % (ZED-F9R data sheet, UART specifications). After
-//! more than 100 unreadable frames within a second it ignores its input until that second is over (u-blox F9
-//! integration manuals, "UART interfaces").
+//! The receiver's input tolerates a sender whose bit rate is wrong by 2.5 % (ZED-F9R data sheet, UART specifications).
+//! After more than 100 unreadable frames within a second the receiver ignores its input until that second is over
+//! (u-blox F9 integration manuals, "UART interfaces").
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use horus_tx_fw::timing::GNSS_BAUD;
 
 use emulator_node::Input;
 
-/// A bit's duration may deviate by one part in this number, which is 2.5 %.
+/// The divisor that gives a bit's greatest deviation: its duration may differ by one part in 40, which is 2.5 %.
 const TOLERANCE: u64 = 40;
 /// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input until that window is
 /// over.

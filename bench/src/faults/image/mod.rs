@@ -26,7 +26,7 @@ pub enum ImageFault {
     Faulting(String),
     /// The instruction at this address is a branch to itself.
     Stopped(u32),
-    /// A variable or table, by its symbol, holds these bytes from this offset on.
+    /// A variable or table, given by its symbol, holds these bytes from this offset on.
     Poke {
         /// The variable's symbol as the linker has it, or the end of its path: `cycle_timer::TICKS`.
         symbol: String,
@@ -62,7 +62,7 @@ pub enum ImageFault {
         /// The new constant.
         value: u32,
     },
-    /// Memory at this address holds these bytes, flash included.
+    /// Memory from this address on, which may be flash, holds these bytes.
     Patch {
         /// The first byte's address.
         address: u32,
@@ -160,7 +160,7 @@ impl Repair {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where the part is not the damaged one.
+    /// [`Error::NotMemory`] where `node`'s part has no memory at a damaged address.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }

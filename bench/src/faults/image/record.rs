@@ -6,7 +6,7 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Node};
 
-/// The first address of the peripherals. Those of the core lie above it too.
+/// The first address of the peripherals; the core's own peripherals have higher addresses.
 const PERIPHERALS: u32 = 0x4000_0000;
 
 /// An instruction that stores a register.
@@ -145,7 +145,7 @@ impl Recording {
             let (pc, retired) = (node.register(15), node.instructions());
             let (first, second) = halves(node, pc);
             let length = if is_wide(first) { 4 } else { 2 };
-            // The test reads ICI/IT of EPSR, ARMv7-M ARM B1.4.2.
+            // An instruction is in an IT block if the field ICI/IT of EPSR is not zero, ARMv7-M ARM B1.4.2.
             let in_it_block = node.register(16) & 0x0600_FC00 != 0;
             let stored = Store::decode(first, second)
                 .map(|store| (store.address(node), node.register(usize::from(store.rt)), store.size))

@@ -96,7 +96,7 @@ struct Code {
 }
 
 const fn bl_imm(distance: i32, opcode: u16, link: bool) -> [u16; 2] {
-    // Encodings T4 of B and T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
+    // The instruction is encoded as T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
     let value = distance as u32;
     let s = (value >> 24 & 1) as u16;
     let j1 = (!(value >> 23) & 1) as u16 ^ s;
@@ -176,7 +176,7 @@ impl Code {
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
                 self.load(c, of);
-                // CMP Rt, c: encoding T1 for low registers, T2 for high ones.
+                // CMP Rt, c has encoding T1 for low registers, T2 for high ones.
                 let rt = half(store.rt);
                 let compare = if rt < 8 { 0x4280 | half(c) << 3 | rt } else { 0x4580 | half(c) << 3 | rt & 7 };
                 self.raw(&[compare, 0xD001]);
@@ -222,7 +222,7 @@ impl Code {
         let refuse = |why| Err(RewriteError::Instruction { at: pc, why });
         let first = encoding[0];
         if let [_, second] = *encoding {
-            // Branches and miscellaneous control, ARMv7-M ARM A5.3.4.
+            // The group "branches and miscellaneous control" of the encodings, ARMv7-M ARM A5.3.4.
             if first & 0xF800 == 0xF000 && second & 0x8000 != 0 {
                 match (second & 0xD000, first >> 6 & 0xF) {
                     (0xD000, _) => {
@@ -503,7 +503,7 @@ mod tests {
 
     #[test]
     fn an_instruction_that_means_the_same_everywhere_is_copied() {
-        // ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
+        // These instructions do not change when they move: ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
         for encoding in [&[0x3001_u16][..], &[0xF3BF, 0x8F4F], &[0xF380, 0x8810], &[0xF240, 0x0100]] {
             assert_eq!(moved(0x800_0100, 0x804_0000, encoding), [unmoved(0x800_0100, encoding)]);
         }
@@ -511,8 +511,8 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4];
-        // ADR.W r0, forwards and backwards.
+        // The tested instructions are IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc,
+        // #4]; VLDR s0, [pc, #4]; ADR.W r0, forwards and backwards.
         let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
         let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
         let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];

@@ -85,7 +85,7 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     if started {
         payload[11] = 0;
     }
-    // The fields are fixType, flags, numSV and flags3.
+    // The cleared fields are fixType, flags, numSV and flags3.
     payload[20] = 0;
     payload[21] &= !NavPvt::FLAG_FIX_OK;
     payload[23] = 0;

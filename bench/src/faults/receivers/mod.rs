@@ -138,7 +138,7 @@ pub enum Absurd {
     Speed,
     /// An accuracy of 0, which no receiver has.
     NoAccuracy,
-    /// The greatest accuracy that the field can hold, 4295 km.
+    /// The greatest accuracy that the field can hold, 4295 km, which is useless.
     HugeAccuracy,
 }
 
@@ -296,7 +296,7 @@ struct Line {
     faults: Vec<Active>,
     /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
-    /// Longitude, latitude and height of its last burst without a fault, in their wire units.
+    /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
     last_position: Option<[i32; 3]>,
     /// Delayed bursts, in the order of their instants.
     waiting: VecDeque<OnLine>,
@@ -485,7 +485,7 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // MON-VER answers a poll of the receiver's version.
+                // The unsolicited message is MON-VER, with which a receiver answers a poll of its version.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);

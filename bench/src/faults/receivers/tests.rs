@@ -49,7 +49,7 @@ fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
 }
 
-/// The time of week in each of the three messages of a burst.
+/// The time of week in each of the three messages of the burst `bytes`.
 fn itows(bytes: &[u8]) -> [u32; 3] {
     let payloads = payloads(bytes);
     [word(&payloads[0], 0), word(&payloads[1], 0), word(&payloads[2], 8)]

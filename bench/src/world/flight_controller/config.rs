@@ -13,7 +13,7 @@ pub enum Schedule {
     Placed,
 }
 
-/// A transaction that is to begin at an instant of the bench's choice.
+/// A transaction that is to begin at an instant that the bench chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Placed {
     /// The instant at which chip select falls, by the bench's clock, ns after reset.

@@ -74,16 +74,16 @@ pub struct FlightController {
     next_at: u64,
     /// The control cycle in which the next transaction begins.
     cycle: u64,
-    /// The transactions that are to begin at instants of the bench's choice, in order of time.
+    /// The transactions that are to begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
     /// The present misuse of the SSI.
     misconduct: Option<Misconduct>,
     /// The number of episodes of misconduct.
     episodes: u64,
-    /// The instant before which no transaction begins, ns.
+    /// The instant before which no further transaction begins, ns.
     not_before: u64,
     client: Client,
-    /// Windows to request in the coming transactions.
+    /// The windows that the next transactions without another request are to request, in order.
     requests: VecDeque<Request>,
     /// The window that the present transaction requests.
     asked: Option<Request>,

@@ -38,7 +38,7 @@ pub struct Reading {
     pub vacant: usize,
     /// The first damage, if there is any: its offset in the image, and its kind.
     pub damage: Option<(usize, Rejection)>,
-    /// The profile that was forwarded to the base station, if any: only for [`Outcome::Fresh`].
+    /// The profile that was forwarded to the base station; `None` for every outcome but [`Outcome::Fresh`].
     pub forwarded: Option<Vec<u8>>,
     /// The client's report: whether there is a position to fly by, and the position's age.
     pub report: Report,

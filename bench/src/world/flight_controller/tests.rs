@@ -354,7 +354,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // The flight controller's own uplink would be due in this cycle.
+            // In this cycle the flight controller would generate an uplink of its own.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -413,7 +413,7 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     let mut vacant = image[32..].to_vec();
     vacant[184..].fill(0);
     assert_eq!(rig.last().forwarded, Some(vacant));
-    // The requested window decides where an object is read.
+    // An object is read at the offset that the requested window gives it.
     rig.controller.request(Request { offset: 216, length: 60 });
     rig.transact(&image);
     rig.transact(&image[216..]);

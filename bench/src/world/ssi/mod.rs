@@ -44,8 +44,7 @@ pub trait SsiPort {
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that may be clocked before the DPR's peripheral raises an event; `usize::MAX` for any
-    /// number.
+    /// The number of bytes that can be clocked until the DPR's peripheral raises an event; `usize::MAX` for any number.
     fn quiet(&self) -> usize;
 }
 
@@ -424,7 +423,7 @@ impl SsiMaster {
     }
 }
 
-/// Returns `it` with the number of bytes that are clocked next.
+/// Returns the transaction with the number of bytes that are clocked next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it
