@@ -173,7 +173,8 @@ impl Taken {
             self.spread(),
             spread
         );
-        // A smaller number means that the work was not done: the optimiser removed it, or the counter stands still.
+        // Fewer than four cycles mean that the work was not done: the optimiser removed it, or the counter stands
+        // still.
         defmt::assert!(self.min >= 4, "{=str} took {=u32} cycles, which is no work at all", what, self.min);
         defmt::assert!(self.max <= bound, "{=str} took {=u32} cycles, more than {=u32}", what, self.max, bound);
         defmt::assert!(self.spread() <= spread, "{=str} depends on its data: {}", what, self);

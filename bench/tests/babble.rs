@@ -203,7 +203,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The first frame is that of the tick at 31 ms. The frame of the tick at 411 ms ends at 416 ms, and the run
+        // HORUS's first frame is that of its tick at 31 ms. The frame of the tick at 411 ms ends at 416 ms, and the run
         // ends before 424 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
         // The DPR takes the first three cycles to find the sequence, and does not show them.

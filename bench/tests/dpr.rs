@@ -52,7 +52,7 @@ impl Reset {
             Self::BrownOut => node.restart(FromOutside::BrownOut),
             Self::Lockup => node.lock_up(),
             Self::Watchdog => {
-                // The task that monitors the deadline never ends.
+                // The change makes the task that monitors the deadline never end.
                 let task = node.address_of("TIMER1").unwrap() & !1;
                 let mut was = [0; 2];
                 node.read(task, &mut was).unwrap();
@@ -238,7 +238,7 @@ fn a_revision_3_parts_debug_port_is_opened_if_uicr_allows_it() {
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
-        // After a reset the port is closed, and the firmware opens it again.
+        // After a reset the debug port is closed, and the firmware opens it again.
         node.restart(FromOutside::Pin);
         assert!(!node.part().debug_port_open(uicr));
         pass(&mut node, 50 * MS);

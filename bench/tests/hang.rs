@@ -82,7 +82,7 @@ fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites() {
     let mut csr = [0; 4];
     assert_eq!(node.peek(RCC_CSR, &mut csr), 4);
     assert_ne!(u32::from_le_bytes(csr) & IWDGRSTF, 0);
-    // The program runs again as after any reset, and feeds its watchdog.
+    // After the watchdog's reset the program runs as after any reset, and feeds its watchdog.
     assert!(!node.is_hung());
     run_to(&mut node, at + 300 * MS);
     assert_eq!((node.word(u64::from(COUNTER)), node.resets().len()), (Some(19 + 29), 1));

@@ -148,7 +148,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // First the bytes that are under way and the delayed bytes arrive.
+        // After the fault the bytes that are under way and the delayed bytes arrive first, so 100 ms are not counted.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {

@@ -97,7 +97,7 @@ fn a_bit_that_flips_in_the_shown_image_withdraws_it_in_time() {
         assert_eq!(view(&mut node).valid.len(), 4, "byte {byte}");
         let faults = dpr_counter(&node, "image_faults");
         assert_eq!(faults, 0);
-        // This image stays readable until the next frame's deadline, 12.5 ms after the frame's end.
+        // The image with the flipped bit stays readable until the next frame's deadline, 12.5 ms after the frame's end.
         let address = shown(&mut node) + byte;
         Upset::Ram { address, bit }.apply(&mut node).unwrap();
         let (mut silent, began) = (false, node.now());
@@ -279,7 +279,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     stick(&mut node);
     let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
     eprintln!("HORUS's RAM: field off after {} ms", took / MS);
-    // Each start finds the stuck bit before HORUS switches the field on, and reports it.
+    // At each start HORUS finds the stuck bit before it switches the field on, and reports the bit.
     node.take_log();
     let air = run_horus(&mut node, 1_000 * MS);
     assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));

@@ -191,7 +191,8 @@ fn lost_frames_are_missed_counted_and_their_successors_arrive() {
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // With this seed the first four frames arrive, so the DPR finds the sequence with as many cycles as without losses.
+    // With this seed no frame is lost among the first four, so the DPR finds the sequence with as many cycles as
+    // without losses.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -297,7 +298,7 @@ fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
         std::fs::remove_file(path).unwrap();
         assert_eq!(report.violations, [""; 0]);
         let reported = &report.reported;
-        // The first burst begins 100 ms after reset, the last 3 s later.
+        // The first burst of the log begins 100 ms after reset, the last one 3 s later.
         let last = reported.last_solution_ns[0].unwrap();
         assert!((3_100 * MS..3_105 * MS).contains(&last), "{reported:?}");
         assert!(reported.valid_cycles >= 300, "{reported:?}");

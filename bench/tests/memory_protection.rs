@@ -151,7 +151,7 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
         restarted(&mut dpr, |_| {});
         dpr.take_log();
         run(&mut dpr, 50 * MS);
-        // One transaction may meet a busy DPR, but not two in a row.
+        // A single transaction may meet a busy DPR, but not two in a row.
         let link = (0..2).find_map(|_| LinkStatus::verify(&transact(&mut dpr, LinkStatus::SIZE, 0)).ok().copied());
         let link = link.expect("Link-Status");
         assert!(link.status().unasked_reset(), "{row:x?}");

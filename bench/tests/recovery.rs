@@ -49,7 +49,7 @@ fn the_link_recovers_from_any_fault_of_the_air_within_5_cycles() {
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // The first three lengths are within the 25 missed cycles after which a sequence can still continue, and the
+        // The first three durations are within the 25 missed cycles after which a sequence can still continue, and the
         // last one is longer.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
@@ -72,8 +72,8 @@ fn the_link_recovers_from_misuse_of_the_ssi_within_5_cycles() {
 fn the_link_recovers_from_each_front_end_fault_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // With the first length the fault is shorter than a cycle. With the second the firmware has just doubled
-            // its wait before the next attempt, and with the third that wait is at its longest.
+            // With the first duration the fault is shorter than a cycle. With the second the firmware has just doubled
+            // its wait before it sets the front end up again, and with the third that wait is at its longest.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;

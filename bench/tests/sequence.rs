@@ -89,7 +89,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
         at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
     }
     let views = views(&mut node, at);
-    // The eleventh frame comes 10 ms after the tenth, so it is the last one that may be shown.
+    // The eleventh of the test's frames comes 10 ms after the tenth, so it is the last one that may be shown.
     let early = ends(&sent)[11].0;
     let newest = views.iter().flat_map(|view| &view.valid).max();
     assert_eq!(newest, Some(&200));

@@ -55,7 +55,7 @@ fn a_copy_taken_at_any_instant_runs_on_like_the_original() {
         copy.run_to(END, Threads::Two);
         assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
     }
-    // Neither the runs of the copies nor the stop has changed anything in the original.
+    // The original ran to an instant, and copies of it ran on. Neither has changed the original's results.
     original.run_to(END, Threads::One);
     assert_eq!(outcome(original), expected);
 }

@@ -67,7 +67,7 @@ fn a_falling_supply_switches_horuss_field_off_before_it_resets_the_part() {
     node.supply(2_749_999, 0);
     assert!(!node.is_powered());
     run_horus(&mut node, 140 * MS);
-    // From 2.85 V on the part may start. Its firmware then stops at once, until the supply is high enough.
+    // From 2.85 V on HORUS's part may start. Its firmware then stops at once, until the supply is high enough.
     node.supply(2_850_000, 0);
     assert!(node.is_powered());
     assert_eq!(node.resets().last().map(|reset| reset.cause), Some(Reset::BrownOut));
@@ -92,7 +92,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // At that voltage the start after the watchdog's reset does not complete either.
+    // At the voltage that made the DPR stop, its start after the watchdog's reset does not complete either.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));

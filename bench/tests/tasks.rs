@@ -142,7 +142,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut watch = TaskWatch::new(trace::Board::Horus, &mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
-    // The first edge comes in the middle of the second tick, the other one while the core sleeps.
+    // The first edge on the pin comes in the middle of the second tick's task, the other one while the core sleeps.
     node.advance(20 * MS + MS / 2);
     assert_eq!([0, 3, HIT, TICK].map(|exception| node.exception_priority(exception)), [256, -1, 0, 0x80]);
     node.drive(IN, Some(true));

@@ -102,7 +102,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // The combination cannot be searched, unless there are no inner words of that weight at all.
+                    // The combination of weights cannot be searched, unless there are no inner words of that weight at
+                    // all.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -131,7 +132,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // All smaller weights have been excluded, because otherwise the search would have ended before.
+                // All smaller total weights have been excluded, because otherwise the search would have ended before.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {

@@ -48,7 +48,7 @@ impl Words {
     #[must_use]
     pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
         assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
-        // The sum's upper bits select the bucket, so columns of a lower degree are shifted up.
+        // The upper bits of a sum select its bucket, so the columns of a polynomial of lower degree are shifted up.
         let aligned = |column| column << (32 - polynomial.degree());
         let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
         let half = (weight - 1) / 2;

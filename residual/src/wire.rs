@@ -202,7 +202,7 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
         // The patterns are all odd numbers of 16 bits, whose lowest bit is sent first. They are all bursts that begin
-        // at this position, each once.
+        // at one position, each once.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -400,8 +400,8 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
             }
             Object::ReportedPosition => {
-                // The words lie within the 288 bits after the position CRC, or anywhere if the position CRC also
-                // changes.
+                // Codewords of the frame CRC that lie within the 288 bits after the position CRC pass both CRCs. Those
+                // that change latitude, longitude or the position CRC are rejected.
                 let behind = random_codewords(frame, 8 * 36, 8, CODEWORDS);
                 add(
                     "random frame codewords of weight 8 behind the position CRC",

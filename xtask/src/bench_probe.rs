@@ -71,7 +71,7 @@ impl BenchBoard {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // If another thread panics, the board keeps its state, as a real one would.
+        // If another thread panics, the bench's board keeps its state, as a real one would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 

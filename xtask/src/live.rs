@@ -109,7 +109,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
-        // The system seeds each of these hashers with random numbers.
+        // The system seeds each `RandomState` with random numbers.
         chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
     }
     Key::new(bytes)
@@ -297,7 +297,7 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // The count is that of the messages in the datagram which a receiver would find.
+                // The number sent is that of the messages that a receiver would find in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }

@@ -277,7 +277,7 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
-        // Only the unlocking of an nRF52840 during `attach` ends with this error.
+        // Of the steps of `attach`, only the unlocking of an nRF52840 ends with this error.
         probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }
@@ -285,8 +285,8 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
 
 /// Programs UICR.APPROTECT of an nRF52840 that would otherwise be locked after the next power-on.
 ///
-/// Only this word is written, by the NVMC itself (PS v1.7, NVMC). The library would first erase all of UICR, and with
-/// it the settings of the reset pin and the regulator.
+/// Only UICR.APPROTECT is written, by the NVMC itself (PS v1.7, NVMC). The library would first erase all of UICR, and
+/// with it the settings of the reset pin and the regulator.
 fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_READY: u64 = 0x4001_E400;
     const NVMC_CONFIG: u64 = 0x4001_E504;
@@ -468,7 +468,7 @@ fn follow(
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // This call discards the reset that this function itself has made.
+    // The reset that this function itself has made does not count, so it is discarded here.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
     // From here on the program must feed the watchdog itself.
@@ -499,7 +499,7 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // An incomplete message is lost with the buffer.
+            // An incomplete log message is lost with the part's log buffer.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
                 // The HardFault came before it could be caught. Its log is still in the buffer.
@@ -508,7 +508,7 @@ fn follow(
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The start-up code needs far less than this time to initialise the control block.
+            // The start-up code needs far less than the time of this sleep to initialise the control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;

@@ -76,8 +76,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read before anything is built. The host tests are built with all features of xtask, which replaces
-    // the file of the running program, and the system then reports its path with " (deleted)" appended.
+    // The path of this program is read before anything is built. The host tests are built with all features of xtask,
+    // which replaces the file of the running program, and the system then reports its path with " (deleted)" appended.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -97,7 +97,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         step("a sample of the defects", &mut crate::defects::sample);
-        // The tests that run both firmwares get the folder of the firmwares. Without it they would not be run, and
+        // The tests that run both firmwares are given the firmwares' folder. Without it they would not be run, and
         // would fail where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
@@ -156,8 +156,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // The runner is given as a list, so that a space in its path does not split it. A list of strings is written
-        // alike in JSON and in TOML.
+        // cargo gets its runner as a list, so that a space in the runner's path does not split it. A list of strings is
+        // written alike in JSON and in TOML.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");

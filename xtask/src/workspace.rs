@@ -26,7 +26,8 @@ pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2"
 
 /// The workspace's root folder.
 pub(crate) fn root() -> PathBuf {
-    // This is xtask's own folder at build time. If the checkout has moved since then, cargo reports its present folder.
+    // The root is found from xtask's own folder at build time. If the checkout has moved since then, cargo reports its
+    // present folder.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)

@@ -261,7 +261,8 @@ impl Configuration {
 
     /// Applies UBX-CFG-VALSET; returns `None` if the message is refused.
     fn set(&mut self, payload: &[u8]) -> Option<()> {
-        // The payload begins with version 0, the layers (RAM, battery-backed RAM, flash), and reserved bytes.
+        // The payload of UBX-CFG-VALSET begins with version 0, the layers (RAM, battery-backed RAM, flash), and
+        // reserved bytes.
         let ([0, layers @ 1..=7, _, _], mut rest) = payload.split_first_chunk::<4>()? else { return None };
         let mut items = vec![];
         while !rest.is_empty() {
@@ -302,7 +303,8 @@ impl Configuration {
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // The values are 0 (portable) and 2 to 9 (stationary to wrist). Not every receiver has the later ones.
+            // The accepted dynamic models are 0 (portable) and 2 to 9 (stationary to wrist). Not every receiver has the
+            // later ones.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

@@ -139,8 +139,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // The first number is the phase's share of a short flight. On a long flight the phase takes at most the second
-        // number, and the cruise fills the rest.
+        // Each phase has a share of a short flight, which is the first number, and at most the second number of
+        // seconds. On a long flight the cruise fills the rest.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);

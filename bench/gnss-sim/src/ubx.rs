@@ -83,12 +83,13 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // In these messages it comes first: POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS,
-            // TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
+            // In these messages of class NAV the time of week comes first: POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT,
+            // VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
-            // It also comes first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE.
+            // The time of week also comes first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG,
+            // AOPSTATUS, EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
-            // It follows a version in ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
+            // The time of week follows a version in ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
             _ => return None,
         };

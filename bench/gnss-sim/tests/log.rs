@@ -58,7 +58,7 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(0, 2).encode(),
         // The next message comes an hour later.
         &pvt(3_600_000, 3).encode(),
-        // The next messages have the time of the last one again, then an earlier one.
+        // The next two messages have the time of the last one again, then an earlier time.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
         // A late message of an earlier epoch begins no epoch.

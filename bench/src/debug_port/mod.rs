@@ -225,7 +225,8 @@ where
             }
         }
         self.line = Line::Open;
-        // While a sticky flag is set, the port answers only these requests (ADI B4.2.4).
+        // While a sticky flag is set, the port answers only reads of DPIDR and CTRL/STAT and writes of ABORT (ADI
+        // B4.2.4).
         let always =
             matches!(request, Request::ReadPort(0) | Request::WritePort(0, _)) || request == Request::ReadPort(4);
         if self.control & STICKY != 0 && !always {
@@ -378,7 +379,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // The byte at this address was just read, so it can be written.
+            // The write succeeds, because the byte at the same address was just read.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }

@@ -177,7 +177,7 @@ impl Campaign {
         let (from, to) = options.between;
         let mut rng = Rng::new(options.seed);
         for instant in 0..instants {
-            // Each of several equal parts of the run gets one random instant.
+            // The run is divided into equal parts, and each part gets one random instant.
             let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
             let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
             subject.run_to(at);
@@ -303,7 +303,7 @@ mod tests {
             if let Some(outcomes) = self.outcomes {
                 outcomes.fetch_add(1, Ordering::Relaxed);
             }
-            // The bench has this violation in every copy, with and without an upset.
+            // This test bench has a violation in every copy, with and without an upset.
             let always = (Violation::ShownStale, 2);
             match self.upset {
                 Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),

@@ -197,7 +197,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // The factor converts attoseconds to nanoseconds in two steps; a bit is about 2.4 µs long.
+            // The two divisions convert the bit's duration from attoseconds to nanoseconds; a bit is about 2.4 µs long.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }

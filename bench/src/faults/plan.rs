@@ -288,7 +288,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits, so about one frame in three survives.
+        // With this bit error rate about one frame in three survives, because a frame has about 2000 bits.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
         // A carrier without a frame looks to the DPR like a silent HORUS.
@@ -429,7 +429,7 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of the hangs begin in the first 10 µs after the start, the others at any instant of it.
+        // Half of the hangs begin in the first 10 µs after the board's start, the others at any instant of the start.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);

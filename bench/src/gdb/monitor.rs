@@ -29,8 +29,8 @@ impl<W: World> Debuggee<W> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            // Editors send OpenOCD's commands to any server (cortex-debug's src/external.ts). `halt` needs no action,
-            // because a command can only arrive while the board is halted.
+            // Editors send OpenOCD's commands to any gdb server (cortex-debug's src/external.ts). `halt` needs no
+            // action, because a command can only arrive while the board is halted.
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),

@@ -185,7 +185,7 @@ impl Receivers {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
             if Port::OF[receiver] != Port::Uart1 {
-                // The board reports later which of these bytes the part read over the bus, and when.
+                // On a bus the bytes are only offered; the board reports later which of them the part read, and when.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
@@ -325,7 +325,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // Earlier ticks passed the wire in its state before this change.
+                    // Ticks before this change passed through the wire with its earlier faults.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -29,7 +29,7 @@ impl FstFile {
             start_time: 0,
             timescale_exponent: -9,
             version: "bench".to_owned(),
-            // The file has no date, because the same run must always give the same file.
+            // An FST file can have a date; this one has none, because the same run must always give the same file.
             date: String::new(),
             file_type: FstFileType::Verilog,
         };
@@ -50,12 +50,12 @@ impl FstFile {
         regroup(&mut header, group, &[], open, close)?;
         ids.sort_by_key(|(id, _)| *id);
         let ids = ids.into_iter().map(|(_, id)| id).collect();
-        // Changes before the first instant give the values at 0 ns.
+        // The changes that are written before the first instant give the signals' values at 0 ns.
         Ok(Self { writer: header.finish().map_err(failed)?, ids, digits: vec![] })
     }
 
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
-        // A block ends between two instants, never within one.
+        // A block of the file ends between two instants, never within one.
         if self.writer.size() > BLOCK {
             self.writer.flush().map_err(failed)?;
         }

@@ -199,7 +199,7 @@ impl Trace {
         let Self { path, file, signals, values, written, begun, .. } = self;
         let failed = |source| Error::Io { path: path.clone(), source };
         if !std::mem::replace(begun, true) {
-            // Events at 0 ns are part of the state at the start.
+            // Events at 0 ns are written as the signals' values at the start.
             while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
                 let Id(place) = first.key().1;
                 values[place] = first.remove();

@@ -63,7 +63,7 @@ impl TaskWatch {
     /// Records that exception `active`, with this priority, runs from `at` on.
     fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<Mark>) {
         if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
-            // The core has returned to this exception, or has entered it anew by tail-chaining.
+            // The core has returned to an exception that was already active, or has entered it anew by tail-chaining.
             self.leave(at, place + 1, marks);
         } else {
             // An exception that is not more urgent than the last one cannot preempt it, so it follows by tail-chaining

@@ -108,7 +108,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // The start copies the task's code to RAM, so the board runs until that is done.
+            // The firmware's start copies the task's code to RAM, so the board runs until that is done.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }

@@ -190,7 +190,7 @@ table! {
             Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
         })
     };
-    // The offset begins before the first solution, so the position does not jump.
+    // The receivers' offset begins before their first solution, so the position does not jump.
     receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
         let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
         Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))

@@ -40,7 +40,7 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 }
 
 fn regressed() -> Faults {
-    // The fault changes the second transaction that reads the same image.
+    // The fault is present in the second transaction that reads the same image.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }

@@ -49,7 +49,7 @@ table! {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The watchdog, which the start switches on first, resets the DPR 6 µs after the longest start-up time; the run
+    // The DPR's watchdog, which its start switches on first, resets it 6 µs after the longest start-up time; the run
     // ends before that.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
@@ -57,7 +57,7 @@ table! {
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the two tasks would publish an image, so both do nothing.
+            // Either of the tasks `commit` and `deadline` would publish an image, so both do nothing.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -89,7 +89,7 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The identifier changes while the frame is on the air.
+                // The identifier in the DPR's program changes while a frame is on the air.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };

@@ -77,7 +77,7 @@ fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
         }
         if !hangs && node.now() >= HANGS {
             hangs = true;
-            // The task stays damaged to the end of the run.
+            // The task `commit` stays damaged to the end of the run.
             let _ = ImageFault::Hung("SWI0_EGU0".into()).apply(&mut node).unwrap();
         }
         let read: View = view(&mut node);

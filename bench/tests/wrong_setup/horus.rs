@@ -212,8 +212,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The first byte leads to a transfer error. The firmware then restarts the ring, by code that the patch does not
-    // change.
+    // The receiver's first byte leads to an error of the DMA transfer. The firmware then restarts the ring, by code
+    // that the patch does not change.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],

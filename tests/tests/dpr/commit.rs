@@ -189,7 +189,7 @@ pub(crate) fn frame(cycles: &Cycles) {
             defmt::assert_eq!((accepted, rejected), (shown, 4 * (CYCLES_BEFORE + 1) - shown), "{}", case);
             frame[case.class()].note(took);
 
-            // The commit task does this with a frame in a receive buffer.
+            // Next the whole commit task is timed, which does the same with a frame in a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
             // LEN is stored behind LEAD bytes, so it is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);

@@ -113,7 +113,8 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // This word holds the object's identifier and status, by which an area is judged when it is discarded.
+        // The fourth word of an area holds the object's identifier and status, by which an area is judged when it is
+        // discarded.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -173,7 +174,7 @@ pub(crate) fn serve(cycles: &Cycles) {
             let mut server = Server::<LEN>::new();
             port.mosi = black_box(bytes);
             let took = cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry));
-            // Each request comes after all areas were used up and then returned.
+            // The class of a call: the first call of each request comes after all areas were used up and then returned.
             let class = match port.handed_over {
                 Some(HandedOver::Waits) if number == 0 => 1,
                 Some(HandedOver::Waits) => 0,

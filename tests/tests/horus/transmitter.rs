@@ -160,7 +160,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
         note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
         defmt::assert_eq!(transmitter.port().loads, 2 * tick);
         settle(&mut transmitter, &mut chip, TXE);
-        // This slot has no ticket, so it fires nothing.
+        // The slot of this call has no ticket, so it fires nothing.
         note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);

@@ -305,7 +305,7 @@ pub(super) struct Panel {
 
 impl Panel {
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // A thread that panicked has left no partial change behind.
+        // A thread that panicked while it held the lock has left no partial change behind.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -286,7 +286,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // If a reset has come in between, the core runs.
+            // If a reset has come since the request to halt, the core is running.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

@@ -138,7 +138,7 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // The low half of the constant alone is not a constant of 16 bits that the code loads.
+        // The low half of a constant of 32 bits must not be found as a constant of its own.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
@@ -155,7 +155,7 @@ mod tests {
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The new value is not a modified immediate.
+        // The new value cannot be encoded as a modified immediate, so these instructions cannot load it.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

@@ -233,7 +233,8 @@ impl Code {
                     (0x9000, _) => self.branch(pc.wrapping_add(4).wrapping_add_signed(bl_distance(first, second))),
                     (0x8000, condition @ 0..0xE) => {
                         let target = pc.wrapping_add(4).wrapping_add_signed(conditional_distance(first, second));
-                        // A branch with the inverse condition leads past the 32-bit branch that follows it.
+                        // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads
+                        // past it.
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
@@ -253,7 +254,7 @@ impl Code {
             // B<cond>
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
-                // A branch with the inverse condition leads past the 32-bit branch that follows it.
+                // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads past it.
                 self.raw(&[(first & 0xFF00) ^ 0x0100 | 1]);
                 self.branch(target);
             }
@@ -266,7 +267,7 @@ impl Code {
                     return refuse("an IT block cannot be moved");
                 }
                 if first & 0xF500 == 0xB100 {
-                    // The opposite of the CBZ or CBNZ leads past the 32-bit branch that follows it.
+                    // A 32-bit branch replaces the CBZ or CBNZ, and the opposite of that leads past it.
                     self.raw(&[(first ^ 0x0800) & 0xFD07 | 1 << 3]);
                     self.branch(pc + 4 + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1));
                 } else {

@@ -489,7 +489,7 @@ impl LineFaults {
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next burst begins where this one ends, because the line is never idle.
+            // The next burst of the fault begins where this one ends, because the fault never leaves the line idle.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -516,6 +516,6 @@ const fn with_stop(byte: u8, high: bool) -> UartFrame {
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // Ten bits are low, then half a bit is high.
+    // The line is low for ten bits, then high for half a bit.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

@@ -209,8 +209,8 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // The age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because the DPR's time in
-    // the images never changes here.
+    // The position's age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because the
+    // DPR's time in the images never changes here.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -366,7 +366,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let ports = rig.controller.take_ports();
     assert_eq!(ports.len(), 4, "each tenth cycle");
     assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
-    // Without Port-Status no port is reported.
+    // If Port-Status is damaged, the flight controller reports neither it nor the uplink behind it.
     let mut damaged = map;
     damaged[280] ^= 1;
     for cycle in 40..50 {

@@ -106,8 +106,8 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_its_current_byte_to_the_end() {
-    // The first byte ends at 2 µs. So at 50.5 µs, 49 bytes are done and one is under way, and at 50 µs exactly 49 are
-    // done.
+    // A byte takes 1 µs, and the first one ends at 2 µs. So at 50.5 µs, 49 bytes are done and one is under way, and at
+    // 50 µs exactly 49 are done.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);
