@@ -37,7 +37,7 @@ impl Noise {
 
 // ---- receivers
 
-/// A source that fills a line without a pause.
+/// A source of bytes that fills a receiver's line without a pause.
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
@@ -112,7 +112,7 @@ struct Controller {
     flight_controller: FlightController,
     wires: Wires,
     turns: Timeline,
-    /// The bytes that the last whole transaction read.
+    /// The bytes that the flight controller read in its last whole transaction.
     read: Vec<u8>,
     /// The number of transactions that began and ended while the flight controller misused the SSI.
     wrong: usize,

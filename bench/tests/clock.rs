@@ -132,7 +132,7 @@ fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     }
 }
 
-/// The transmissions of a HORUS board alone.
+/// A HORUS board alone, with what its antenna has emitted.
 struct Transmitter {
     node: Node<Horus>,
     air: Vec<(u64, AirEvent)>,

@@ -346,7 +346,7 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
-/// The tasks that run when frames are missing.
+/// The names of the DPR's tasks that only run when frames are missing.
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
 /// Makes the task of `vector` hang. The idle task has no vector and hangs at the instruction at which it sleeps.

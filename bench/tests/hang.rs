@@ -36,7 +36,7 @@ const AFTER: u64 = 700 * MS;
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const CLOCKS: [Clock; 3] = [Clock::Fast, Clock::Optimistic, Clock::Pessimistic];
 
-/// The STM32's watchdog and the register with the reset cause, RM0090 21.4 and 6.3.21.
+/// The addresses of the STM32's watchdog and of the register with the reset cause, RM0090 21.4 and 6.3.21.
 const IWDG: u32 = 0x4000_3000;
 const RCC_CSR: u32 = RCC + 0x74;
 const IWDGRSTF: u32 = 1 << 29;

@@ -56,7 +56,7 @@ impl Counts {
 struct Fed {
     node: Node<Horus>,
     faults: LineFaults,
-    /// The instant at which the next positions are sent, ns.
+    /// The instant at which the receivers send their next positions, ns.
     at: u64,
 }
 

@@ -102,7 +102,7 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) {
     }
 }
 
-/// The line that the start after a stop logs.
+/// The log line in which the start after a stop reports the stop.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     let lines: Vec<String> = node.take_log().iter().map(ToString::to_string).collect();
     let found = lines.iter().find(|line| line.contains("the last stop: "));

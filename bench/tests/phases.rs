@@ -35,7 +35,7 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
     Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
 }
 
-/// Runs `sweep` and prints its longest times. No coincidence may lead to a violation.
+/// Runs the transactions of `sweep` and prints the longest times. No coincidence may lead to a violation.
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();

@@ -182,7 +182,7 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
     assert!(oriented(770, 900) < 1e-9);
 }
 
-/// The interval in which a bus fails, ns.
+/// The interval in which a receiver's bus fails, ns.
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
 /// The longest time from the end of any fault of a bus to a valid position of its receiver, ns. HORUS tries a stuck bus
 /// again after at most 110 ms (decision 16). The receiver's next solution comes within 200 ms, and its stored messages

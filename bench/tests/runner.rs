@@ -447,7 +447,7 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
 
 // ---- leads
 
-/// USART2 of the STM32F429, on the pins PA2 and PA3.
+/// The address of the STM32F429's USART2, on the pins PA2 and PA3.
 const USART2: u32 = 0x4000_4400;
 
 #[test]

@@ -42,7 +42,7 @@ const SSI: [u32; 2] = [16 + 4, 16 + 26];
 /// three upper bits.
 const MASKS: [u32; 2] = [0x60, 0x80];
 
-/// The processor's activity, examined after each of its cycles.
+/// What the DPR's processor did, examined after each of its cycles.
 struct Watched<C: Cost> {
     /// For each change of the running exception, its instant (ns) and its number; 0 stands for the idle loop or sleep.
     runs: Vec<(u64, u32)>,

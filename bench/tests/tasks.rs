@@ -19,7 +19,7 @@ use thumb::{COUNTER, EXTI, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// The duration of a cycle on the 16 MHz oscillator, rounded up, ns.
+/// The duration of a core cycle on the 16 MHz oscillator, rounded up, ns.
 const CYCLE: u64 = 63;
 
 /// The exception numbers of the test firmware's two tasks.

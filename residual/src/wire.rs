@@ -318,13 +318,13 @@ pub fn position_words(threads: NonZero<usize>) -> Words {
 /// The injection of one kind of patterns into one object, with its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// The object into which the patterns are injected.
+    /// The kind of object into which the patterns were injected.
     pub object: &'static str,
     /// The injected patterns, described as text.
     pub patterns: String,
     /// The outcome that the algebra predicts.
     pub expected: Expected,
-    /// The outcome of the injection.
+    /// What `profile` did with the injected patterns.
     pub injected: Injected,
 }
 

@@ -94,7 +94,7 @@ pub(crate) const fn chip(board: Board) -> &'static str {
     }
 }
 
-/// The instruction for connecting the board.
+/// The text that tells the user how to connect the board.
 pub(crate) const fn connection(board: Board) -> &'static str {
     match board {
         Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",

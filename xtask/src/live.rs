@@ -135,7 +135,7 @@ struct Shown {
 }
 
 impl Shown {
-    /// Whether all sent messages arrived intact.
+    /// Whether all messages that were sent arrived intact.
     const fn is_whole(self) -> bool {
         self.arrived == self.sent && self.bad_crc == 0
     }

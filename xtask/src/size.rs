@@ -15,7 +15,7 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
-/// The number of bytes in each kind of memory.
+/// The number of bytes that a firmware has in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Footprint {
     pub(crate) flash: u64,

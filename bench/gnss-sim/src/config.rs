@@ -97,7 +97,7 @@ impl Port {
             }
     }
 
-    /// The key of an output protocol on this port.
+    /// The key that switches an output protocol on this port on or off.
     #[must_use]
     pub const fn protocol_key(self, protocol: u32) -> u32 {
         protocol

@@ -86,7 +86,7 @@ pub struct State {
     pub rates: [f64; 3],
 }
 
-/// Part of a flight; see [`Flight::phase`].
+/// A phase of a flight, as [`Flight::phase`] returns it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
     /// On the ground before take-off.
@@ -112,7 +112,7 @@ pub enum Phase {
 pub struct Flight {
     plane: TangentPlane,
     planned: f64,
-    /// End of each phase from `Standing` to `Landing`, s.
+    /// The end of each phase from `Standing` to `Landing`, s.
     phase_ends: [f64; 7],
     height: Plan,
     speed: Plan,
@@ -375,7 +375,7 @@ impl Plan {
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }
 
-    /// Value, first and second derivative at `t`.
+    /// The quantity's value and its first and second derivative at `t`.
     fn at(&self, t: f64) -> [f64; 3] {
         let Some(ramp) = self.ramps[..self.ramps.partition_point(|ramp| ramp.start <= t)].last() else {
             return [self.initial, 0.0, 0.0];

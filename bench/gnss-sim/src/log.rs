@@ -84,7 +84,7 @@ pub enum LogError {
     NoPosition {
         /// The file.
         path: PathBuf,
-        /// The contents that the log has instead.
+        /// What the log contains in place of a position.
         counts: LogCounts,
     },
 }

@@ -206,7 +206,7 @@ impl Receiver {
         self
     }
 
-    /// Rebuilds a generated receiver with `change`.
+    /// Applies `change` to a generated receiver and derives its configuration and output anew.
     fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
         if let Source::Generated(generated) = &mut self.source {
             change(generated);
@@ -377,7 +377,7 @@ struct Generated {
     output: Output,
     /// The number of solutions so far.
     solutions: u32,
-    /// The state before the burst that is due.
+    /// The receiver's state before the burst that is due was calculated.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
@@ -387,7 +387,7 @@ struct Generated {
     epoch: u64,
     /// The time by which the receiver's clock is ahead at reset, ns; ±0.5 ms.
     clock_ns: f64,
-    /// The drift of the clock, parts per billion.
+    /// The drift of the receiver's clock, parts per billion.
     clock_ppb: f64,
     /// Wandering bias north, east, down, m.
     bias: [f64; 3],

@@ -53,7 +53,7 @@ pub struct Frame<'a> {
     pub class: u8,
     /// Message identifier within its class.
     pub id: u8,
-    /// The bytes between length and checksum.
+    /// The bytes of the frame between length and checksum.
     pub payload: &'a [u8],
 }
 

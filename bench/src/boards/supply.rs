@@ -69,7 +69,7 @@ impl Powered for Dpr {
 }
 
 impl PowerFault {
-    /// Begins the fault on `node`'s board now.
+    /// Begins the fault of supply or reset on `node`'s board now.
     pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(_) => {

@@ -96,7 +96,7 @@ pub trait Wire: Send + std::fmt::Debug {
     fn stick_flash(&mut self, address: u32, bit: u8, value: bool) -> bool;
 }
 
-/// The state of the protocol on the wires.
+/// The state of the debug port's protocol on its two wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
     /// JTAG, the state in which an SWJ-DP is after power-on (ADI B5.2.1).

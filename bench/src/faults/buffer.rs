@@ -32,9 +32,9 @@ impl Buffers {
 /// A fault of a bit of the DPR's buffers. The word in each variant picks the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferFault {
-    /// The bit flips once, when the episode begins.
+    /// The picked bit flips once, when the episode begins.
     Flips(Buffers, u64),
-    /// The bit reads this value until the episode's end, even after a write of the other value.
+    /// The picked bit reads this value until the episode's end, even after a write of the other value.
     Stuck(Buffers, bool, u64),
 }
 
@@ -50,7 +50,7 @@ impl BufferFault {
         }
     }
 
-    /// The kind of buffer that holds the bit.
+    /// The kind of buffer that holds the faulty bit.
     #[must_use]
     pub const fn memory(self) -> Memory {
         match self {

@@ -46,7 +46,7 @@ pub struct RunOutcome {
 pub struct Options {
     /// The kinds of upset that the trials have in turn. A kind that is no upset is left out.
     pub kinds: Vec<Kind>,
-    /// The boards that the trials upset in turn.
+    /// The boards that take turns at being upset.
     pub boards: Vec<Board>,
     /// The number of trials.
     pub count: usize,
@@ -159,7 +159,7 @@ pub struct Trial {
 /// The trials of a campaign.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
-    /// The trials in order of their instants.
+    /// The campaign's trials, in order of their instants.
     pub trials: Vec<Trial>,
 }
 

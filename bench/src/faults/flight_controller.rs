@@ -101,7 +101,7 @@ impl Conduct {
         }
     }
 
-    /// The facts about the conduct that the judge needs.
+    /// The properties of the conduct that determine what the judge excuses.
     #[must_use]
     pub const fn disturbs(self) -> disturbance::Conduct {
         match self {

@@ -126,7 +126,7 @@ impl Emission {
         self.leaving.insert(place, (at, event));
     }
 
-    /// The delay of a rise of chip select, ns.
+    /// Draws the delay of a rise of chip select, ns.
     pub fn select_late(&mut self) -> u64 {
         let Self { faults, noise, .. } = self;
         let late = |fault: &FrontEndFault| if let FrontEndFault::SelectLate(ns) = fault { noise.below(*ns) } else { 0 };

@@ -224,7 +224,7 @@ pub struct Episode {
 /// All faults of a run. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// The episodes in order of their beginnings.
+    /// The episodes of the run, in order of their beginnings.
     episodes: Vec<Episode>,
 }
 
@@ -254,7 +254,7 @@ impl Faults {
         self.episodes.insert(place, episode);
     }
 
-    /// The episodes, in order of their beginnings.
+    /// The episodes of the run, in order of their beginnings.
     #[must_use]
     pub fn episodes(&self) -> &[Episode] {
         &self.episodes
@@ -309,7 +309,7 @@ impl Timeline {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds the beginnings and ends of `other`.
+    /// Adds the beginnings and ends of another side's episodes, `other`.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);

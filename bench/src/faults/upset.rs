@@ -45,7 +45,7 @@ impl Upset {
         }
     }
 
-    /// The kind of memory that holds the bit.
+    /// The kind of memory that holds the upset bit.
     #[must_use]
     pub const fn memory(&self) -> Memory {
         match self {

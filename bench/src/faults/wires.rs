@@ -51,7 +51,7 @@ pub enum WireFault {
     MisoSwap,
     /// The bytes of one object read 0x00, like those of an object that was not received.
     MisoVacant {
-        /// The object: 0 for Reported-Position, n for GPSn.
+        /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
     /// Every transaction repeats the last one that ended before the fault began, as far as that had bytes: an isolator
@@ -60,7 +60,7 @@ pub enum WireFault {
     /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, where a transaction reads
     /// the whole object. A line cannot do that, but a bridge that generates frames of its own can.
     MisoForged {
-        /// The object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
+        /// The changed object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
         /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
         byte: usize,
@@ -70,7 +70,8 @@ pub enum WireFault {
     /// Bits of one object behind the image in the map are inverted and its CRC is corrected, as with
     /// [`WireFault::MisoForged`].
     MisoForgedPort {
-        /// The object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight controller.
+        /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
+        /// controller.
         object: usize,
         /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
         byte: usize,

@@ -33,7 +33,7 @@ impl Arch for CortexM4 {
     }
 }
 
-/// A register, by its index in the description.
+/// A register, given by its index in the description for gdb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Number(usize);
 
@@ -48,7 +48,7 @@ impl RegId for Number {
 }
 
 impl Number {
-    /// All registers, in the description's order.
+    /// All registers, in the order of the description for gdb.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         (0..=FPSCR).map(Self)
     }

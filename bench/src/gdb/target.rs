@@ -275,7 +275,7 @@ impl<W: World> HwBreakpoint for Debuggee<W> {
     }
 }
 
-/// Converts gdb's watchpoint to the core's.
+/// Converts a watchpoint of gdb to one of the core.
 fn watchpoint(address: u32, length: u32, kind: WatchKind) -> Watchpoint {
     let reads = matches!(kind, WatchKind::Read | WatchKind::ReadWrite);
     let writes = matches!(kind, WatchKind::Write | WatchKind::ReadWrite);

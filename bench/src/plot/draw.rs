@@ -85,7 +85,7 @@ fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// The pieces of a line from point to point, which is split where a point is missing.
+/// The pieces into which a line from point to point is split where a point is missing.
 fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![vec![]];
     for point in points {

@@ -16,7 +16,7 @@ const READABLE_WITHIN: u64 = 5_000_000;
 /// A position relative to the picture's origin: metres north, east and up.
 type Place = [f64; 3];
 
-/// The values sent in the cycle of a tick.
+/// The values that HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     /// The tick's instant, ns.

@@ -51,7 +51,7 @@ pub struct Air {
     pub frames_lost: u64,
 }
 
-/// The receiving side, as the DPR's own counters have it.
+/// The figures of the receiving side, as the DPR's own counters have them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
     /// The instant of the DPR's last start, ns, from which on the next five numbers count.
@@ -70,7 +70,7 @@ pub struct Dpr {
     pub load: f64,
 }
 
-/// The age of data when they become readable.
+/// The age of the data when the flight controller can read them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
     /// The time from the tick whose timestamp the objects carry until the next SSI transaction would get the image that
@@ -98,7 +98,7 @@ pub struct Ssi {
     pub ready_ns: Option<Max>,
 }
 
-/// Reported-Position at the flight controller.
+/// The figures of Reported-Position as the flight controller reads it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
@@ -133,7 +133,7 @@ impl From<bench_judge::Voter> for Voter {
     }
 }
 
-/// The base station, at the far end of the radio.
+/// The figures of the base station, at the far end of the radio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Base {
     /// The number of profiles received.
@@ -199,11 +199,11 @@ pub struct Report {
     pub air: Air,
     /// The receiving side.
     pub dpr: Dpr,
-    /// The age of data when they become readable.
+    /// The age of the data when the flight controller can read them.
     pub latency_ns: Latency,
     /// The flight controller's port.
     pub ssi: Ssi,
-    /// Reported-Position at the flight controller.
+    /// The figures of Reported-Position as the flight controller reads it.
     pub reported: Reported,
     /// HORUS's voter.
     pub voter: Voter,

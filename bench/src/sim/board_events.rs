@@ -17,7 +17,7 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-/// The log's cause of a restart of a part.
+/// The cause that the log names for a restart of a part.
 const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,

@@ -129,7 +129,7 @@ impl Link {
         }
     }
 
-    /// Takes the lines that HORUS had logged by `now`.
+    /// Takes the log lines that HORUS had written by `now`.
     pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
@@ -149,7 +149,7 @@ impl Link {
         self.air.counters()
     }
 
-    /// The statistics of the flight controller.
+    /// The totals of the flight controller's transactions.
     pub(super) fn stats(&self) -> Stats {
         self.flight_controller.stats()
     }
@@ -611,7 +611,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
     }
 }
 
-/// The final counters and loads of a run.
+/// The counters of both firmwares and the loads of both cores at the end of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

@@ -31,7 +31,7 @@ const GAP: u64 = 35_000_000;
 /// The outcome of a flip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Flip {
-    /// The part of the front end: `ST25R3916` or `ST25R3916B`.
+    /// The type of the front end's chip: `ST25R3916` or `ST25R3916B`.
     pub part: &'static str,
     /// The board of the front end whose bit is flipped.
     pub board: Board,

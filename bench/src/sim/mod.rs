@@ -99,7 +99,7 @@ pub struct Setup {
     pub gps: usize,
     /// The length of the run, virtual ns.
     pub duration_ns: u64,
-    /// The clock, by which the cores' instructions take time.
+    /// The clock of the bench, which determines how long the cores' instructions take.
     pub clock: Clock,
     /// The number of threads, which does not change the outcome.
     pub threads: Threads,
@@ -227,7 +227,7 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// The base station, with its history.
     pub base: BaseStation,
-    /// Every log line of both boards: board, line.
+    /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
     /// The outcome of each phase of [`Setup::sweep`].
     pub phases: Vec<Phase>,

@@ -84,7 +84,7 @@ pub struct Phase {
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// An event of the wires or the SPIS in a phase.
+/// An event of the wires or of the SPIS that belongs to a phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.
@@ -139,7 +139,7 @@ impl Phase {
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frame around which the sweep is made.
+    /// LEN of the frame around whose end the transactions are placed.
     target: u8,
     /// The time that a frame with this LEN is on the air, ns.
     durations: BTreeMap<u8, u64>,

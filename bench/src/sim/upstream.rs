@@ -105,7 +105,7 @@ pub(super) struct Receivers {
     seed: u64,
     /// The marks of the pin TICK for the trace; empty if there is no trace.
     marks: Vec<Mark>,
-    /// The watch on HORUS's tasks; `None` if there is no trace.
+    /// The watch on HORUS's tasks for the trace; `None` if there is no trace.
     tasks: Option<TaskWatch>,
 }
 

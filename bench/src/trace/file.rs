@@ -16,7 +16,7 @@ pub(super) enum TraceFile {
 }
 
 impl TraceFile {
-    /// Creates the file with its list of signals.
+    /// Creates the trace file at `path`, and writes the list of signals into it.
     pub(super) fn create(path: &Path, signals: &Signals) -> Result<Self, Error> {
         let failed = |source| Error::Io { path: path.to_owned(), source };
         match path.extension().and_then(OsStr::to_str) {
@@ -48,7 +48,7 @@ impl TraceFile {
         }
     }
 
-    /// Writes that signal `id`, which has `bits` bits, gets the value `value`.
+    /// Writes a change: signal `id`, which has `bits` bits, gets the value `value`.
     pub(super) fn change(&mut self, id: Id, bits: u32, value: Value) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.change(id, bits, value),

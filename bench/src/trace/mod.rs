@@ -75,7 +75,7 @@ pub enum Error {
         signal: String,
         /// The instant of the late event, ns.
         at: u64,
-        /// The instant up to which the trace is written, ns.
+        /// The instant up to which the trace had already been written, ns.
         written: u64,
     },
 }

@@ -52,7 +52,7 @@ pub enum Wire {
     Fresh,
 }
 
-/// A number of the trace, several bits wide.
+/// A signal of the trace that is a number of several bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
     /// The byte to HORUS's front end, from the byte's first clock on.
@@ -165,9 +165,9 @@ pub(super) type Value = Option<u64>;
 /// A signal of the trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signal {
-    /// The groups, from the outermost inward.
+    /// The groups that contain the signal, from the outermost inward.
     pub(super) group: Vec<&'static str>,
-    /// The name in letters, digits and underscores, which every viewer accepts.
+    /// The signal's name, in letters, digits and underscores, which every viewer accepts.
     pub(super) name: String,
     pub(super) bits: u32,
     pub(super) start: Value,
@@ -240,7 +240,7 @@ impl Signals {
         Self { all, boards }
     }
 
-    /// Every signal, at the index of its [`Id`].
+    /// All signals; each is at the index of its [`Id`].
     pub(super) fn all(&self) -> &[Signal] {
         &self.all
     }

@@ -36,7 +36,7 @@ impl TaskWatch {
         Self { board, tasks, entered: vec![], asleep: false }
     }
 
-    /// The tasks of the program, in the order of the firmware's table.
+    /// The tasks that the program has, in the order of the firmware's table.
     #[must_use]
     pub fn tasks(&self) -> &[Task] {
         &self.tasks
@@ -80,7 +80,7 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// Ends all active exceptions but the first `stay`.
+    /// Records the end of all active exceptions but the first `stay`.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<Mark>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);

@@ -18,7 +18,7 @@ pub const HISTORY: usize = 65_536;
 /// A position as the base station showed it. Unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// The latitude, degrees north.
+    /// The latitude of the position, degrees north.
     pub latitude: f64,
     /// The longitude, degrees east.
     pub longitude: f64,
@@ -52,7 +52,7 @@ pub struct Arrival {
     pub shown: u8,
 }
 
-/// A base station. See the [module](self).
+/// A base station. The [module](self) describes it.
 #[derive(Debug, Clone)]
 pub struct BaseStation {
     layout: Layout,

@@ -15,7 +15,7 @@ pub(crate) const MS: u64 = 1_000_000;
 /// The number of receivers for which the firmwares of these tests are built.
 pub(crate) const RECEIVERS: usize = 3;
 
-/// The places of the objects in the image.
+/// The layout of the image, which gives the objects' offsets.
 pub(crate) fn layout() -> Layout {
     Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
 }

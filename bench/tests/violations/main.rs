@@ -40,7 +40,7 @@ struct Beat {
     reads: u64,
 }
 
-/// The instants for a link with `gps` receivers.
+/// The instants at which faults begin in a link with `gps` receivers.
 ///
 /// HORUS's first tick comes after the test of its RAM and the comparison of its program with the CRC, so the instants
 /// depend on the program.
@@ -93,7 +93,7 @@ struct Row {
     gps: usize,
     /// The length of the run, ns.
     duration: fn() -> u64,
-    /// The setup's differences from a sound run.
+    /// Changes the setup of a sound run to that of the row.
     setup: fn(&mut Setup),
     /// The fault of the row.
     faults: fn() -> Faults,

@@ -15,10 +15,10 @@ const DPR_RUN: u64 = 200 * MS;
 /// The interval in which two short transactions follow each transaction that reads the image, ns. All three are within
 /// one pause, and one image grants enough transactions for them.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
-/// The interval between the flight controller's reads, ns.
+/// The interval from one read of the flight controller to the next, ns.
 const READ_EVERY: u64 = 2 * MS;
 
-/// The observations of the DPR from outside.
+/// What was observed of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
     /// The numbers of transactions in which every byte read 0xFF, of those with an intact Link-Status, and of those

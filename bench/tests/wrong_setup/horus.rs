@@ -5,7 +5,7 @@ use super::*;
 /// The length of HORUS's run, ns.
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// The observations of the HORUS side from outside.
+/// What was observed of the HORUS side from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
     /// The instant at which each frame began, ns.

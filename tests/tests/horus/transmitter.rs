@@ -24,7 +24,7 @@ const STATUS_READ: u8 = 0x59;
 /// The bit I_txe, end of transmission, of the main interrupts.
 const TXE: u8 = 0x08;
 
-/// A transfer that the transmitter has started.
+/// A transfer to the front end's chip that the transmitter has started.
 #[derive(Clone, Copy)]
 enum Started {
     Short([u8; Short::MAX], usize),

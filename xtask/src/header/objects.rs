@@ -26,7 +26,7 @@ struct Field {
     what: &'static str,
 }
 
-/// An object whose fields are searched for.
+/// An object, with those of its fields that have been found.
 struct Object {
     name: &'static str,
     title: &'static str,

@@ -214,7 +214,7 @@ pub(super) fn verdicts() -> String {
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
-/// A command's name and effect.
+/// Returns the name and the effect of a command to the DPR.
 pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
@@ -223,7 +223,7 @@ pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     }
 }
 
-/// The name and meaning of a kind of access violation.
+/// Returns the name and the meaning of a kind of access violation.
 pub(super) fn violation(kind: Violation) -> (&'static str, &'static str) {
     match kind {
         Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),

@@ -98,7 +98,7 @@ impl Ddc {
         }
     }
 
-    /// Begins `fault` of the bus at `now` (ns).
+    /// Begins `fault` of the I2C bus at `now` (ns).
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
         let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
@@ -248,7 +248,7 @@ impl Ddc {
         }
     }
 
-    /// The instant at which a line next changes, ns.
+    /// The instant at which the receiver next changes SCL or SDA, ns.
     pub(super) fn next_at(&self) -> u64 {
         let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
         let changed = if self.low == self.told { u64::MAX } else { 0 };

@@ -49,7 +49,7 @@ impl Crossings {
         self.spoilt |= !self.open.is_empty();
     }
 
-    /// Ends the transaction.
+    /// Ends the transaction that is under way.
     pub(super) fn end(&mut self) {
         let clean = !std::mem::take(&mut self.spoilt);
         if !self.open.is_empty() {

@@ -22,12 +22,12 @@ const ERROR_WINDOW: u64 = 1_000_000_000;
 /// A receiver's UART and the two lines to it.
 #[derive(Clone, Debug)]
 pub(super) struct Uart {
-    /// The part's input pin and its output pin.
+    /// The part's pin on which the receiver sends, and the part's pin on which the part sends.
     pub(super) to_part: Pin,
     pub(super) from_part: Pin,
     /// Frames that wait until the line is free; they are sent back to back.
     waiting: VecDeque<UartFrame>,
-    /// The instant at which the line is free again, ns.
+    /// The instant at which the receiver's line is free again, ns.
     free_at: u64,
     /// The duration of a bit at the rate at which the receiver listens, ps.
     bit_ps: u64,

@@ -32,22 +32,22 @@ pub enum ImageFault {
         symbol: String,
         /// The offset of the changed bytes from the variable's first byte.
         offset: u32,
-        /// The bytes that the variable then holds at the offset.
+        /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
     /// The code of a function, its literals included, holds other bytes in place of certain bytes, which must occur in
     /// it exactly once.
     Replaced {
-        /// A handler's symbol, or the end of a function's path.
+        /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
-        /// The original bytes, from an even address on.
+        /// The original bytes, which begin at an even address.
         was: Vec<u8>,
-        /// The new bytes, as many as the original ones.
+        /// The bytes that replace the original ones, as many as those.
         is: Vec<u8>,
     },
     /// Every comparison of a register with this constant in a function's code compares with another constant.
     Compared {
-        /// A handler's symbol, or the end of a function's path.
+        /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
         /// The constant.
         with: u8,
@@ -66,7 +66,7 @@ pub enum ImageFault {
     Patch {
         /// The first byte's address.
         address: u32,
-        /// The bytes that memory then holds there.
+        /// The bytes that memory holds from that address on while it is damaged.
         bytes: Vec<u8>,
         /// Whether the program's CRC is corrected, so that the firmware's own check of its flash passes.
         sealed: bool,

@@ -24,7 +24,7 @@ pub(super) struct Store {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Offset {
-    /// The offset is immediate, from -255 to 4095.
+    /// The offset of the store's address is an immediate, from -255 to 4095.
     Immediate(i16),
     Register {
         rm: u8,

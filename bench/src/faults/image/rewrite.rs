@@ -39,7 +39,7 @@ pub struct Change {
 /// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// The bits of the mask get the given values.
+    /// The bits of a mask get given values in what is stored.
     Bits {
         /// The mask of the changed bits.
         mask: u32,

@@ -68,12 +68,12 @@ pub enum ReceiverFault {
     /// The receiver sends nothing in the first half of the episode. In the second half it has restarted and searches
     /// for satellites: its messages carry a time of week that begins at 0, and no fix.
     Restarts,
-    /// The receiver's position is wrong by this distance to the north.
+    /// The receiver's position is wrong by a distance to the north.
     Jumps {
         /// The distance, m.
         metres: u32,
     },
-    /// The receiver's position has this error, m.
+    /// The receiver's position has a constant error.
     Offset {
         /// The error to the north, m.
         north: i32,
@@ -92,12 +92,12 @@ pub enum ReceiverFault {
     FrozenPosition,
     /// The receiver's fix is a 2D fix.
     Flat,
-    /// The receiver's heading is turned by this angle.
+    /// The receiver's heading is turned by an angle.
     Turned {
         /// The angle clockwise, degrees.
         degrees: u16,
     },
-    /// The receiver's acceleration has this error.
+    /// The receiver's acceleration has a constant error.
     Pushed {
         /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
@@ -181,7 +181,7 @@ pub const NOISE_ONE_IN: u64 = 500;
 /// The number of stop bits of which [`ReceiverFault::FramingErrors`] makes one low.
 pub const FRAMING_ONE_IN: u64 = 16;
 
-/// The longest first half of [`ReceiverFault::Restarts`], ns.
+/// The longest silence in the first half of [`ReceiverFault::Restarts`], ns.
 pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 
 /// The longest time for which a line is held low without a pause, ns.
@@ -257,7 +257,7 @@ pub struct OnLine {
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The frames, one after the other without a gap.
+    /// The UART frames, which follow one another without a gap.
     pub frames: Vec<UartFrame>,
     /// Whether every frame is well-formed at the receiver's bit rate. HORUS then reads [`OnLine::bytes`], whatever
     /// their contents; of other frames it reads some or none.

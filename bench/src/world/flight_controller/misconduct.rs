@@ -7,7 +7,7 @@ use super::Config;
 use crate::faults::{Conduct, Rng};
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// The instants at which a flight controller that misuses the SSI begins its transactions.
+/// The rule by which a flight controller that misuses the SSI begins its transactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rhythm {
     /// A transaction begins in each control cycle of the flight controller if the transaction before is over.
@@ -52,7 +52,7 @@ impl Misconduct {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// The rule for the instants at which the misuse's transactions begin.
+    /// The rule by which the transactions of this misuse begin.
     #[must_use]
     pub(super) const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -100,7 +100,7 @@ impl Misconduct {
         }
     }
 
-    /// Noise that differs in each transaction.
+    /// Returns noise for MOSI that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }

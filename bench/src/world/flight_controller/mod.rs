@@ -72,7 +72,7 @@ pub struct FlightController {
     master: SsiMaster,
     /// The instant at which the flight controller's next action is due, ns.
     next_at: u64,
-    /// The control cycle in which the next transaction begins.
+    /// The number of the control cycle in which the next transaction begins.
     cycle: u64,
     /// The transactions that are to begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
@@ -278,7 +278,7 @@ impl FlightController {
         &self.config
     }
 
-    /// Determines the instant of the next action.
+    /// Determines the instant of the flight controller's next action.
     fn plan(&mut self) {
         if self.master.is_idle() {
             let from = self.master.free_at().max(self.not_before);

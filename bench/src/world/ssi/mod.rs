@@ -22,7 +22,7 @@ use crate::boards::{Dpr, SSI};
 use crate::faults::Rng;
 use emulator_node::Node;
 
-/// The most bytes that are transferred together.
+/// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
 /// The number of bytes that are kept of a transaction; further bytes are only counted. The longest image has 396.
@@ -227,7 +227,7 @@ pub struct Transaction {
 /// Bytes that were transferred together, one after the other without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The instant of the last edge of the first byte.
+    /// The instant of the last clock edge of the first byte.
     first: Start,
     crystal: Crystal,
     byte_ns: u64,
@@ -238,7 +238,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// The instant of the last edge of the byte at `index`, ns.
+    /// The instant of the last clock edge of the byte at `index`, ns.
     #[must_use]
     pub const fn edge(&self, index: usize) -> u64 {
         self.first.and(index as u64 * self.byte_ns, self.crystal)
@@ -401,12 +401,12 @@ impl SsiMaster {
         self.under_way = Some(it);
     }
 
-    /// The instant of the last edge of the `bytes`-th byte, counted from 1, ns.
+    /// The instant of the last clock edge of the `bytes`-th byte, counted from 1, ns.
     fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
 
-    /// Exchanges the bytes whose clocks are over.
+    /// Exchanges with the DPR the bytes whose clocks are over.
     fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
         let count = std::mem::take(&mut it.run);
         let pace = it.order.pace;
