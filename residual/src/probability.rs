@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // Of 2^n words, 2^k - 1 are codewords other than the one that was sent.
+        // There are 2^n words, and 2^k - 1 of them are codewords other than the one that was sent.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }

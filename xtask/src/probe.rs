@@ -277,7 +277,7 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
-        // Of the steps of `attach`, only the unlocking of an nRF52840 ends with this error.
+        // Only the step of `attach` that unlocks an nRF52840 ends with this error.
         probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }

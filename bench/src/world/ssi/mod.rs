@@ -273,7 +273,7 @@ struct UnderWay {
     done: usize,
     /// The number of bytes that are being clocked.
     run: usize,
-    /// The instant from which the transaction is cut short, at which chip select rises.
+    /// The instant at which chip select rises because the transaction was cut short; `None` if it was not.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
