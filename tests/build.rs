@@ -1,11 +1,12 @@
-//! Gives each suite its board's memory layout: the firmware's own `memory.x`, and the scripts that it includes.
+//! Gives each suite the memory layout of its board: the firmware's own `memory.x`, and the scripts that it includes.
 
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// The differences of the DPR's suite: the script, the text in it, and the text that replaces it. Generic and small
-/// functions are compiled in the suite's own crates instead of the firmware's library, and have to run from RAM as they
-/// do in the image. Therefore the suite needs more room than the image has.
+/// The changes of the firmware's linker scripts for the DPR's suite, each as the script, the text in it, and the text
+/// that replaces it. Generic and small functions are compiled in the suite's own crates instead of the firmware's
+/// library, and have to run from RAM as they do in the firmware. Therefore the suite needs more room than the firmware
+/// has.
 const CHANGES: [(&str, &str, &str); 6] = [
     ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
     ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),
@@ -20,7 +21,7 @@ fn main() {
     let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS")) {
         (true, false) => ("dpr-fw", &["memory.x", "hot.x"]),
         (false, true) => ("horus-tx-fw", &["memory.x"]),
-        // On the host no suite is built, and two boards at once have no common layout.
+        // On the host no suite is built, and a build for two boards at once has no common layout.
         _ => return,
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

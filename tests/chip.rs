@@ -1,5 +1,5 @@
-//! A model of as much of an ST25R3916B as the driver's state machines need for a bring-up: registers that read back as
-//! written.
+//! A model of an ST25R3916B, with as much of it as the driver's state machines need to set the chip up: its registers
+//! read back as they were written.
 
 use st25r3916::Short;
 
@@ -11,14 +11,14 @@ const AD_RESULT: usize = 0x25;
 const AUX_DISPLAY: usize = 0x31;
 const IDENTITY: usize = 0x3F;
 
-/// The bit I_osc of the main interrupt register, and I_dct of the timer's.
+/// The bit I_osc of the main interrupt register, which is also I_dct of the timer's interrupt register.
 const DONE: u8 = 0x80;
 /// The command that gives access to the registers of space B.
 const SPACE_B: u8 = 0xFB;
 /// The bit in a register's address that requests a read.
 const READ: u8 = 0x40;
 
-/// Interrupts, errors and FIFO level, as the driver's status read shows them.
+/// Interrupts, errors and FIFO level of the chip, as the driver reads them in one status read.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Status {
     /// The main interrupts.
@@ -27,7 +27,7 @@ pub struct Status {
     pub error: u8,
     /// The number of bytes in the FIFO, below 256.
     pub count: u8,
-    /// The register FIFO status 2.
+    /// The value of the register FIFO status 2.
     pub fifo: u8,
 }
 
@@ -44,7 +44,7 @@ impl Default for Chip {
 }
 
 impl Chip {
-    /// Returns a chip on 5 V, whose oscillator, calibration and measurements end at once.
+    /// Returns a chip at 5 V whose oscillator start, calibration and measurements end at once.
     #[must_use]
     pub const fn new() -> Self {
         let mut registers = [0; 64];
@@ -56,7 +56,7 @@ impl Chip {
         Self { registers, space_b: [0; 64] }
     }
 
-    /// Sets what status reads show from now on.
+    /// Sets the status that the driver reads from now on.
     pub fn set_status(&mut self, status: Status) {
         let Status { main, error, count, fifo } = status;
         for (register, value) in self.registers[IRQ_MAIN..].iter_mut().zip([main, 0, error, 0, count, fifo]) {
@@ -64,7 +64,7 @@ impl Chip {
         }
     }
 
-    /// Carries out a short transfer and returns the bytes that it clocks in.
+    /// Carries out a short transfer of the bytes `out` and returns the bytes that the driver clocks in.
     pub fn respond(&mut self, out: &[u8]) -> [u8; Short::MAX] {
         let mut into = [0; Short::MAX];
         let (space, header) = if out[0] == SPACE_B { (&mut self.space_b, 1) } else { (&mut self.registers, 0) };

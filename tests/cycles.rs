@@ -1,4 +1,4 @@
-//! Measures time in core cycles and compares it with bounds.
+//! Measures the time of work in core cycles and compares it with bounds.
 //!
 //! A suite is built for one [`Clock`], and each bound is stated for each clock ([`Bounds`]).
 
@@ -6,15 +6,15 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::{DCB, DWT};
 
-/// What a core cycle costs where the suite runs: one of the bench's clocks (`emulator/cortex-m4/src/cost.rs`), or
-/// hardware.
+/// The cost of a core cycle where the suite runs: that of one of the bench's clocks (`emulator/cortex-m4/src/cost.rs`),
+/// or that of hardware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// The bench charges one cycle for each halfword of code.
+    /// The bench counts one cycle for each halfword of code.
     Fast,
-    /// The bench charges the least of the TRM's tables.
+    /// The bench counts the least cycles in the TRM's tables for each instruction.
     Optimistic,
-    /// The bench charges the most of the TRM's tables, with every wait state.
+    /// The bench counts the most cycles in the TRM's tables for each instruction, with every wait state.
     Pessimistic,
     /// The suite runs on a board. No silicon is slower than the pessimistic clock, so its bounds hold.
     Hardware,
@@ -31,9 +31,9 @@ pub const CLOCK: Clock = match option_env!("ON_TARGET_CLOCK") {
     },
 };
 
-/// The cycles that a board's flash cache and prefetch may add to the spread. A few wait states depend on where code
-/// lies in the lines of the flash and on what was fetched before. The bench has none of them on its fast and optimistic
-/// clocks.
+/// The cycles by which a board's flash cache and prefetch may increase the spread. A few wait states depend on where
+/// code lies in the lines of the flash and on what was fetched before. The bench has no such wait states on its fast
+/// and optimistic clocks.
 const HARDWARE_SPREAD: u32 = 64;
 
 /// The most cycles that some work may take, on each clock.
@@ -45,13 +45,13 @@ pub struct Bounds {
     pub optimistic: u32,
     /// The bound on [`Clock::Pessimistic`] and [`Clock::Hardware`], in cycles.
     pub pessimistic: u32,
-    /// The most cycles by which data may change the time, on each of the bench's clocks; `u32::MAX` where only the
+    /// The most cycles by which the data may change the time, on each of the bench's clocks; `u32::MAX` if only the
     /// bound counts.
     pub spread: u32,
 }
 
-/// Returns the bounds for the fast, optimistic and pessimistic clock of work whose time data may change by `spread`
-/// cycles.
+/// Returns the bounds of some work for the fast, optimistic and pessimistic clock; the data may change its time by
+/// `spread` cycles.
 #[must_use]
 pub const fn bounds(fast: u32, optimistic: u32, pessimistic: u32, spread: u32) -> Bounds {
     Bounds { fast, optimistic, pessimistic, spread }
@@ -99,26 +99,27 @@ impl Cycles {
         Self(dwt)
     }
 
-    /// Returns the cycles that one call takes, including a few for the reading of the counter, and the call's result.
+    /// Returns the cycles that one call of `work` takes, including a few for the reading of the counter, and the call's
+    /// result.
     pub fn timed<T>(&self, work: impl FnOnce() -> T) -> (u32, T) {
         let began = self.0.cyccnt.read();
         let result = black_box(work());
         (self.0.cyccnt.read().wrapping_sub(began), result)
     }
 
-    /// Returns the cycles that one call takes.
+    /// Returns the cycles that one call of `work` takes.
     pub fn of<T>(&self, work: impl FnOnce() -> T) -> u32 {
         self.timed(work).0
     }
 
-    /// Returns the cycles that the same work takes over several inputs. Each input is run once before it is timed, so
-    /// that a board's flash cache is warm for all inputs alike.
+    /// Returns the times that the same work takes over several inputs, in cycles. Each input is run once before it is
+    /// timed, so that a board's flash cache holds the code for all inputs alike.
     pub fn over<I, T>(&self, inputs: impl IntoIterator<Item = I>, mut work: impl FnMut(&I) -> T) -> Taken {
         self.over_prepared(inputs, |_| (), |input, ()| work(input))
     }
 
-    /// Does the same as [`Cycles::over`] for work that changes its state. `prepare` makes the state anew for each
-    /// input, untimed.
+    /// Returns the times of work over several inputs, as [`Cycles::over`] does, for work that changes its state.
+    /// `prepare` makes the state anew for each input and is not timed.
     #[inline(always)]
     pub fn over_prepared<I, S, T>(
         &self,
@@ -127,7 +128,8 @@ impl Cycles {
         mut work: impl FnMut(&I, &mut S) -> T,
     ) -> Taken {
         let mut taken = Taken::NONE;
-        // The work is called in one place only, so that every input and both turns run the same copy of the code.
+        // The work is called at one place in the code only, so every input, timed or not, runs the same copy of the
+        // work.
         let mut turn = |input: &I| {
             let mut state = black_box(prepare(black_box(input)));
             self.of(|| work(black_box(input), black_box(&mut state)))
@@ -145,7 +147,7 @@ impl Cycles {
 }
 
 impl Taken {
-    /// The value before anything was timed.
+    /// The value before any call was timed.
     pub const NONE: Self = Self { min: u32::MAX, max: 0 };
 
     /// Records one more call, which took `cycles`.
@@ -159,7 +161,7 @@ impl Taken {
         self.max.saturating_sub(self.min)
     }
 
-    /// Panics unless the slowest call kept the bound and the data changed the time by no more than the spread allowed.
+    /// Panics unless the slowest call kept its bound and the data changed the time by no more than the allowed spread.
     pub fn assert(self, what: &str, bounds: Bounds) {
         let (bound, spread) = (bounds.here(), bounds.spread_here());
         defmt::info!(
@@ -171,7 +173,8 @@ impl Taken {
             self.spread(),
             spread
         );
-        // A smaller number means that the work was not done: the optimiser removed it, or the counter stands still.
+        // Fewer than four cycles mean that the work was not done: the optimiser removed it, or the counter stands
+        // still.
         defmt::assert!(self.min >= 4, "{=str} took {=u32} cycles, which is no work at all", what, self.min);
         defmt::assert!(self.max <= bound, "{=str} took {=u32} cycles, more than {=u32}", what, self.max, bound);
         defmt::assert!(self.spread() <= spread, "{=str} depends on its data: {}", what, self);
@@ -184,7 +187,8 @@ impl Taken {
     }
 }
 
-/// Shows that a dependence on data is detected: a comparison of two arrays stops at the first difference.
+/// Shows that a dependence of the time on the data is detected: a comparison of two arrays stops at the first
+/// difference.
 pub fn a_dependence_is_seen(cycles: &Cycles) {
     const LENGTH: usize = 64;
     let differing_at = |place: usize| {
@@ -195,7 +199,7 @@ pub fn a_dependence_is_seen(cycles: &Cycles) {
     let compare = |bytes: &[u8; LENGTH]| bytes.iter().take_while(|byte| black_box(**byte) == 0).count();
     let taken = cycles.over([differing_at(0), differing_at(LENGTH / 2), differing_at(LENGTH - 1)], compare);
     defmt::info!("a comparison that stops early: {=u32}..{=u32} cycles", taken.min, taken.max);
-    // Each byte takes two instructions at least, which is more than any spread that a suite allows.
+    // Each byte of the comparison takes at least two instructions, which is more than any spread that a suite allows.
     defmt::assert!(taken.spread() >= 2 * (LENGTH as u32 - 1), "a dependence on data was not seen: {}", taken);
     let same = cycles.over([differing_at(7); 3], compare);
     defmt::assert!(same.spread() <= bounds(0, 0, 0, 16).spread_here(), "a spread where there is none: {}", same);

@@ -1,10 +1,10 @@
-//! What both boards' suites share: a cycle counter, and the bounds that the profile's code must keep.
+//! Code that both boards' suites share: a cycle counter, and the bounds that the profile's code must keep.
 //!
-//! A suite is one image per board, run by `cargo xtask test` on the bench and, with `--on hardware`, on the board. A
-//! suite is built for one clock (`cycles::CLOCK`). Bounds are in core cycles, read from DWT CYCCNT, and stated for each
-//! of the bench's clocks; on a board the bounds of the pessimistic clock hold. `docs/timing.md` has the table. On a
-//! board, cycles include wait states of the flash, so the *spread* between data, which shows that the work is constant,
-//! may be somewhat greater there.
+//! A suite is one program for each board. `cargo xtask test` runs it on the bench and, with `--on hardware`, on the
+//! board. A suite is built for one clock (`cycles::CLOCK`). Bounds are in core cycles, read from DWT CYCCNT, and stated
+//! for each of the bench's clocks; on a board the bounds of the pessimistic clock hold. `docs/timing.md` has their
+//! table. On a board, cycles include wait states of the flash, so the *spread* between data, which shows that the work
+//! is constant, may be somewhat greater there.
 #![cfg_attr(target_os = "none", no_std)]
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,5 @@
-//! Tests the profile's code on the target. The code is the same on both boards, so that each board verifies what the
-//! other seals.
+//! Tests the profile's code on the target. Both boards' suites contain the same code, so each board verifies objects as
+//! the other board seals them.
 
 use profile::{crc, GpsObject, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedPosition, ReportedValues};
 
@@ -8,10 +8,10 @@ use crate::cycles::{Bounds, Cycles};
 /// The number of receivers in the profile of the suites.
 pub const RECEIVERS: usize = 3;
 
-/// The check input of the catalogue of CRCs.
+/// The input for the check values in the catalogue of CRCs.
 const CHECK: &[u8] = b"123456789";
 
-/// Asserts that both CRCs give their check values (design: 0x12D3A0B1 and 0xEA8707AB).
+/// Asserts that both CRCs give their check values (docs/design.md#crc: 0x12D3A0B1 and 0xEA8707AB).
 pub fn check_values() {
     defmt::assert_eq!(crc::frame(CHECK), 0x12D3_A0B1);
     defmt::assert_eq!(crc::position(CHECK), 0xEA87_07AB);
@@ -40,7 +40,7 @@ pub fn inputs(timestamp: u32) -> (ReportedValues, [GpsValues; RECEIVERS]) {
     (reported, [gps, values(timestamp), GpsValues::absent(timestamp)])
 }
 
-/// Asserts that a sealed profile verifies and gives its values back, absent ones bit by bit.
+/// Asserts that a sealed profile verifies and that its values are read back, absent ones bit by bit.
 pub fn seal_and_verify() {
     let (reported, gps) = inputs(1230);
     let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
@@ -53,7 +53,7 @@ pub fn seal_and_verify() {
     defmt::assert_eq!(absent.pitch.to_bits(), 0x7FC0_0000);
 }
 
-/// Asserts that every single wrong bit in a sealed object is found.
+/// Asserts that every single wrong bit in a sealed object is detected.
 pub fn every_wrong_bit_is_found() {
     let (reported, gps) = inputs(1230);
     let object = *GpsObject::seal(Identifier::gps(1), &gps[0]).as_bytes();
@@ -70,7 +70,7 @@ pub fn every_wrong_bit_is_found() {
     }
 }
 
-/// Asserts that a scrubbed object and an object in another's place are rejected.
+/// Asserts that a scrubbed object is rejected, and an object that stands in another's place.
 pub fn nothing_but_the_object_in_its_place() {
     for fill in [0x00, 0xFF] {
         defmt::assert!(GpsObject::verify(&[fill; GpsObject::SIZE], Identifier::gps(1)).is_err());
@@ -80,7 +80,7 @@ pub fn nothing_but_the_object_in_its_place() {
     defmt::assert!(matches!(GpsObject::verify(object.as_bytes(), Identifier::gps(1)), Err(Rejection::Identifier)));
 }
 
-/// Asserts the bounds of sealing and verifying a whole profile, in cycles, whatever the data.
+/// Asserts the bounds of the time to seal and to verify a whole profile, in cycles, whatever the data.
 pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     let zeros = (ReportedValues::absent(0), [GpsValues::absent(0); RECEIVERS]);
     let ones = inputs(u32::MAX);
@@ -94,7 +94,7 @@ pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     bytes[1] = bytes[0];
     bytes[1][9] ^= 1; // the first object is damaged in its position
     bytes[2] = [0xFF; Profile::<RECEIVERS>::SIZE];
-    // The last of the four is scrubbed.
+    // The last of the four objects is scrubbed.
     cycles
         .over(bytes, |bytes| Profile::<RECEIVERS>::read(bytes).map(|reading| reading.complete()).unwrap_or(false))
         .assert("Profile::verify", verify);

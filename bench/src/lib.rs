@@ -1,9 +1,9 @@
-//! Both firmware images on an emulated pair of MCUs, with the air between them.
+//! Runs both firmwares' programs on an emulated pair of microcontrollers, with the air between them.
 //!
 //! The emulator ([`emulator_node`]) runs real ELF files in virtual time. [`boards`] has the circuits around its parts,
-//! [`world`] the surroundings of the boards, [`faults`] the injected faults. [`sim`] puts all of it together and writes
-//! one event log, which `bench-judge` judges; [`report`] has a run's figures, [`plot`] its flight as a picture, and
-//! [`trace`] its wires. [`gdb`] lets a debugger attach, and [`debug_port`] a debug probe.
+//! [`world`] the surroundings of the boards, [`faults`] the injected faults. [`sim`] puts all of these together and
+//! writes one event log, which `bench-judge` judges. [`report`] has a run's figures, [`plot`] its flight as a picture,
+//! and [`trace`] its wires. [`gdb`] lets a debugger attach, and [`debug_port`] a debug probe.
 #![forbid(unsafe_code)]
 
 pub mod boards;

@@ -1,5 +1,5 @@
-//! A peripheral that sends too much, or nonsense: receivers to HORUS, the flight controller to the DPR. Neither may
-//! delay the cycle, cost a frame or disturb anything else.
+//! Tests peripherals that send too much, or nonsense: receivers to HORUS, and the flight controller to the DPR. Neither
+//! may delay the cycle, cost a frame or disturb anything else.
 
 use crate::boards;
 
@@ -21,11 +21,11 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Config};
 
 const MS: u64 = 1_000_000;
 
-/// The number of bytes generated per millisecond. It exceeds what a line carries at 460 800 baud, ten bits each, so the
-/// line is never idle.
+/// The number of bytes generated per millisecond. It exceeds what a line carries at 460 800 baud with ten bits a byte,
+/// so the line is never idle.
 const A_MILLISECOND: usize = 47;
 
-/// A linear congruential generator (Knuth's MMIX): noise that is the same every time.
+/// Noise that is the same in every run, from a linear congruential generator (Knuth's MMIX).
 struct Noise(u64);
 
 impl Noise {
@@ -37,7 +37,7 @@ impl Noise {
 
 // ---- receivers
 
-/// A source that fills a line without a pause.
+/// A source of bytes that fills a receiver's line without a pause.
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
@@ -53,7 +53,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        // The run covers the start and 48 cycles from the first frame on.
+        // The run covers HORUS's start and 48 cycles from the first frame on.
         while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
@@ -74,7 +74,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
-        // The firmware determines the transmit command, which comes at the same instant of every cycle.
+        // The firmware determines the instant of the transmit command, which is at the same phase of every cycle.
         let commands = node.board_mut(|board| board.front_end.take_transmits());
         assert_eq!(commands.len(), 49, "{babble:?}");
         for pair in commands.windows(2) {
@@ -91,9 +91,8 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for line_number in 0..3 {
             let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // All bytes of a UART are taken, except for half a ring that may still be on its way. Bytes that are read
-            // over a bus, 256 a cycle, are dropped, because there is always more and old data are useless (decision
-            // 16).
+            // HORUS takes all bytes of a UART, except for half a ring that may still be on its way. It drops the bytes
+            // that it reads over a bus, 256 a cycle, because more always follow and old data are useless (decision 16).
             let taken = [20_000..=23_500, 0..=0, 0..=0][line_number].clone();
             assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
@@ -113,9 +112,9 @@ struct Controller {
     flight_controller: FlightController,
     wires: Wires,
     turns: Timeline,
-    /// The bytes of the last transaction that read the whole image.
+    /// The bytes that the flight controller read in its last whole transaction.
     read: Vec<u8>,
-    /// The number of transactions that began and ended during the misuse.
+    /// The number of transactions that began and ended while the flight controller misused the SSI.
     wrong: usize,
     air: Air,
 }
@@ -193,7 +192,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };
-        // The load of the start does not count, so the measurement begins after it.
+        // The load of the start does not count, so the load is measured from here on.
         relay.run(EPISODE.start - 5 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let started = relay.b.usage();
         relay.run(EPISODE.end + 70 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
@@ -204,9 +203,10 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The first frame is that of 31 ms; that of 411 ms is through at 416 ms, and the end comes before 424.
+        // HORUS's first frame is that of its tick at 31 ms. The frame of the tick at 411 ms ends at 416 ms, and the run
+        // ends before 424 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        // The first three cycles are spent on finding the sequence and are not shown.
+        // The DPR takes the first three cycles to find the sequence, and does not show them.
         let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
@@ -219,16 +219,17 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise is neither a request nor an object nor what may follow one: each transaction counts each violation
-            // once.
+            // Noise is no request, no object and nothing that may follow an object, so each such transaction counts
+            // each kind of violation once.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // These are requests with a valid CRC for windows that do not exist, and bytes in an object's place that
+            // The requests have a valid CRC but ask for windows that do not exist, and the bytes in an object's place
             // are no object.
             Conduct::Lies => 75..=90,
-            // The first object is new.
+            // Only the first of the uplink objects is new; the others count as violations.
             Conduct::ReplaysUplink => 74..=74,
-            // There are more transactions than the DPR grants between two images, which counts once for each image.
+            // The DPR grants fewer transactions between two images than there are, which counts as one violation for
+            // each image.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
             // Zeros request nothing, and bytes after a request are no violation.
             _ => 0..=0,
@@ -239,7 +240,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
         assert!(load < 0.1, "{conduct:?}: load {load}");
-        // After the misuse the flight controller reads the present image.
+        // After the misuse the flight controller reads the DPR's present image again.
         let read = &downstream.read;
         assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");
         let link = LinkStatus::verify(&read[..LinkStatus::SIZE]).unwrap().values();

@@ -1,5 +1,5 @@
-//! Tests the debug port of both boards, bit by bit and word by word, against the specifications: what a tool may rely
-//! on, and what the port must refuse.
+//! Tests the debug port of both boards, bit by bit and word by word, against the specifications: the properties on
+//! which a tool may rely, and the requests that the port must refuse.
 
 use bench::debug_port::{Ack, Desk, Request, Wire, kept_bytes, switch_on};
 use emulator_node::FindingKind;
@@ -36,7 +36,7 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// The tool of [`Tool::at`] with SWD selected and the domains powered.
+    /// Returns a tool at the board with SWD selected and both power domains powered.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -60,7 +60,7 @@ impl Tool {
         self.line_reset();
     }
 
-    /// Makes a transfer and lets some time pass.
+    /// Makes a transfer and lets some time of the board pass.
     fn ask(&mut self, request: Request) -> Ack {
         self.0.pass(12_000);
         self.0.transfer(request)
@@ -224,7 +224,7 @@ fn flash_keeps_what_was_programmed_over_a_power_cycle() {
     tool.0.pass(MS);
     assert_eq!(tool.read(SR), 0);
     assert_eq!(tool.read(0x0800_4000), 0x1234_5678);
-    // Programming can only clear bits.
+    // Programming can only clear bits of the word.
     tool.write(0x0800_4000, 0xFFFF_0000);
     tool.0.pass(MS);
     assert_eq!(tool.read(0x0800_4000), 0x1234_0000);
@@ -265,7 +265,7 @@ fn erasing_opens_a_new_nrf52840_until_the_next_power_on() {
     assert_eq!(tool.access(0, 0xFC), 0x2477_0011);
     tool.halt();
     assert_eq!(tool.read(0x1000_0104), u32::from_be_bytes(*b"AAF0"), "INFO.VARIANT");
-    // The port stays open through a soft reset, by the core itself and by CTRL-AP.
+    // The debug port stays open through a soft reset, whether the core or CTRL-AP makes it.
     tool.soft_reset();
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.write_access(1, 0x00, 1);
@@ -337,7 +337,7 @@ fn only_a_pin_reset_clears_the_debug_registers_of_an_nrf52840() {
     let mut tool = Tool::connected(Desk::Dpr);
     erase(&mut tool);
     tool.halt();
-    // P0.18 is the reset pin from the next reset on (UICR.PSELRESET, both words).
+    // The writes make P0.18 the reset pin from the next reset on (UICR.PSELRESET, both words).
     tool.write(NVMC_CONFIG, 1);
     for word in [0x1000_1200, 0x1000_1204] {
         tool.write(word, 18);
@@ -365,9 +365,9 @@ fn an_nrf52840s_watchdog_pauses_while_the_core_is_halted() {
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // The program in RAM is a loop: b .
+    // The program in RAM is a loop of one instruction: b .
     tool.write(0x2000_0100, 0xE7FE_E7FE);
-    // The watchdog takes 100 ms, runs while the core sleeps and pauses while it is halted.
+    // The watchdog's period is 100 ms. It runs while the core sleeps and pauses while the core is halted.
     tool.write(WDT + 0x504, 3276);
     tool.write(WDT + 0x50C, 1);
     tool.write(WDT, 1);

@@ -1,7 +1,7 @@
-//! Tests both release images with internal faults: a task that dies, hangs or faults. The image in flash is changed as
-//! a debugger would change it under the running core; nothing else of a board is touched.
+//! Tests both release programs with internal faults: a task that does nothing, hangs or faults. The program in flash is
+//! changed as a debugger would change it while the core runs; nothing else of a board is touched.
 //!
-//! Each image must enter its safe state by itself, be restarted by its watchdog, and work again once the damage is
+//! Each board must enter its safe state without help, be restarted by its watchdog, and work again when the damage is
 //! mended.
 
 use crate::{boards, reader};
@@ -20,26 +20,25 @@ use st25r3916_model::{Air, AirEvent, AirFaults};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The longest time from the last check-in to the watchdog's reset, ns: the independent watchdog takes 100 ms at the
-/// nominal rate, and its oscillator runs at 17 kHz instead of 32 at worst (DS9405 table 42); the nRF52840's takes 100
-/// ms.
+/// The longest time from a task's last check-in to the watchdog's reset, ns. HORUS's watchdog takes 100 ms at the
+/// nominal rate of 32 kHz, and its oscillator may run at 17 kHz (DS9405 table 42); the nRF52840's takes 100 ms.
 const BITE: u64 = 200 * MS;
 
-/// The time in which HORUS starts and sends at least four frames, ns.
+/// The time in which HORUS starts and then sends at least four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
-/// The damages after which a task no longer does its work.
+/// The kinds of damage after which a task no longer does its work.
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
-/// A damage to a task, given its vector.
+/// The damage to a task, as a function of the task's vector.
 type Damage = fn(String) -> ImageFault;
 
-/// Puts `damage` at the beginning of the task of `vector`.
+/// Puts `damage` at the beginning of the task with this vector.
 fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Repair {
     damage(vector.to_owned()).apply(node).unwrap()
 }
 
-/// Runs to the board's next restart and returns its instant. `look` is called whenever an event left the board.
+/// Runs to the board's next restart and returns its instant. `look` is called whenever a signal has left the board.
 fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
@@ -81,7 +80,7 @@ impl Transmitter {
         }
     }
 
-    /// Frames that began in `from..`.
+    /// The number of frames that began at `from` or later.
     fn frames(&self, from: u64) -> usize {
         self.air.iter().filter(|(at, event)| *at >= from && matches!(event, AirEvent::FrameStart(_))).count()
     }
@@ -96,7 +95,7 @@ impl Transmitter {
     }
 }
 
-/// The tasks that have to check in, and the one that triggers them.
+/// The vectors and names of HORUS's tasks that have to check in, and of the task that triggers them.
 const HORUS_TASKS: [(&str, &str); 4] =
     [("TIM2", "slot"), ("CAN1_TX", "rf_slot"), ("CAN1_RX0", "cycle"), ("CAN1_RX1", "parse")];
 
@@ -128,7 +127,7 @@ fn a_fault_in_a_horus_task_switches_the_field_off_at_once() {
         horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
-        // Each of them runs in every cycle.
+        // Each of the damaged tasks runs in every cycle, so its fault occurs within a cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
         assert!(off <= broken + 11 * MS, "{task}: {off}");
         assert!(restarted > off);
@@ -149,7 +148,7 @@ fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The tasks that run without a frame: all but `commit`, which `deadline` replaces.
+/// The vectors and names of the DPR's tasks that run without a frame: all but `commit`, which `deadline` replaces.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),
@@ -181,7 +180,7 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The deadline monitor runs every 12.5 ms and triggers each of them.
+        // The DPR's deadline monitor runs every 12.5 ms and triggers each of the damaged tasks.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -197,33 +196,34 @@ fn a_fault_in_a_dpr_task_leaves_nothing_readable_until_the_restart() {
 
 // ---- both boards: a hung DPR
 
-/// The longest time after its frame's last bit for which an object may be read as valid, ns: the image expires in
+/// The longest time after the last bit of its frame for which an object may be read as valid, ns: the image expires in
 /// hardware 25 ms after its publication, which follows the frame's end by well under 5 ms.
 const STALE: u64 = 30 * MS;
 
-/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// The timestamps of the valid objects of every image read, with the instant at which its transaction began.
+    /// The timestamps of the valid objects of every image that was read, each with the instant at which its transaction
+    /// began.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
     /// The bytes of the frame that is on the air, LEN first.
     frame: Vec<u8>,
-    /// The instant at which each frame's last bit was through, by the timestamp it carries.
+    /// For the timestamp of each frame the instant at which the frame's last bit ended.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Whether frames are lost on the air from the damage to the repair, because the task runs only then.
+    /// Whether the air loses all frames from the damage to the repair, because the damaged task runs only then.
     loses: bool,
     lost: bool,
-    /// The instant at which the task was broken, and its repair.
+    /// The instant at which the task was damaged, and the repair of the damage.
     broken: Option<(u64, Repair)>,
     repaired: bool,
 }
 
-/// The instant at which its first transaction begins, ns.
+/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pauses from one transaction's end and the gap to the next one's start, ns.
+/// The pauses from the end of a transaction's gap to the start of the next transaction, ns; they take turns.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
@@ -249,7 +249,7 @@ impl Reader {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(Image::<3>::LEN));
     }
 
-    /// The timestamps of the valid objects in `image` that HORUS wrote.
+    /// The timestamps of those objects in `image` that HORUS wrote and that are valid.
     fn valid(image: &[u8]) -> Vec<u32> {
         let objects = &image[LinkStatus::SIZE..];
         let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
@@ -260,7 +260,8 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// The instant at which the oldest data were read as valid, and the time since the end of their frame.
+    /// The instant at which the oldest data were read as valid, and the time since the end of the frame that carried
+    /// them.
     fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         let ages = timestamps.map(|(at, ms)| {
@@ -318,7 +319,7 @@ impl Downstream<Dpr> for Reader {
     }
 }
 
-/// The poller's antenna.
+/// The antenna of HORUS's front end, from which all events go to the air.
 struct Antenna;
 
 impl Upstream<Horus> for Antenna {
@@ -332,7 +333,7 @@ impl Upstream<Horus> for Antenna {
     fn notes(&mut self, _node: &mut Node<Horus>) {}
 }
 
-/// Every task of the DPR by its vector; `idle` has none and is hung where it sleeps.
+/// Every task of the DPR with its vector; `idle` has no vector and is damaged where it sleeps.
 const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0", "rf_spi"),
@@ -344,10 +345,10 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
-/// The tasks that run when frames are missing.
+/// The names of the DPR's tasks that only run when frames are missing.
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
-/// Hangs `vector`. The idle task has no vector and is hung as soon as it sleeps.
+/// Makes the task of `vector` hang. The idle task has no vector and hangs at the instruction at which it sleeps.
 fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     if !vector.is_empty() {
         return Some(break_task(node, vector, ImageFault::Hung));
@@ -358,9 +359,9 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// The flight controller reads all the time. The watchdog restarts the DPR, and the damage is repaired at the first
-/// restart. A firmware that checks its flash as it starts may have met the damage before that, and then restarts once
-/// more.
+/// Hangs a task of the DPR at `breaks_at` while the flight controller reads all the time. The watchdog restarts the
+/// DPR, and the damage is repaired at the first restart. A firmware that checks its flash at its start may have found
+/// the damage before the repair, and then restarts once more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
@@ -391,7 +392,8 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each damage comes at another phase of HORUS's cycle, and late enough that ten valid images were read before.
+        // Each damage occurs at another phase of HORUS's cycle, and so late that ten valid images have been read before
+        // it.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         let (at, age) = reader.oldest();
         println!("{task} hung: the oldest data read as valid were {} us old", age / US);
@@ -404,7 +406,7 @@ fn no_dpr_task_that_hangs_leaves_old_data_readable_as_valid() {
 
 // ---- flash that lost a bit before the start
 
-/// The address of an unused interrupt's vector, which is part of the image but never fetched.
+/// The address of an unused interrupt's vector, which is part of the program but never fetched.
 fn unused_vector(table: u64, interrupt: u64) -> u64 {
     table + 4 * (16 + interrupt)
 }
@@ -418,7 +420,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut horus) = transmitter() else { return };
-    // The vector is the window watchdog's, interrupt 0.
+    // The unused vector is the window watchdog's, interrupt 0.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);
@@ -437,7 +439,7 @@ fn horus_emits_no_field_while_a_bit_of_its_flash_is_wrong() {
 #[test]
 fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     let Some(mut dpr) = boards::dpr() else { return };
-    // The vector is the radio's, interrupt 1.
+    // The unused vector is the radio's, interrupt 1.
     let address = unused_vector(0, 1);
     flip(&mut dpr, address);
     while dpr.now() < 500 * MS {
@@ -450,7 +452,8 @@ fn the_dpr_shows_nothing_while_a_bit_of_its_flash_is_wrong() {
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // The firmware has compared its flash by half of the watchdog's time, and waits.
+    // At half of the watchdog's time the firmware has compared its flash with the CRC and waits for the reset. So the
+    // bit is only flipped back after that.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);

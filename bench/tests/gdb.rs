@@ -1,4 +1,5 @@
-//! Tests gdb at a board of the running link: what it reads, where it halts, and that the run stays unchanged.
+//! Tests gdb at a board of the running link: what it reads, where it halts the board, and that the run's results stay
+//! unchanged.
 
 use crate::boards;
 
@@ -26,7 +27,7 @@ fn setup(clock: Clock) -> Option<Setup> {
     Some(Setup { clock, writes: true, ..Setup::new(images, 3, END) })
 }
 
-/// The complete results of a run as text.
+/// The complete results of a run as text, to be compared.
 fn all_of(outcome: &Outcome) -> String {
     format!("{:#?}\n{:#?}\n{:#?}\n{}", outcome.report, outcome.verdict, outcome.logs, outcome.base)
 }
@@ -46,12 +47,12 @@ fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
 
-/// The images that the commit fills in turn: address and size.
+/// The address and the size of the images that the commit fills in turn.
 fn images(image: &Path) -> (u32, u32) {
     symbol(image, "dpr_fw::app::__rtic_internal_local_init_images")
 }
 
-/// The stub's end of a connection in memory.
+/// The server's end of a connection in memory.
 struct InMemory {
     from_client: Receiver<u8>,
     to_client: Sender<u8>,
@@ -82,7 +83,7 @@ impl ConnectionExt for InMemory {
     }
 }
 
-/// The client's end, with packets as in "Debugging with GDB", appendix E.
+/// The debugger's end of the connection, with packets as in "Debugging with GDB", appendix E.
 struct Client {
     to_stub: Sender<u8>,
     from_stub: Receiver<u8>,
@@ -90,7 +91,7 @@ struct Client {
 
 impl Client {
     fn send(&self, bytes: &[u8]) {
-        // A stub that has ended ignores further bytes.
+        // A server that has ended takes no further bytes, which is no error here.
         for byte in bytes {
             let _ = self.to_stub.send(*byte);
         }
@@ -101,7 +102,7 @@ impl Client {
         format!("${text}#{sum:02x}").into_bytes()
     }
 
-    /// The next packet's text, with run-length encoding expanded.
+    /// Returns the text of the server's next packet, with its run-length encoding expanded.
     fn reply(&self) -> String {
         while self.from_stub.recv().unwrap() != b'$' {}
         let mut text = String::new();
@@ -127,7 +128,7 @@ impl Client {
         self.reply()
     }
 
-    /// The little-endian word that the command `text` returns.
+    /// Sends the command `text` and returns the little-endian word in the reply.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }
@@ -136,7 +137,7 @@ impl Client {
         self.word("pf")
     }
 
-    /// The output of a monitor command.
+    /// Sends a `monitor` command and returns its output.
     fn monitor(&self, command: &str) -> String {
         let hex = command.bytes().fold(String::new(), |mut hex, byte| {
             let _ = write!(hex, "{byte:02x}");
@@ -200,7 +201,8 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");
             assert_eq!(gdb.ask("m60000000,4"), "E0e", "nothing is there");
             assert_eq!(gdb.ask("g").len(), 2 * (23 * 4 + 16 * 8 + 4));
-            // The breakpoint is in code in RAM, which the start copies there after the breakpoint was set.
+            // The breakpoint is in code in RAM. The firmware's start copies that code only after the breakpoint was
+            // set.
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             for nth in 0..3 {
                 assert!(gdb.ask("c").contains("hwbreak"), "stop {nth}");
@@ -209,19 +211,21 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
             assert!(gdb.monitor("time").contains(" ms of 200 ms"));
             assert!(gdb.monitor("pins").starts_with("high: "));
             assert!(gdb.monitor("pin P9.00").contains("no pin"));
-            // The debugger makes 3000 steps through any interrupts: SSI transactions and FIFO reads are among them.
+            // The debugger makes 3000 single steps, also through interrupts: those of SSI transactions and FIFO reads
+            // are among them.
             let mut distinct = std::collections::BTreeSet::new();
             for _ in 0..3000 {
                 assert_eq!(&gdb.ask("s")[1..3], "05");
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // The addresses are peripherals whose reads clear or pop on silicon, and every register of the core.
+            // The addresses are those of peripherals whose registers change when they are read on silicon. Every
+            // register of the core is read too.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // The watchpoint halts after a store to any of the images, then after any access.
+            // The watchpoint over the images halts the board after a store, then after any access, then after a load.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -235,12 +239,12 @@ fn a_debugging_session_leaves_the_run_unchanged_on_every_clock() {
                 }
                 assert_eq!(gdb.ask(&format!("z{kind},{watched}")), "OK");
             }
-            // Ctrl-C arrives before the board has run.
+            // Ctrl-C is sent before the board has run.
             gdb.send(&[Client::packet("c"), vec![3]].concat());
             assert_eq!(&gdb.reply()[1..3], "02");
             assert_eq!(gdb.ask(&format!("Z0,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("swbreak"));
-            // The breakpoint still exists when the debugger leaves.
+            // The debugger leaves a breakpoint behind, which must not halt the rest of the run.
             assert_eq!(gdb.ask("D"), "OK");
         }));
         assert!(all_of(&with) == all_of(&without), "{clock} clock:\n{:#?}\n{:#?}", with.report, without.report);
@@ -261,7 +265,7 @@ fn a_debugger_at_horus_leaves_the_run_of_the_link_unchanged() {
             assert_eq!(gdb.pc(), tick);
             (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
         }
-        // A read of the UART's data register would take the byte on silicon.
+        // On silicon a read of the UART's data register would remove the byte from it.
         assert_eq!(gdb.ask("m40004400,20").len(), 0x40);
         assert_eq!(gdb.ask("D"), "OK");
     }));
@@ -317,7 +321,8 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// The DPR's image, and a run of it alone, with probes on FRESH and inputs in place of its front end.
+/// Passes to `run` a run of the DPR's firmware alone on its board, with probes on FRESH and inputs in place of the
+/// front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();
@@ -330,7 +335,7 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
 }
 
-/// The output of a run in an order that must not depend on a debugger.
+/// Collects the output of a run in `to`, in an order that must not depend on a debugger.
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
     |event| {
         if let Event::Line(_) | Event::Pin(_) = event {
@@ -357,7 +362,8 @@ fn a_debugger_at_a_board_alone_leaves_its_run_unchanged() {
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // The addresses are peripherals whose reads clear or pop on silicon; virtual time is read, too.
+                // The addresses are those of peripherals whose registers change when they are read on silicon. Virtual
+                // time is read too.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("this board is alone"));
@@ -386,7 +392,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
             assert_eq!(gdb.pc(), start);
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("hwbreak"));
-            // The program counter is set to an address without memory.
+            // The debugger sets the program counter to an address without memory.
             assert_eq!(gdb.ask("Pf=00000060"), "OK");
             assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
@@ -401,7 +407,7 @@ fn a_board_alone_halts_where_its_firmware_ends() {
     });
 }
 
-/// Runs gdb with this script at the DPR over a Unix socket; returns its output.
+/// Runs a real gdb with this script at the DPR over a Unix socket; returns the end of the run and gdb's output.
 fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -423,7 +429,7 @@ fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     (ended, text)
 }
 
-/// Accepts gdb's connection, unless gdb ends before it connects.
+/// Accepts gdb's connection; panics if gdb ends before it connects.
 fn accept(listener: &UnixListener, gdb: &mut std::process::Child, written: &Path) -> UnixStream {
     loop {
         if let Ok((connection, _)) = listener.accept() {
@@ -450,9 +456,9 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "backtrace 1",
         "info registers pc xpsr msp d0 fpscr",
         "print $s0",
-        // cortex-debug sends these commands when it attaches.
+        // The editor extension cortex-debug sends these commands when it attaches.
         "monitor halt",
-        // The session reads the image, and the flash from which it was copied.
+        // The script reads the commit's code in RAM, and the flash from which it was copied.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

@@ -1,5 +1,5 @@
-//! Tests the effect of injected faults on the release images: each fault takes effect, and the board works again when
-//! it is over. The judge checks the boards' duties to the flight controller meanwhile.
+//! Tests the effect of injected faults on the release programs: each fault takes effect, and the board works again when
+//! the fault is over. The judge checks the boards' duties to the flight controller meanwhile.
 
 use crate::boards;
 
@@ -50,12 +50,13 @@ impl Counts {
     }
 }
 
-/// HORUS with three receivers that send a position of 100 bytes every 20 ms, and faults of the first one's line.
+/// HORUS with three receivers that send a position of 100 bytes every 20 ms, and with faults of the first receiver's
+/// line.
 #[derive(Clone)]
 struct Fed {
     node: Node<Horus>,
     faults: LineFaults,
-    /// The instant at which the next positions are sent, ns.
+    /// The instant at which the receivers send their next positions, ns.
     at: u64,
 }
 
@@ -100,7 +101,7 @@ impl Fed {
         [0, 1, 2].map(|receiver| Counts::of(&self.node, receiver))
     }
 
-    /// The counts from now to `end`.
+    /// The increase of the counters from now to `end`, for each receiver.
     fn counts_to(&mut self, end: u64) -> [Counts; 3] {
         let before = self.counts();
         self.run_to(end);
@@ -109,14 +110,14 @@ impl Fed {
     }
 }
 
-/// The number of bytes in 200 ms at 46 080 bytes a second, 9 216, less half of the DMA's ring that may still be on its
-/// way.
+/// The range of bytes counted in 200 ms of a line without a pause: 9 216 at 46 080 bytes a second, less half of the
+/// DMA's ring, whose bytes may still be on their way.
 const WITHOUT_A_PAUSE: std::ops::RangeInclusive<u32> = 8_900..=9_500;
 
-/// Whether HORUS counts ten positions of 100 bytes correctly under a fault.
+/// A check of what HORUS counted during a fault in which a healthy receiver sends ten positions of 100 bytes.
 type Arrived = fn(Counts) -> bool;
 
-/// Every fault, and the expected counts during it.
+/// Every fault of a line, with a check of the counters during the fault.
 const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Silent, |seen| seen == Counts::default()),
     (ReceiverFault::Babbles, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.messages == 0),
@@ -124,7 +125,7 @@ const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Unasked, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.damaged == 0),
     (ReceiverFault::Frozen, |seen| seen.messages == 10 && seen.damaged == 0),
     (ReceiverFault::WrongBaud(38_400), |seen| seen.messages == 0 && seen.errors > 100),
-    // A break is one character whose stop bit is missing.
+    // A break is received as one character whose stop bit is missing.
     (ReceiverFault::Break, |seen| seen.messages == 0 && (1..=2).contains(&seen.errors) && seen.bytes <= 2),
     (ReceiverFault::Noise, |seen| seen.messages < 8 && seen.damaged > 0 && (1..=6).contains(&seen.errors)),
     (ReceiverFault::FramingErrors, |seen| (30..=100).contains(&seen.errors)),
@@ -147,7 +148,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // Bytes under way and delayed bytes come first.
+        // After the fault the bytes that are under way and the delayed bytes arrive first, so 100 ms are not counted.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {
@@ -161,7 +162,7 @@ fn every_receiver_fault_affects_its_own_receiver_alone_and_ends() {
 
 // ---- supply and reset
 
-/// Runs `node` for `ns` and returns what its front end emitted.
+/// Runs `node` for `ns` and returns the events that its front end emitted.
 fn emitted<B: Powered>(node: &mut Node<B>, ns: u64) -> Vec<AirEvent> {
     let end = node.now() + ns;
     let mut events = vec![];
@@ -177,18 +178,18 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
-/// The time in which HORUS starts and sends at least four frames, ns.
+/// The time in which HORUS starts and then sends at least four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
-/// Runs HORUS from its start into the first millisecond of a frame, which takes nearly five.
+/// Runs HORUS from its start into the first millisecond of a frame; a frame takes nearly five.
 fn into_a_frame(node: &mut Node<Horus>) {
     assert!(frames(&emitted(node, STARTS)) >= 4);
     assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
 }
 
-/// Whether the frame on the air breaks off, the field ends with it, and nothing follows.
+/// Whether the frame on the air breaks off, the field ends at the same time, and nothing follows.
 fn breaks_off(events: &[AirEvent]) -> bool {
-    // A frame of three receivers has 247 bytes.
+    // A whole frame of three receivers has 247 bytes.
     matches!(events, [AirEvent::FrameEnd { bits: 0..1_976 }, AirEvent::FieldOff])
 }
 
@@ -269,7 +270,7 @@ fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
     PowerFault::FrontEndOff.end(&mut node);
-    // The firmware searches for a lost front end periodically.
+    // The firmware tries periodically to set up a front end that it has lost.
     assert!(frames(&emitted(&mut node, 500 * MS)) >= 10);
     assert_eq!(node.resets().len(), 0);
     assert!(counter(&node, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, rf_faults)) > 0);
@@ -316,7 +317,7 @@ fn a_symbol_that_the_image_lacks_is_refused_by_its_name() {
 #[test]
 fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let Some(node) = boards::horus() else { return };
-    // The window watchdog's vector is part of the image, and never fetched.
+    // The window watchdog's vector is part of the program, and is never fetched.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();
@@ -326,7 +327,7 @@ fn only_a_sealed_patch_passes_the_firmwares_check_of_its_flash() {
     let _ = patch(false).apply(&mut open).unwrap();
     assert_eq!(frames(&emitted(&mut open, 300 * MS)), 0);
     assert!(!open.resets().is_empty());
-    // After the repair the flash equals the original byte for byte.
+    // After the repair the flash has its original contents, byte for byte.
     repair.mend(&mut sealed).unwrap();
     let flash = |node: &Node<Horus>| {
         let mut flash = vec![0; 112 << 10];

@@ -1,7 +1,7 @@
-//! Measures how long a bit that flips in memory goes undetected, on both boards with the release images.
+//! Measures how long a bit that flips in memory stays undetected, on both boards with the release programs.
 //!
-//! A debugger flips one stored bit while the image runs. The test waits until the board reports it to its flight
-//! controller, at its antenna or in its log, and compares the time with the limits of the firmwares' modules
+//! A debugger flips one stored bit while the program runs. The test waits until the board reports the flip to the
+//! flight controller, at its antenna or in its log, and compares the time with the limits in the firmwares' modules
 //! `integrity`.
 
 use crate::{boards, reader};
@@ -27,7 +27,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Runs in steps of `step` ns until `done`; returns the elapsed time, ns.
+/// Runs in steps of `step` ns until `done` returns true, for at most `within`; returns the elapsed time, ns.
 fn until<B: Board>(node: &mut Node<B>, step: u64, within: u64, mut done: impl FnMut(&mut Node<B>) -> bool) -> u64 {
     let from = node.now();
     while node.now() < from + within {
@@ -48,7 +48,7 @@ fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
 }
 
-/// The status bits of Link-Status. A transaction may meet the DPR busy, but not two in a row.
+/// Reads the status bits of Link-Status. One transaction may meet a busy DPR, but not two in a row.
 fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     let read = (0..2).find_map(|_| {
         let read = transact(node, LinkStatus::SIZE, 0);
@@ -57,15 +57,15 @@ fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     read.expect("Link-Status is readable")
 }
 
-/// The log line about the stop before this start.
+/// The log line that reports why the board stopped before this start.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
 }
 
 // ---- DPR
 
-/// The address of the image that the flight controller reads: the Link-Status that it has just read is in no other
-/// image.
+/// The address of the image that the flight controller reads now. It is found by the Link-Status that was just read,
+/// which no other image has.
 fn shown(node: &mut Node<Dpr>) -> u32 {
     let read = transact(node, LinkStatus::SIZE, 0);
     let start = address(node, "__sbss");
@@ -75,7 +75,7 @@ fn shown(node: &mut Node<Dpr>) -> u32 {
     start + u32::try_from(found).unwrap()
 }
 
-/// Sends the frames of the cycles `from..to`, one every 10 ms, the first one now.
+/// Sends the frames of the cycles `from..to`, the first one now and then one every 10 ms.
 fn cycles(node: &mut Node<Dpr>, from: u32, to: u32) {
     let begin = node.now();
     for cycle in from..to {
@@ -96,7 +96,7 @@ fn a_bit_that_flips_in_the_shown_image_withdraws_it_in_time() {
         assert_eq!(view(&mut node).valid.len(), 4, "byte {byte}");
         let faults = dpr_counter(&node, "image_faults");
         assert_eq!(faults, 0);
-        // Until the next frame's deadline, 12.5 ms after the frame's end, this image is shown.
+        // The image with the flipped bit stays readable until the next frame's deadline, 12.5 ms after the frame's end.
         let address = shown(&mut node) + byte;
         Upset::Ram { address, bit }.apply(&mut node).unwrap();
         let (mut silent, began) = (false, node.now());
@@ -128,7 +128,8 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects() {
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The bit is in the vector table, which the memory protection unit shuts: in a vector that no interrupt uses.
+    // The first bit is in the vector table, to which the memory protection unit forbids access, in a vector that no
+    // interrupt uses.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__program_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
@@ -155,13 +156,13 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is the end of a CRC's table, so the firmware continues after its damage.
+            // The word before `__ehot` is the last of a CRC's table, so the firmware continues to run with the damage.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
         Upset::Ram { address: at, bit: 4 }.apply(&mut node).unwrap();
         let silent = |node: &mut Node<Dpr>| transact(node, 8, 0).iter().all(|byte| *byte == 0xFF);
-        // One transaction may meet the DPR busy.
+        // A single transaction may meet a busy DPR, so two must read 0xFF.
         let took = until(&mut node, MS, u64::from(within) * US, |node| silent(node) && silent(node));
         eprintln!("{symbol}: silent after {} us", took / US);
         let restarts = node.now() + 200 * MS;
@@ -174,7 +175,7 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
     }
 }
 
-/// Makes a bit of unused stack stick at the opposite of its level.
+/// Makes a bit of unused stack stick at the opposite of its present value.
 fn stick<B: Board>(node: &mut Node<B>) {
     let address = address(node, "_stack_end") + 0x101;
     let mut byte = [0];
@@ -193,7 +194,8 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // The stuck bit is still there at the next start and shown from the first image on; without it no fault is shown.
+    // At the next start the bit is still stuck and is reported from the first image on. Without the stuck bit no fault
+    // is reported.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));
@@ -205,7 +207,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     }
 }
 
-/// The time at which the memory test at the start has ended, µs.
+/// Runs the board until its memory test at the start has ended; returns the time since power-on, µs.
 fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
     let result = node.address_of("MEMORY_TEST").unwrap();
     while node.word(result) != Some(start_test::TESTED) {
@@ -231,7 +233,7 @@ fn the_memory_test_at_the_start_takes_at_most_its_stated_time() {
 
 // ---- HORUS
 
-/// Runs HORUS for `ns` and returns what left its antenna.
+/// Runs HORUS for `ns` and returns the events at its antenna, each with its instant.
 fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     let end = node.now() + ns;
     let mut air = vec![];
@@ -242,7 +244,7 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     air
 }
 
-/// The status of the last Reported-Position in these events.
+/// The status of the last Reported-Position in the events `air` of HORUS's antenna.
 fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     let mut frames: Vec<Vec<u8>> = vec![];
     for (_, event) in air {
@@ -256,7 +258,7 @@ fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     frames.iter().rev().find_map(status).expect("HORUS has sent a frame")
 }
 
-/// The instant at which the field goes off within `within`.
+/// The time until the field goes off, ns; `None` if it stays on for `within`.
 fn field_off(node: &mut Node<Horus>, within: u64) -> Option<u64> {
     let from = node.now();
     while node.now() < from + within {
@@ -276,7 +278,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     stick(&mut node);
     let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
     eprintln!("HORUS's RAM: field off after {} ms", took / MS);
-    // Each start finds it before anything is sent, and reports it.
+    // At each start HORUS finds the stuck bit before it switches the field on, and reports the bit.
     node.take_log();
     let air = run_horus(&mut node, 1_000 * MS);
     assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));

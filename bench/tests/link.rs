@@ -1,8 +1,9 @@
-//! Tests the whole link, with both release images against each other: the figures must hold, and every disturbance must
-//! be detected.
+//! Tests the whole link, with both release programs against each other: the figures must keep their bounds, and every
+//! disturbance must be detected.
 //!
-//! `cargo xtask test` builds the images and gives their folder in `LINK_IMAGES`; without it no test is run, and each
-//! fails where `CI` is set. One run is a few hundred virtual milliseconds, and a function of its setup.
+//! `cargo xtask test` builds the programs and gives their folder in `LINK_IMAGES`. Without that variable no test is
+//! run, and each test fails if `CI` is set. One run takes a few hundred virtual milliseconds, and its results depend
+//! only on its setup.
 
 use crate::{boards, waves};
 
@@ -18,10 +19,11 @@ use profile::sequence::SEARCH_CYCLES;
 
 const MS: u64 = 1_000_000;
 
-/// The cycles with which the DPR finds the sequence at the start: they arrive, are rejected, and are not shown.
+/// The number of cycles with which the DPR finds the sequence at the start. They arrive, are rejected, and are not
+/// shown.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
-/// The setup of a short run with this many receivers, or `None` where the images were not built.
+/// The setup of a short run with this many receivers, or `None` if the firmwares were not built.
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     Some(Setup::new(images, gps, milliseconds * MS))
@@ -39,12 +41,13 @@ fn with_any_number_of_receivers_every_object_arrives_in_time() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // HORUS tests its RAM for 12 ms on this clock. It then compares its flash with the CRC and sets up for 8 to 9
-        // ms, the longer the image. The first tick comes 10 ms after that, and the 79th at 810 to 811 ms. The 79th
-        // cycle's last frame with five receivers is through before 821 ms, and the 80th's first is not.
+        // On this clock HORUS tests its RAM for 12 ms. Then it compares its flash with the CRC and sets up the board,
+        // for 8 to 9 ms: the longer the program, the longer. The first tick comes 10 ms after that, and the 79th at 810
+        // to 811 ms. With five receivers the last frame of the 79th cycle ends before 821 ms, and the first frame of
+        // the 80th cycle does not.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
-        // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
+        // All objects of the cycles with which the DPR finds the sequence are rejected, and no others.
         let objects = gps as u64 + 1;
         assert_eq!(report.dpr.objects_rejected, SEARCHED * objects);
         assert_eq!(report.dpr.objects_accepted, (cycles - SEARCHED) * objects);
@@ -107,8 +110,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
     let last = instants.last().unwrap();
     assert!((59 * MS..=60 * MS).contains(last), "{last}");
 
-    // The pin falls 31 ns after the first rising edge of the byte that clears it, as recorded on silicon, and not at
-    // that byte's end; the bench's clocks are exact to 1 ns.
+    // The interrupt pin falls 31 ns after the first rising clock edge of the byte that clears the interrupt, as
+    // recorded on silicon, and not at that byte's end. The bench's clocks are exact to 1 ns.
     for board in ["horus", "dpr"] {
         let edges = |wire: &str, level: &str| -> Vec<u64> {
             let changes = waves[&format!("{board}.{board}_{wire}")].iter();
@@ -120,8 +123,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller requests no window, so MOSI stays low. Every exception is a task's, and every task runs at
-    // least for its check-in.
+    // This flight controller requests no window, so MOSI stays low. No exception occurs but those of tasks, and every
+    // task runs at least for its check-in. These three signals therefore never change.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -139,8 +142,9 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The flight controller's 4 ms cycle slips through every phase of HORUS's 10 ms within 2 s, so that its transactions
-/// meet every activity of the DPR; at 10 ms and 4 ms without a slip they would meet it only at five instants.
+/// The flight controller's crystal is wrong by so much that its 4 ms cycle passes through every phase of HORUS's 10 ms
+/// cycle within 2 s, and its transactions coincide with every activity of the DPR. With exact crystals they would occur
+/// at only five phases.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -151,8 +155,8 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // In each of the first four cycles of 4 ms the DPR tests its memory, and one transaction begins within the 4 us
-        // in which the DPR holds the buffers to put an image in.
+        // In the first four control cycles of 4 ms the DPR tests its memory and is busy. One further transaction begins
+        // within the 4 us for which the DPR holds the buffers to put in an image.
         assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
@@ -162,7 +166,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
 #[test]
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };
-    // A frame has 1952 payload bits, so about every third frame is hit, mostly in one object.
+    // A frame has 1952 payload bits, so about every third frame is damaged, mostly in one object.
     setup.faults = Faults::of_air(AirFaults { bit_error: 2e-4, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
@@ -178,14 +182,16 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames, because a frame that is lost at its end would not be missed yet.
+    // The run ends between two frames, because the DPR would not have counted a frame as missed that was lost just
+    // before the end.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
     assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
-    // With this seed the first four frames arrive, so the search takes no longer than without losses.
+    // With this seed no frame is lost among the first four, so the DPR finds the sequence with as many cycles as
+    // without losses.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
     assert_eq!(report.ssi.bad_crc, 0);
@@ -198,8 +204,8 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has a wrong length and is rejected at once. The first three whole cycles find the
-    // sequence: with this seed no frame breaks off among them.
+    // A frame that broke off has a wrong length and is rejected at once. The DPR finds the sequence with the first
+    // three whole cycles; with this seed no frame among them breaks off.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -224,7 +230,8 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Plays `log` at every receiver and compares the base station's display with the log's contents, bit by bit.
+/// Plays `log` at every receiver and compares the positions that the base station shows with the log's contents, bit by
+/// bit.
 fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     let held = Log::open(&log).unwrap();
     setup.recordings = vec![Some(log); 3];
@@ -232,7 +239,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     assert_eq!(outcome.report.violations, [""; 0]);
     let mut shown: Vec<[u64; 3]> = vec![];
     for entry in outcome.base.history() {
-        // Reported-Position is extrapolated to its tick; the GPS objects have the receivers' own values.
+        // Reported-Position is extrapolated to its tick, so only the GPS objects have the receivers' own values.
         for position in entry.gps.iter().flatten().filter(|position| position.valid) {
             let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
             if !shown.contains(&bits) {
@@ -242,7 +249,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The correct value is the float64 nearest to the decimal that the message carries.
+        // The correct value is the float64 that is nearest to the decimal in the message.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,
@@ -250,7 +257,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
         ]
         .map(f64::to_bits)
     });
-    // The values are in the log's order, and all of them are from the log.
+    // The shown values are in the log's order, and all of them are from the log.
     for bits in &shown {
         assert!(
             held.any(|position| position == *bits),
@@ -260,7 +267,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
 }
 
-/// NAV-PVT at 1 Hz with a 3D fix, `epochs` times.
+/// A recording of `epochs` NAV-PVT messages at 1 Hz, each with a 3D fix.
 fn one_hertz(epochs: u32) -> Vec<u8> {
     let fix = |epoch| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 1_000,
@@ -276,9 +283,9 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// A position is valid for one period of its receiver plus 150 ms, so for 1.15 s at 1 Hz. HORUS takes the bytes in its
-/// next cycle (10 ms), and the flight controller reads the invalid state within a cycle of each (10 ms, 4 ms) and the
-/// air time.
+/// A position is valid for one period of its receiver and 150 ms, which is 1.15 s at 1 Hz. HORUS takes a message's
+/// bytes in its next cycle (10 ms). The flight controller reads the invalid state after another cycle of HORUS (10 ms),
+/// the air time and its own control cycle (4 ms).
 #[test]
 fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
     for gps in [1, 3] {
@@ -290,7 +297,7 @@ fn reported_position_turns_invalid_in_time_if_all_receivers_fall_silent() {
         std::fs::remove_file(path).unwrap();
         assert_eq!(report.violations, [""; 0]);
         let reported = &report.reported;
-        // The first burst begins 100 ms after reset, the last 3 s later.
+        // The first burst of the log begins 100 ms after reset, the last one 3 s later.
         let last = reported.last_solution_ns[0].unwrap();
         assert!((3_100 * MS..3_105 * MS).contains(&last), "{reported:?}");
         assert!(reported.valid_cycles >= 300, "{reported:?}");
@@ -356,8 +363,8 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// A sample of `cargo xtask sim --flips`: one bit each of registers that make a front end deaf or mute, and of some
-/// without an effect.
+/// This test is a sample of `cargo xtask sim --flips`: one bit of each of several registers. Some of them make a front
+/// end deaf or mute, and some have no effect.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };

@@ -1,8 +1,9 @@
-//! Tests what the memory protection units of both boards refuse, and how the stop is named after the restart.
+//! Tests which accesses the memory protection units of both boards refuse, and how the log names the stop after the
+//! restart.
 //!
-//! A task of each release image is overwritten with a few instructions that no task may execute. The board must enter
-//! its safe state at once, its watchdog must restart it, and the start after that must report the cause of the stop: in
-//! the log, and in the telemetry as the code of `firmware_common::last_stop`.
+//! A task of each release program is overwritten with a few instructions that no task may execute. The board must enter
+//! its safe state at once, its watchdog must restart it, and the next start must report the cause of the stop, in the
+//! log and as the code of `firmware_common::last_stop` in the telemetry.
 
 use crate::{boards, reader};
 
@@ -15,19 +16,19 @@ use profile::LinkStatus;
 use reader::{MS, transact};
 use st25r3916_model::AirEvent;
 
-/// The longest time that a watchdog may take to its reset, ns; see `faults.rs`.
+/// The longest time from a task's last check-in to the watchdog's reset, ns; `faults.rs` explains the number.
 const BITE: u64 = 200 * MS;
 
-/// The longest period of both tasks, ns: they run in every cycle of 10 ms, the DPR's at the latest with every deadline
-/// of 12.5 ms.
+/// The longest period of both overwritten tasks, ns: each runs in every cycle of 10 ms, or the DPR's at the latest with
+/// the deadline of 12.5 ms.
 const PERIOD: u64 = 15 * MS;
 
-/// `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
+/// The instruction `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
 fn mov(opcode: u16, to: u16, value: u16) -> [u16; 2] {
     [opcode | value >> 11 << 10 & 0x400 | value >> 12, (value >> 8 & 7) << 12 | to << 8 | value & 0xFF]
 }
 
-/// R0 = `value`.
+/// Instructions that set R0 to `value`.
 fn load_r0(value: u32) -> Vec<u16> {
     [mov(0xF240, 0, value as u16), mov(0xF2C0, 0, (value >> 16) as u16)].concat()
 }
@@ -38,12 +39,12 @@ enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// Pushes until the stack is full, and beyond.
+    /// Pushes registers until the stack is full, and beyond its end.
     Recurse,
 }
 
 impl Misdeed {
-    /// The instructions, followed by a branch to itself, so that a task whose access succeeds hangs.
+    /// The instructions of the action. A branch to itself follows, so that a task whose access succeeds hangs.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -61,7 +62,7 @@ impl Misdeed {
     }
 }
 
-/// One line of a table: the action, the log's text about it, and the place.
+/// A row of a table: the forbidden action, the log's text about it, and the address in that text.
 type Row = (Misdeed, &'static str, &'static str);
 
 const DATA: &str = "memory protection, data access at ";
@@ -91,7 +92,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Runs HORUS and discards what leaves its antenna.
+/// Runs HORUS and discards the events at its antenna.
 fn run_horus(node: &mut Node<Horus>, ns: u64) {
     let end = node.now() + ns;
     while node.now() < end {
@@ -100,7 +101,7 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) {
     }
 }
 
-/// The line that the start after a stop logs.
+/// The log line in which the start after a stop reports the stop.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     let lines: Vec<String> = node.take_log().iter().map(ToString::to_string).collect();
     let found = lines.iter().find(|line| line.contains("the last stop: "));
@@ -149,7 +150,7 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
         restarted(&mut dpr, |_| {});
         dpr.take_log();
         run(&mut dpr, 50 * MS);
-        // A transaction may meet the DPR busy, but not two in a row.
+        // A single transaction may meet a busy DPR, but not two in a row.
         let link = (0..2).find_map(|_| LinkStatus::verify(&transact(&mut dpr, LinkStatus::SIZE, 0)).ok().copied());
         let link = link.expect("Link-Status");
         assert!(link.status().unasked_reset(), "{row:x?}");
@@ -159,7 +160,7 @@ fn the_dpr_stops_at_each_forbidden_access_and_reports_it_later() {
     }
 }
 
-/// The offset of the code in HORUS's telemetry.
+/// The offset of the code of the last stop in HORUS's telemetry.
 const HORUS_LAST_STOP: usize = core::mem::offset_of!(horus_tx_fw::telemetry::Telemetry, last_stop);
 
 #[test]

@@ -1,9 +1,9 @@
-//! Places the flight controller's transactions in every phase to the end of a frame, in steps of 100 ns. Coincidences
-//! that its own cycle reaches once in minutes occur here at once.
+//! Places the flight controller's transactions in every phase relative to the end of a frame, in steps of 100 ns.
+//! Coincidences that an ordinary control cycle reaches once in minutes therefore all occur.
 //!
-//! Around the publication, each phase is tested twice: with a whole image that ends there and 96 bytes right after it,
-//! and with 96 bytes that begin there after a long silence. The crystals of the boards are 200 ppm off, in opposite
-//! directions; the phases do not depend on them.
+//! Around the publication of an image each phase is tested with two patterns: a whole image whose transaction ends at
+//! that phase, with 96 bytes right after it, and 96 bytes that begin at that phase after a long silence. The crystals
+//! of the boards are wrong by 200 ppm in opposite directions; the phases do not depend on the crystals.
 
 use crate::boards;
 
@@ -16,29 +16,31 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// The first phase, ns from a frame's last bit. A publication comes between 60 and 100 us after it, and its aftermath
-/// (the scrub of three buffers) is over 240 us after it.
+/// The first phase, ns from a frame's last bit. The publication comes 60 to 100 us after that bit, and the work that
+/// follows it (the scrub of three buffers) ends 240 us after that bit.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// The last phase with one or five receivers, which covers only the publication. Transactions still end in every phase
-/// up to 230 us, because in each cycle one ends 100 or 110 us later; they begin up to 131 us. The scrub after that is
-/// the same code with any number of receivers, which differ only in its length.
+/// The last phase with one or five receivers, ns from a frame's last bit; the sweep covers only the publication.
+/// Transactions still end in every phase up to 230 us, because one more in each cycle ends 100 or 110 us later, and
+/// they begin in every phase up to 131 us. The scrub that follows is the same code for any number of receivers and
+/// differs only in its length.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
-/// The time from the end of a transaction to the beginning of the next, ns: the time within which the DPR promises to
-/// be ready, and 1 us more.
+/// The time from the end of a transaction to the beginning of the next, ns: 1 us more than the time within which the
+/// DPR promises to be ready.
 const GAP: i64 = timing::GAP_NS as i64 + US;
 
 fn falls(after_ns: i64, bytes: usize) -> Placement {
     Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
 }
 
-/// Runs `sweep` and prints its worst times; nothing may be violated in any coincidence.
+/// Runs the transactions of `sweep` and prints the longest times. No coincidence may lead to a violation.
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame, which comes up to four cycles later on a slower clock.
+    // The sweep begins with the second frame. On a slower clock that frame comes up to four cycles later, so the run is
+    // longer.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
         sweep: Some(sweep.clone()),
@@ -55,7 +57,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
     println!("  SSI ready          {:?}", worst(Phase::ready_ns));
     println!("  SSI held           {:?}", worst(Phase::hold_ns));
-    // The first violation of each kind is printed with the surrounding events.
+    // The first violation of each kind is printed with the events around it.
     for broken in &outcome.verdict.violations {
         let phase = outcome.phases.iter().rev().find(|phase| phase.frame_ended <= broken.first_at + 1_000_000);
         if let Some(phase) = phase {
@@ -63,15 +65,16 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
         }
     }
     assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
-    // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
+    // All objects of the cycles with which the DPR finds the sequence are rejected, and no others.
     let searched = u64::from(SEARCH_CYCLES) * (gps as u64 + 1);
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Sweeps around the publication of the cycle's frame number `frame`, from 0, in every phase from [`FIRST`] to `last`.
+/// Sweeps transactions around the publication that frame number `frame` of the cycle, from 0, leads to, in every phase
+/// from [`FIRST`] to `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // The published image has certainly been read half a millisecond later.
+    // A further transaction comes 0.7 ms after the phase's instant, so it certainly reads the published image.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -87,7 +90,8 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST, Clock::Fast, (200_000, -200_000));
 }
 
-/// This clock takes the longest that silicon may take, which also delays what the scrub triggers.
+/// On the pessimistic clock everything takes the longest that silicon may take, so the work that the scrub triggers
+/// also comes later.
 #[test]
 fn publications_on_the_pessimistic_clock_may_meet_transactions_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
@@ -98,18 +102,18 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task wakes at every event and then does the work that is due once a second. In the silence between
-/// two frames the end of the pause after a transaction wakes it, 96 to 106 us after the transaction's end. Another
-/// transaction that ends 109 to 127 us after the first, which is the earliest, coincides with that work. Whole seconds
-/// of the DPR move by 400 us a second against HORUS's cycle, so in 25 s half of them fall into that silence, each with
-/// another distance.
+/// The DPR's idle task wakes at every event and does the work that is due once a second. In the silence between two
+/// frames it is woken by the end of the pause after a transaction, 96 to 106 us after the transaction's end. Another
+/// transaction that ends 109 to 127 us after the first, which is as early as possible, coincides with that work. The
+/// DPR's whole seconds move by 400 us a second relative to HORUS's cycle. So in 25 s half of them occur in that
+/// silence, each at another distance.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // The number of patterns is prime, so the pattern differs 100 cycles later, in the next second.
+    // The number of patterns is a prime, so 100 cycles later, in the next second, another pattern takes its turn.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

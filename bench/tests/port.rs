@@ -1,4 +1,4 @@
-//! Tests a flight controller's writes against the DPR's release image: uplinks and commands are read back, and
+//! Tests what a flight controller writes to the DPR's release program: uplinks and commands are read back, and
 //! forbidden writes are counted by kind.
 
 use crate::{boards, reader};
@@ -24,7 +24,8 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
     }
 }
 
-/// A transaction that reads as many bytes as it writes, and 10 ms more, in which an image is published.
+/// Makes a transaction that writes `parts` and reads as many bytes, and lets 10 ms pass, in which an image is
+/// published.
 fn write(node: &mut Node<Dpr>, parts: &[&[u8]]) {
     let mosi = parts.concat();
     let bytes = mosi.len();
@@ -51,7 +52,7 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     let own = Uplink::seal(OWN, &UplinkValues { timestamp: 9, payload, ..UplinkValues::default() });
     write(&mut node, &[IDLE, base.as_bytes()]);
     write(&mut node, &[&encode(Request { offset: 276, length: 192 }), own.as_bytes()]);
-    // The window was requested with the second write.
+    // The second write requested the window that this transaction reads.
     let window = transact(&mut node, 192, 0);
     let whole = map(&mut node);
     assert_eq!(whole[276 + 64..], window[64..]);
@@ -61,7 +62,7 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     assert_eq!((status.uplinks_accepted, status.violations.total()), (2, 0));
     assert!(status.status.base_station_fresh() && status.status.flight_controller_fresh());
     assert!((20..=45).contains(&status.base_station_age_ms), "{status:?}");
-    // A repetition is refused.
+    // The DPR refuses an uplink that it has already received.
     write(&mut node, &[IDLE, own.as_bytes()]);
     let whole = map(&mut node);
     let status = reading(&whole).port.status.expect("Port-Status").values();

@@ -1,6 +1,7 @@
-//! Tests that the flight controller's use of the SSI leaves the RFID side unaffected. Frames received, objects
-//! accepted, and the time from each sample to its announcement differ by less than 1 % from those with a flight
-//! controller that keeps to the rules. The SSI's tasks delay a frame's image once, and in the call that publishes it.
+//! Tests that the flight controller's use of the SSI leaves the RFID side unaffected. The number of frames received,
+//! the number of objects accepted, and the time from each sample to the announcement of its image differ by less than 1
+//! % from those with a silent flight controller. The SSI's tasks may delay a frame's image once each, and once more
+//! within the call that publishes it.
 
 use crate::boards;
 
@@ -12,13 +13,15 @@ use cortex_m4::{Cost, Fast, Pessimistic};
 use profile::image::Image;
 
 const MS: u64 = 1_000_000;
-/// The interval in which the flight controller misuses the SSI and the figures are taken, ns.
+/// The interval in which the flight controller misuses the SSI and the figures are measured, ns.
 const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 
-/// The longest time by which the SSI's tasks delay a frame, ns: the end of the pause and the end of a transaction, once
-/// (the sum of `sums.rs`: 9.3 us), and an end within the pause, which the publishing call also serves.
+/// The longest time by which the SSI's tasks delay a frame, ns: the end of a pause and the end of a transaction, once
+/// each (the sum in `sums.rs`: 9.3 us), and the end of a transaction within the pause, which the publishing call also
+/// serves.
 const FAST_SHARE: u64 = 14_000;
-/// The same on the pessimistic clock (17.2 us).
+/// The longest time by which the SSI's tasks delay a frame on the pessimistic clock, ns (the sum in `sums.rs`: 17.2
+/// us).
 const PESSIMISTIC_SHARE: u64 = 22_500;
 
 /// The RFID side's figures in [`EPISODE`].
@@ -27,13 +30,14 @@ struct Figures {
     frames: u64,
     accepted: u64,
     rejected: u64,
-    /// The time from HORUS's tick to FRESH, ns.
+    /// The time from HORUS's tick to the rise of FRESH, ns.
     announced: Quantiles,
-    /// The longest time from a frame's last bit to FRESH, ns.
+    /// The longest time from a frame's last bit to the rise of FRESH, ns.
     last_bit: u64,
 }
 
-/// The times from the last tick before each frame, and from its last bit, to the next rise of FRESH, ns.
+/// For each frame the times to the next rise of FRESH from the last tick before the frame, and from the frame's last
+/// bit, ns.
 fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     let (mut tick, mut heard) = (None, None);
     log.events.iter().filter_map(move |event| match &event.what {
@@ -50,7 +54,7 @@ fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     })
 }
 
-/// The link just before [`EPISODE`]; `None` where the images were not built.
+/// The setup, and the bench just before [`EPISODE`]; `None` if the firmwares were not built.
 fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup::new(images, 3, EPISODE.end);
@@ -59,7 +63,7 @@ fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     Some((setup, bench))
 }
 
-/// The figures with a flight controller of this conduct.
+/// The figures in [`EPISODE`] with a flight controller of this conduct.
 fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>) -> Figures {
     let mut bench = bench.clone();
     if let Some(conduct) = conduct {
@@ -82,7 +86,7 @@ fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>
 }
 
 /// Compares the figures with each of `conducts` with those of a flight controller that makes no transaction at all. The
-/// SSI's share is at most `share_ns`.
+/// SSI's tasks may delay a frame by at most `share_ns`.
 fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_ns: u64) {
     let Some(warm) = warm::<C>() else { return };
     let quiet = figures(&warm, Some(Conduct::Silent));
@@ -105,8 +109,9 @@ fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_n
     }
 }
 
-/// Edges without a clock from 1 kHz to 4 MHz, and transactions of none, one, eight and 96 bytes and of the whole image
-/// from 1 kHz to the highest possible rate. No period divides that of the frames, so each meets them in many phases.
+/// Edges of chip select without a clock, from 1 kHz to 4 MHz, and transactions of none, one, eight and 96 bytes and of
+/// the whole image, from 1 kHz to the highest possible rate. No period divides the cycle of the frames, so each meets
+/// frames in many phases.
 fn rates() -> impl Iterator<Item = Conduct> {
     let edges = [997_000, 293_000, 117_000, 97_000, 53_000, 11_300, 2_000, 1_000, 250].map(Conduct::Edges);
     let each =
@@ -114,8 +119,8 @@ fn rates() -> impl Iterator<Item = Conduct> {
     edges.into_iter().chain([0, 1, 8, 96, Image::<3>::LEN].into_iter().flat_map(each))
 }
 
-/// A flight controller that was silent begins to select in every phase to a frame's end, with all that an image grants.
-/// At any rate, that delays the frame by at most the SSI's share.
+/// A flight controller that was silent begins to select in every phase relative to a frame's end, with all transactions
+/// that one image grants. At any rate of transactions, the frame may be delayed by at most `share_ns`.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

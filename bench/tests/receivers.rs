@@ -1,5 +1,6 @@
-//! Tests receivers on a UART, on I2C and on SPI against the release image: their values are shown to the last bit, and
-//! a fault of one interface costs neither a cycle nor another receiver, and is over soon after its end.
+//! Tests receivers on a UART, on I2C and on SPI with the release programs: the values that they send are shown to the
+//! last bit. A fault of one interface costs neither a cycle nor another receiver, and its effect is over soon after the
+//! fault's end.
 
 use crate::boards;
 
@@ -18,18 +19,19 @@ use gnss_sim::{Log, ubx};
 
 const MS: u64 = 1_000_000;
 
-/// The setup of a run with three receivers, or `None` where the images were not built.
+/// The setup of a run with three receivers, or `None` if the firmwares were not built.
 fn setup(milliseconds: u64) -> Option<Setup> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     Some(Setup::new(images, 3, milliseconds * MS))
 }
 
-/// Runs the setup; nothing may be violated and no cycle may be lost.
+/// Runs the setup and checks that nothing is violated and no cycle is lost.
 fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
     assert_eq!(outcome.report.violations, [""; 0], "{:?}", what());
-    // HORUS starts within two cycles, and within two more on the pessimistic clock, where it tests its RAM for 20 ms.
+    // HORUS starts within two cycles, or within four on the pessimistic clock, on which its test of the RAM takes 20
+    // ms.
     let started = if setup.clock == Clock::Pessimistic { 5 } else { 3 };
     let cycles = setup.duration_ns / (10 * MS);
     assert!(outcome.report.horus.frames_sent >= cycles - started, "{:?}: {:?}", what(), outcome.report.horus);
@@ -37,13 +39,13 @@ fn sound(setup: &Setup) -> Outcome {
     outcome
 }
 
-/// The changes of a receiver's position between valid (`true`) and not, with their instants, ns.
+/// The changes of a receiver's position between valid (`true`) and not valid, with their instants, ns.
 fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     let of = |gps: [Option<Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
-/// A log of ten epochs, with NMEA, noise, and a damaged message.
+/// A log of ten epochs, with NMEA messages, noise, and a damaged message in it.
 fn log() -> Vec<u8> {
     (0..10_i32)
         .flat_map(|epoch| {
@@ -51,7 +53,7 @@ fn log() -> Vec<u8> {
                 itow_ms: 100_000 + epoch as u32 * 100,
                 fix_type: 3,
                 flags: ubx::NavPvt::FLAG_FIX_OK,
-                // A 0xFF within a message is not filler.
+                // The latitude contains a 0xFF, which within a message is no filler.
                 latitude_1e7: 0x1C4F_FFFF + epoch * 7,
                 longitude_1e7: 87_290_587 - epoch * 11,
                 height_mm: 470_001 + epoch,
@@ -94,8 +96,9 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first message may have waited behind a stuck line, which HORUS cannot exclude. So may the second,
-        // if the first burst outlasts its transfer: then no filler after it shows that the receiver is empty.
+        // On SPI the first message may have waited behind a stuck line, which HORUS cannot exclude, so HORUS drops it.
+        // It also drops the second if the first burst is longer than one transfer, because then no filler after the
+        // first message shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
@@ -117,7 +120,7 @@ fn log_that_jumps() -> Vec<u8> {
     (0..75).flat_map(|number| epoch(number).encode()).collect()
 }
 
-/// Reported-Position from `from` ms on.
+/// Reported-Position from `from` ms on, each with its instant.
 fn reported_from(outcome: &Outcome, from: u64) -> Vec<(u64, Position)> {
     let history = outcome.base.history().filter_map(|entry| Some((entry.at_ns / MS, entry.reported?)));
     history.filter(|(at, _)| *at >= from).collect()
@@ -179,11 +182,11 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
     assert!(oriented(770, 900) < 1e-9);
 }
 
-/// The interval in which a bus fails, ns.
+/// The interval in which a receiver's bus fails, ns.
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
 /// The longest time from the end of any fault of a bus to a valid position of its receiver, ns. HORUS tries a stuck bus
-/// again after at most 110 ms (decision 16), the receiver's next solution comes within 200 ms and its stored messages
-/// are read before it, and a cycle, the air and the way to the base station take 50 ms.
+/// again after at most 110 ms (decision 16). The receiver's next solution comes within 200 ms, and its stored messages
+/// are read before that solution. A cycle, the air and the way to the base station take 50 ms.
 const BACK: u64 = 360 * MS;
 
 fn of_bus(clock: Clock) {
@@ -248,30 +251,32 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
     assert_eq!(disturbed.resets().len(), 0);
 }
 
-/// The consequences of the failures of one kind.
+/// The consequences of the failures of one kind of bus fault.
 #[derive(Clone, Copy, Debug, Default)]
 struct Table {
     failures: u64,
-    /// The number of them in which the receiver's position was not valid for a while.
+    /// The number of these failures in which the receiver's position was not valid for a while.
     silenced: u64,
-    /// The longest such time, and the longest time from the failure's end to a valid position, ns.
+    /// The longest time for which a receiver's position was not valid, and the longest time from a failure's end to a
+    /// valid position, ns.
     longest: u64,
     latest: u64,
-    /// The number of profiles in which the two other receivers may have disagreed.
+    /// The number of profiles in which the two receivers that did not fail may have disagreed.
     apart: u64,
 }
 
-/// Whether these two correct receivers may disagree although they report a high accuracy: they are farther apart than
-/// the least distances of decision 15, less their possible motion within a message.
+/// Whether two correct receivers may disagree although they report a high accuracy: the distance between their
+/// positions exceeds the least limits of decision 15, less their possible motion during a message.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// Injects `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time. Nothing is
-/// violated, no cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree.
-/// Returns the greatest error of Reported-Position, m; `None` without images.
+/// Injects `failures` faults of buses, one a second, each of a drawn kind at a drawn instant for a drawn time. Checks
+/// that nothing is violated, no cycle is lost, every other receiver stays valid, and Reported-Position stays valid
+/// where the other receivers agree. Returns the greatest error of Reported-Position, m; `None` if the firmwares were
+/// not built.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -303,7 +308,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // Where the two others disagree, the correct one cannot be determined.
+            // Where the two other receivers disagree, HORUS cannot determine which of them is correct.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -334,8 +339,8 @@ fn tell(table: &[Table; BusFault::ALL.len()]) {
     }
 }
 
-/// The greatest error of the result against the flight's truth, m: the receivers' own errors, and the possible
-/// difference of two of them while a third is silent (`horus-tx-fw/tests/voted.rs`).
+/// The greatest error of Reported-Position against the aircraft's true position, m: the receivers' own errors, and the
+/// possible difference between two of them while a third is silent (`horus-tx-fw/tests/voted.rs`).
 const RIGHT_M: f64 = 9.0;
 
 #[test]
@@ -350,7 +355,7 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
     assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
 }
 
-/// The test above with a thousand failures.
+/// This test injects a thousand faults of buses, where the test for every run injects 36.
 #[test]
 #[ignore = "takes two minutes: cargo xtask build && \
             LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test all receivers:: -- --ignored --nocapture"]
@@ -367,20 +372,20 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. It starts (0.3 s), HORUS
-/// receives nothing readable, tries the usual rate, waits half a second, sets the rate from 38 400 baud, waits 100 ms
-/// and more for the receiver, and configures it (decision 16).
+/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. The receiver starts (0.3 s);
+/// HORUS then receives nothing readable, tries the usual rate, waits half a second, sets the rate from 38 400 baud,
+/// waits 100 ms and more for the receiver, and configures it (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, where the reads until then
-/// have taken all stored messages. The first message within 200 ms proves that the receiver is empty and is dropped
-/// (decision 16), the next solution comes 200 ms later, and a cycle, the air and the way to the base station take 50
+/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, if the reads until then have
+/// removed all stored messages. The first message, within 200 ms, proves that the receiver is empty and is dropped
+/// (decision 16). The next solution comes 200 ms later, and a cycle, the air and the way to the base station take 50
 /// ms.
 const PROVED: u64 = 450 * MS;
 
-/// A MISO that is stuck high as HORUS starts reads like a receiver without messages. The bytes that come when the fault
-/// ends have waited in the receiver since HORUS was switched off: more than a second, 1.4 kB, some of which the reads
-/// until then have lost.
+/// A MISO that is stuck high when HORUS starts reads like that of a receiver without messages. The bytes that come when
+/// the fault ends have waited in the receiver since HORUS was switched off, for more than a second. They are 1.4 kB,
+/// some of which the reads during the fault have removed.
 #[test]
 fn bytes_that_waited_behind_a_stuck_line_are_not_taken_for_new() {
     for reads in 0..6 {

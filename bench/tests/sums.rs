@@ -1,8 +1,9 @@
-//! Computes the two deadlines of the DPR as sums: last bit to readable, and end of a transaction to ready for the next.
+//! Calculates the two deadlines of the DPR as sums: from the last bit to readable, and from the end of a transaction to
+//! ready for the next.
 //!
-//! An observed worst case is not a bound: independent tasks and instants delay a path, and it can take hours until all
-//! coincide. So each part is measured separately, at its longest, on each clock, and the parts are added up. The sums
-//! have to keep the bounds of docs/design.md#timing, and no run may exceed them.
+//! An observed worst case is not a bound: independent tasks and instants delay the same path, and it can take hours
+//! until all of them coincide. So each part of a path is measured separately, at its longest, on each clock, and the
+//! parts are added up. The sums have to keep the bounds of docs/design.md#timing, and no run may exceed the sums.
 //!
 //! | part | how it is measured |
 //! |---|---|
@@ -27,32 +28,32 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
 use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
-/// The instant from which on the link is up, ns.
+/// The instant from which on the link is up and the processor is examined, ns.
 const WARM: u64 = 300 * MS;
-/// The time that is examined, ns: one cycle, so that everything done once per cycle is included.
+/// The time for which the processor is examined, ns: one cycle, so that everything done once per cycle is included.
 const LOOKED_AT: u64 = 10 * MS;
 /// The end of the log from which the flight controller's service times are taken, ns.
 const END: u64 = WARM + 500 * MS;
-/// The longest cycle of the DPR's processor, ns: 64 MHz.
+/// An upper limit of the duration of a cycle of the DPR's processor, ns: its clock is 64 MHz.
 const CYCLE: u64 = 15;
 /// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4, of eight levels in the three
-/// upper bits.
+/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4. There are eight levels, in the
+/// three upper bits.
 const MASKS: [u32; 2] = [0x60, 0x80];
 
-/// The processor's activity, examined after each of its cycles.
+/// What the DPR's processor did, examined after each of its cycles.
 struct Watched<C: Cost> {
-    /// For each change of the running exception its instant (ns) and its number; 0 is the idle loop or sleep.
+    /// For each change of the running exception, its instant (ns) and its number; 0 stands for the idle loop or sleep.
     runs: Vec<(u64, u32)>,
-    /// The longest time for which a task below each of [`MASKS`] masked it, ns.
+    /// For each of [`MASKS`], the longest time for which a task of lower priority masked that priority, ns.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,
 }
 
-/// Runs the link with `gps` receivers up to [`WARM`], then examines every cycle; the flight controller writes and reads
-/// in its cycle, or follows `conduct`.
+/// Runs the link with `gps` receivers up to [`WARM`], then examines every cycle of the DPR's processor. The flight
+/// controller writes and reads in its control cycle, or follows `conduct`.
 fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
@@ -74,7 +75,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // A task of that priority or a higher one runs itself and masks nothing.
+            // If a task of that priority or a higher one runs, it is not masked.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -95,8 +96,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 
 impl<C: Cost> Watched<C> {
     /// The longest run of an exception, ns: from its entry to the entry of another, or the return. A run in which FRESH
-    /// rises is the last piece of a frame's way. If it also serves a transaction that has just ended, it takes less
-    /// than the two runs that are in the sum.
+    /// rises is left out, because it counts as the last piece of a frame's way. If it also serves a transaction that
+    /// has just ended, it takes less than the two runs that are in the sum.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -104,14 +105,14 @@ impl<C: Cost> Watched<C> {
         served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
-    /// The time for which one service of the SSI preempts another task, ns: the end of the pause and the end of a
+    /// The time for which one service of the SSI preempts another task, ns: the end of a pause and the end of a
     /// transaction.
     fn share(&self) -> u64 {
         let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
         SSI.iter().map(|&exception| self.longest(exception) + around).sum()
     }
 
-    /// The last bits of frames and the rises of FRESH after them, ns.
+    /// For each frame, the instant of its last bit and that of the rise of FRESH after it, ns.
     fn frames(&self) -> Vec<(u64, u64)> {
         let mut heard = None;
         let frames = self.log.events.iter().filter_map(|event| match event.what {
@@ -125,7 +126,8 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// The pieces of the frames' ways, cut where the running task changes: the exception, and the longest time of each.
+    /// The pieces of the time from a frame's last bit to FRESH, divided where the running task changes: the exception,
+    /// and the longest time of each piece.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -144,7 +146,7 @@ impl<C: Cost> Watched<C> {
         pieces.into_values().collect()
     }
 
-    /// The longest time from the end of a transaction to the release, ns.
+    /// The longest time from the end of a transaction to the release of the buffers to the SPIS, ns.
     fn served(&self) -> u64 {
         let mut ended = None;
         let served = self.log.events.iter().filter_map(|event| match event.what {
@@ -159,7 +161,7 @@ impl<C: Cost> Watched<C> {
     }
 }
 
-/// Adds both sums up for `gps` receivers, and compares them with the bounds and the observed times.
+/// Adds both sums up for `gps` receivers, and compares the sums with the bounds and with the observed times.
 fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
@@ -184,7 +186,8 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // A sum needs coincidences: the hostile run has the SSI's tasks in some frame's way.
+    // The run with hostile transactions must have the tasks of the SSI preempt the handling of some frame, or the sum
+    // would not include them.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

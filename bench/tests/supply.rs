@@ -1,7 +1,7 @@
-//! Tests sagging supplies: the boards react correctly, and no object that HORUS never computed is shown as valid.
+//! Tests sagging supplies: the boards react correctly, and no object that HORUS never sent is shown as valid.
 //!
-//! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries that number of drawn shapes and
-//! prints it.
+//! `SUPPLY_SHAPES=1000 cargo test -p bench --test all -- --nocapture shapes` tries that number of drawn courses of
+//! voltage and prints the number.
 
 use crate::{boards, reader};
 
@@ -15,7 +15,7 @@ use reader::{MS, US, field_on, transact};
 use st25r3916_model::AirEvent;
 use stm32f429::{Oscillators, Stm32f429};
 
-/// Runs HORUS to `to` and returns what left its antenna.
+/// Runs HORUS to `to` and returns the events at its antenna, each with its instant.
 fn run_horus(node: &mut Node<bench::boards::Horus>, to: u64) -> Vec<(u64, AirEvent)> {
     let mut air = vec![];
     while node.now() < to {
@@ -66,7 +66,7 @@ fn a_falling_supply_switches_horuss_field_off_before_it_resets_the_part() {
     node.supply(2_749_999, 0);
     assert!(!node.is_powered());
     run_horus(&mut node, 140 * MS);
-    // From 2.85 V on the part may start, and stops at once until the supply is sound.
+    // From 2.85 V on HORUS's part may start. Its firmware then stops at once, until the supply is high enough.
     node.supply(2_850_000, 0);
     assert!(node.is_powered());
     assert_eq!(node.resets().last().map(|reset| reset.cause), Some(Reset::BrownOut));
@@ -91,7 +91,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // The start after the watchdog's reset does not complete either.
+    // At the voltage that made the DPR stop, its start after the watchdog's reset does not complete either.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));
@@ -112,7 +112,8 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // Its line of once a second comes 19.8 ms later: the supply has been there for 17 ms as the part starts.
+    // The log line that the DPR writes once a second comes 19.8 ms after the second, because the supply has been on for
+    // 17 ms when the part starts.
     for after in (1_019_800..1_019_900).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
@@ -132,7 +133,7 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);
-    // The debug probe clears the log's control block, which has one channel, at each start.
+    // The bench, like a debug probe, clears the log's control block, which has one channel, at each start.
     let block = usize::try_from(node.address_of("_SEGGER_RTT").unwrap() - 0x2000_0000).unwrap();
     let ram = |node: &Node<bench::boards::Horus>| {
         let mut bytes = vec![0; 192 << 10];
@@ -152,7 +153,8 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs `count` shapes, of either board's supply and of both, one after the other; returns their number.
+/// Runs `count` courses of voltage one after the other, of either board's supply and of both; returns their number.
+/// `None` if the firmwares were not built.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);
@@ -165,7 +167,7 @@ fn sagging(seed: u64, count: u64) -> Option<u64> {
         };
         let (mut end, shape) = (at, rng.word());
         for board in hit {
-            // Both boards sag together, by one shape or by two.
+            // Both supplies sag together, with the same course of voltage or with two.
             let shape = if rng.one_in(2) { shape } else { rng.word() };
             let from = at + rng.between(0, 10 * MS);
             let until = from + power::sag_length(shape);

@@ -1,4 +1,4 @@
-//! The judged codes: the profile's two polynomials and those for comparison, at every length in use.
+//! The codes that are judged: the profile's two polynomials and others for comparison, at every length in use.
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::sync::LazyLock;
@@ -21,30 +21,30 @@ const fn named(name: &'static str, koopman: u32) -> Named {
     }
 }
 
-/// The frame CRC (paper, section 2.3): closes every object. 0xF1922815 in the usual notation.
+/// The frame CRC (paper, section 2.3), which closes every object: 0xF1922815 in the usual notation.
 pub const FRAME: Named = named("frame", 0xF8C9_140A);
 
-/// The position CRC (paper, section 2.3): over latitude and longitude. 0x3AFF2FAD in the usual notation.
+/// The position CRC (paper, section 2.3), over latitude and longitude: 0x3AFF2FAD in the usual notation.
 pub const POSITION: Named = named("position", 0x9D7F_97D6);
 
-/// IEEE 802.3, best known as 0x04C11DB7 in the usual notation.
+/// The polynomial of IEEE 802.3, best known as 0x04C11DB7 in the usual notation.
 pub const IEEE_802_3: Named = named("IEEE 802.3", 0x8260_8EDB);
 
-/// CRC-32C (Castagnoli; iSCSI, RFC 3720), 0x1EDC6F41 in the usual notation.
+/// The polynomial of CRC-32C (Castagnoli; iSCSI, RFC 3720), 0x1EDC6F41 in the usual notation.
 pub const CRC_32C: Named = named("CRC-32C", 0x8F6E_37A0);
 
-/// CRC-32Q (aeronautical data; AIXM, ARINC 424), 0x814141AB in the usual notation.
+/// The polynomial of CRC-32Q (aeronautical data; AIXM, ARINC 424), 0x814141AB in the usual notation.
 pub const CRC_32Q: Named = named("CRC-32Q", 0xC0A0_A0D5);
 
-/// The polynomial of OPC UA Safety (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4; both write it 0xF4ACFB13 in the
-/// usual notation. Its first and last bits are both set, so the digits are possible in either notation: in Koopman's,
-/// 0xF4ACFB13 is another polynomial. The published distances are those of 0xFA567D89.
+/// The polynomial of OPC UA Safety (OPC 10000-15, RQ7.22), which is also AUTOSAR's CRC32P4; both write it 0xF4ACFB13 in
+/// the usual notation. The first and the last bit of these digits are set, so they are possible in either notation, but
+/// in Koopman's notation 0xF4ACFB13 is another polynomial. The published distances are those of 0xFA567D89.
 pub const OPC_UA_SAFETY: Named = named("OPC UA Safety", 0xFA56_7D89);
 
-/// All polynomials, the profile's first.
+/// All polynomials, with the profile's two first.
 pub const POLYNOMIALS: [Named; 6] = [FRAME, POSITION, IEEE_802_3, CRC_32C, CRC_32Q, OPC_UA_SAFETY];
 
-/// The length of latitude, longitude and the position CRC, bits.
+/// The length of latitude, longitude and the position CRC together, bits.
 pub const POSITION_BITS: usize = 160;
 /// The length of a GPS object, bits.
 pub const GPS_BITS: usize = 8 * profile::GpsObject::SIZE;
@@ -58,18 +58,18 @@ pub const REQUEST_BITS: usize = 64;
 /// The lengths at which all polynomials are compared.
 pub const COMPARED: [usize; 3] = [POSITION_BITS, GPS_BITS, REPORTED_BITS];
 
-/// A polynomial at a length.
+/// A CRC's code: a polynomial at a length of the codeword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// The polynomial.
     pub named: Named,
-    /// The length of the codeword with its check bits.
+    /// The length of the codeword, check bits included, bits.
     pub bits: usize,
 }
 
 impl Code {
-    /// Every judged code, by length: all polynomials at the lengths of the profile, and the frame CRC at its two other
-    /// lengths on the SSI.
+    /// Every code that is judged, by length: all polynomials at the lengths of the profile, and the frame CRC at the
+    /// two other lengths on the SSI.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));
@@ -79,20 +79,20 @@ impl Code {
         all
     }
 
-    /// Counts the words of its dual, which takes seconds.
+    /// Counts the words of the code's dual, which takes seconds.
     #[must_use]
     pub fn count(self, threads: NonZero<usize>, progress: &(dyn Fn(f64) + Sync)) -> DualWeights {
         DualWeights::count(self.named.polynomial, self.bits, threads, progress)
     }
 
-    /// The weights of its dual, which were counted once and committed with the source; None for a code not among
-    /// [`Code::all`].
+    /// The weights of the code's dual, which were counted once and committed with the source; None for a code that is
+    /// not among [`Code::all`].
     #[must_use]
     pub fn committed(self) -> Option<DualWeights> {
         COMMITTED.iter().find(|(code, _)| *code == self).map(|(_, dual)| dual.clone())
     }
 
-    /// Its weight distribution from the committed weights of its dual, checked for validity.
+    /// The code's weight distribution from the committed weights of its dual, checked for validity.
     ///
     /// # Errors
     ///
@@ -126,11 +126,11 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // An unreadable line makes its code missing, which shows when that code is requested.
+    // A line that cannot be read makes its code missing, which is noticed when that code is requested.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 
-/// The committed file's text for these weights.
+/// The text of the committed file for these weights.
 #[must_use]
 pub fn committed_text(duals: &[(Code, DualWeights)]) -> String {
     let mut text = String::from(

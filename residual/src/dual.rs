@@ -1,39 +1,40 @@
-//! Every word of the dual code, counted by weight.
+//! Counts all words of the dual code by weight.
 //!
 //! # Design
 //!
-//! A CRC of r check bits over n bits is a linear code of 2^(n - r) words: far too many to count when n is hundreds. Its
-//! dual, all the sums of its r parity checks, has 2^r words for any n, and MacWilliams' identity converts the weights
-//! of one into those of the other ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
+//! A CRC of r check bits over n bits is a linear code of 2^(n - r) words: far too many to count when n is in the
+//! hundreds. Its dual, all sums of its r parity checks, has 2^r words for any n, and MacWilliams' identity converts the
+//! weights of the dual into those of the code ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
 //!
-//! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. The last six checks
-//! are not walked but tabulated, all 64 sums of them, so that the inner loop has no dependency from word to word: load,
-//! exclusive or, count, n / 64 times, then one histogram entry.
+//! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. For the last six
+//! checks a table has all 64 sums, so that the inner loop has no dependency from word to word: load, exclusive or,
+//! count, n / 64 times, then one histogram entry.
 //!
 //! **Even codes need half the work.** If x + 1 divides the polynomial, the all-ones word is in the dual (it is the sum
-//! of all checks), so each word of weight w has a partner of weight n - w: one check is left out and the histogram
+//! of all checks), so each word of weight w has a partner of weight n - w. One check is then left out and the histogram
 //! mirrored.
 //!
-//! **All cores.** The walk is cut into 2^10 pieces, each of which begins at its own place of the Gray code; threads
-//! take them one by one. The result is a sum of histograms and does not depend on which thread counted which piece.
+//! **All cores.** The sequence of words is divided into 2^10 pieces, each of which begins at its own position of the
+//! Gray code. Threads take the pieces one by one. The result is a sum of histograms and does not depend on which thread
+//! counted which piece.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{array, thread};
 
 use crate::Polynomial;
 
-/// The longest codeword counted, bits.
+/// The longest codeword whose dual can be counted, bits.
 pub const MAX_LENGTH: usize = 512;
 
 const WORD: usize = 64;
-/// log2 of the tabulated sums: 64 of them, at most 4 KiB, which stay in the first-level cache.
+/// log2 of the number of tabulated sums: 64 sums, at most 4 KiB, which stay in the first-level cache.
 const TABLE_LOG2: u32 = 6;
-/// log2 of the pieces.
+/// log2 of the number of pieces into which the Gray code is divided.
 const PIECES_LOG2: u32 = 10;
-/// Adjacent words often have equal weights; counting them in turn in several histograms keeps one increment from
-/// waiting for the other's store.
+/// The number of histograms in which words are counted in turn. Adjacent words often have equal weights, and in one
+/// histogram an increment would wait for the store of the one before.
 const HISTOGRAMS: usize = 4;
-/// The number of words of each weight in one piece: at most 2^22, which fits in a u32.
+/// For each histogram the number of words of each weight in one piece: at most 2^22, which fits in a u32.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
 /// The number of words of the dual code by weight, from 0 to the length.
@@ -43,12 +44,12 @@ pub struct DualWeights {
 }
 
 impl DualWeights {
-    /// Counts the words of the dual of the code of `length` bits with check bits; any thread calls `progress` with the
-    /// finished share, 0 to 1.
+    /// Counts the words of the dual of the polynomial's code of `length` bits, check bits included. Threads call
+    /// `progress` with the finished share, 0 to 1.
     ///
     /// # Panics
     ///
-    /// Panics if `length` is more than [`MAX_LENGTH`] or not more than the check bits.
+    /// Panics if `length` is more than [`MAX_LENGTH`], or not more than the number of check bits.
     #[must_use]
     pub fn count(
         polynomial: Polynomial,
@@ -69,13 +70,14 @@ impl DualWeights {
         }
     }
 
-    /// Weights that were counted before: `counts[w]` words of weight w, one entry for each weight from 0 to the length.
+    /// Returns weights that were counted before: `counts[w]` words of weight w, one entry for each weight from 0 to the
+    /// length.
     #[must_use]
     pub fn from_counts(counts: Vec<u64>) -> Self {
         Self { counts }
     }
 
-    /// The number of words by weight, from 0 to the codeword's length.
+    /// The number of words of each weight, from 0 to the codeword's length.
     #[must_use]
     pub fn counts(&self) -> &[u64] {
         &self.counts
@@ -93,9 +95,9 @@ struct Walk<const W: usize> {
     length: usize,
     /// Whether each counted word also stands for its complement.
     mirrored: bool,
-    /// The parity checks in the Gray code, with those of the pieces last.
+    /// The parity checks that the Gray code combines; those that select a piece come last.
     checks: Vec<[u64; W]>,
-    /// All sums of the other parity checks.
+    /// All sums of the remaining parity checks.
     table: Vec<[u64; W]>,
     pieces_log2: u32,
 }
@@ -103,7 +105,7 @@ struct Walk<const W: usize> {
 impl<const W: usize> Walk<W> {
     fn new(polynomial: Polynomial, length: usize) -> Self {
         let columns = polynomial.columns(length);
-        // Check j is bit j of every column.
+        // Parity check j is made of bit j of every column.
         let mut checks: Vec<[u64; W]> = (0..polynomial.degree())
             .map(|j| {
                 let mut check = [0; W];
@@ -168,7 +170,7 @@ impl<const W: usize> Walk<W> {
         DualWeights { counts }
     }
 
-    /// The histograms of one piece.
+    /// Counts the words of one piece in histograms.
     fn piece(&self, piece: usize) -> Histograms {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("popcnt") {
@@ -179,8 +181,8 @@ impl<const W: usize> Walk<W> {
         self.walk(piece)
     }
 
-    /// The same, compiled for a processor that counts bits in one instruction, which is three times as fast as the
-    /// portable code.
+    /// Counts the words of one piece as the portable code does, but is compiled for a processor that counts bits in one
+    /// instruction, which is three times as fast.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
     fn piece_with_popcnt(&self, piece: usize) -> Histograms {
@@ -217,7 +219,8 @@ impl<const W: usize> Walk<W> {
     }
 }
 
-/// Counts a word. No counter can overflow: there are at most 512 ones and at most 2^22 words.
+/// Counts a word in the histogram. No counter can overflow: a word has at most 512 ones, and a piece has at most 2^22
+/// words.
 #[inline(always)]
 fn count_word<const W: usize>(histogram: &mut [u32; MAX_LENGTH + 1], word: &[u64; W]) {
     let weight = word.iter().fold(0_u32, |ones, part| ones.wrapping_add(part.count_ones()));
@@ -236,7 +239,7 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The weights of all sums of the parity checks, computed one by one.
+    /// The weights of all sums of the parity checks, found by calculating each sum.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<u64> {
         let columns = polynomial.columns(length);
         let mut counts = vec![0; length + 1];

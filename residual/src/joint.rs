@@ -1,31 +1,31 @@
-//! Two CRCs, one inside the other, which protect latitude and longitude in Reported-Position.
+//! The two CRCs, one inside the other, that protect latitude and longitude in Reported-Position.
 //!
 //! # The code
 //!
-//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, all 64 bytes one of the frame CRC. A pattern
-//! of errors goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27 is one
-//! of the inner code: 64 check bits, 448 data bits. Two distances are of interest:
+//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, and all 64 bytes are one of the frame CRC. A
+//! pattern of errors goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27
+//! is one of the inner code: 64 check bits, 448 data bits. Two distances are of interest:
 //!
 //! - the distance of patterns that damage latitude or longitude, *and possibly other bits*: [`Joint::distance`]. The
-//!   inner part is then a codeword other than 0. (If latitude and longitude are undamaged, the position CRC is
-//!   undamaged, too, or does not match.)
+//!   part in bytes 8 to 27 is then a codeword other than 0. (If latitude and longitude are undamaged, the position CRC
+//!   is undamaged too, or does not match.)
 //! - the distance of all patterns, which need not damage latitude and longitude: the outer code's own.
 //!
 //! # The method
 //!
 //! The dual of the joint code has 2^64 words, too many to count. But a word of low weight is an inner codeword of low
-//! weight, shifted to its place, plus a few bits elsewhere that make up its syndrome in the outer code. The inner code
-//! has no words below its distance and few just above. So the search finds all inner words of weight up to
-//! [`MAX_WEIGHT`] ([`Words`]) and looks each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352
-//! bits elsewhere. By total weight, smallest first, each combination of inside and outside either is excluded, because
-//! every candidate was tested, or has a word. An odd total weight needs no search if the outer polynomial is divisible
-//! by x + 1.
+//! weight, shifted to its position, and a few bits elsewhere that have the same syndrome in the outer code. The inner
+//! code has no words below its distance and few just above it. So the search finds all inner words of weight up to
+//! [`MAX_WEIGHT`] ([`Words`]) and looks up the outer syndrome of each among the sums of 0, 1, 2, 3 columns of the 352
+//! bits elsewhere. By total weight, smallest first, each combination of a weight inside and one outside either has a
+//! word or is excluded, because every inner word of that weight was tested. An odd total weight needs no search if the
+//! outer polynomial is divisible by x + 1.
 use std::collections::HashMap;
 use std::num::NonZero;
 
 use crate::{MAX_WEIGHT, Polynomial, Words};
 
-/// The most outside bits that the search combines.
+/// The most wrong bits outside the inner codeword that the search considers.
 const MAX_OUTSIDE: usize = 3;
 
 /// An inner codeword inside an outer one.
@@ -39,7 +39,7 @@ pub struct Nesting {
     pub inner: Polynomial,
     /// The length of the inner codeword, bits.
     pub inner_bits: usize,
-    /// The number of outer bits that are sent after the inner codeword's last.
+    /// The number of bits of the outer codeword that are sent after the last bit of the inner one.
     pub bits_after: usize,
 }
 
@@ -50,40 +50,40 @@ impl Nesting {
         outer_bits: crate::codes::REPORTED_BITS,
         inner: crate::codes::POSITION.polynomial,
         inner_bits: crate::codes::POSITION_BITS,
-        // The remaining bytes are 28 to 63.
+        // Bytes 28 to 63 are sent after the position CRC.
         bits_after: 8 * 36,
     };
 }
 
-/// One combination of weights, with the search's result.
+/// One combination of a weight inside and a weight outside the inner codeword, with the search's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
     /// Errors in the inner codeword.
     pub inside: usize,
     /// Errors elsewhere in the outer codeword.
     pub outside: usize,
-    /// Inner codewords of that weight, each of which was tested.
+    /// The number of inner codewords with that many errors, each of which was tested.
     pub candidates: u64,
-    /// Words of the joint code among them.
+    /// The number of words of the joint code that were found among them.
     pub words: u64,
 }
 
-/// The least number of errors that damage the inner codeword and go undetected by both CRCs.
+/// The least number of errors that damage the inner codeword and that both CRCs fail to detect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// The least weight of a joint codeword whose inner part is not 0, if the search reached it.
+    /// The least weight of a joint codeword whose inner part is not 0; `None` if the search did not reach it.
     pub distance: Option<usize>,
-    /// All weights below this one are proved to have no words: the distance itself, if known.
+    /// The weight below which all weights are proved to have no words: the distance itself, if it is known.
     pub at_least: usize,
-    /// The combinations that were searched, by total weight.
+    /// The combinations of weights that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight: for each, the set bits of the outer codeword, counted from the last sent. They are
-    /// all words of the combinations in `examined`; others, with more errors inside, may exist.
+    /// Words of the least weight, each as the set bits of the outer codeword, counted from the last bit sent. They are
+    /// all words of the combinations in `examined`; there may be others with more errors inside.
     pub words: Vec<Vec<u16>>,
 }
 
 impl Joint {
-    /// Searches by total weight until one has words or a combination is out of reach.
+    /// Searches by total weight until a weight has words, or a combination of weights cannot be searched.
     #[must_use]
     pub fn search(nesting: &Nesting, threads: NonZero<usize>) -> Self {
         let columns = nesting.outer.columns(nesting.outer_bits);
@@ -92,7 +92,7 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // The inner words are found by weight, when needed.
+        // The inner words of a weight are only found when they are needed.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -102,7 +102,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // The combination is out of reach, unless there are no such inner words at all.
+                    // The combination of weights cannot be searched, unless there are no inner words of that weight at
+                    // all.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -131,8 +132,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // If words are found at this weight, all smaller weights have been excluded, because otherwise the
-                // search would have ended.
+                // All smaller total weights have been excluded, because otherwise the search would have ended before.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {
@@ -154,9 +154,9 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,
-    /// The place of a column.
+    /// The position of the column that has this value.
     singles: HashMap<u32, u16>,
-    /// The places of two columns with a sum, each pair once.
+    /// The positions of two columns that have this sum, each pair once.
     pairs: HashMap<u32, Vec<[u16; 2]>>,
 }
 
@@ -173,7 +173,7 @@ impl Outside {
         Self { places, columns, singles, pairs }
     }
 
-    /// Every set of `count` places, in rising order, whose columns add up to `sum`.
+    /// Finds every set of `count` positions, in rising order, whose columns add up to `sum`.
     fn sums_to(&self, sum: u32, count: usize, found: &mut dyn FnMut(&[u16])) {
         match count {
             0 => {
@@ -204,7 +204,8 @@ mod tests {
 
     const TWO: NonZero<usize> = NonZero::new(2).unwrap();
 
-    /// The least weight of all words that are codewords of both and not 0 inside, found by trying all of them.
+    /// The least weight of all words that are codewords of both codes and not 0 inside, and the number of these words,
+    /// found by trying all words.
     fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
         let outer = nesting.outer.columns(nesting.outer_bits);
         let inner = nesting.inner.columns(nesting.inner_bits);

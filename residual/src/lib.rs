@@ -2,19 +2,19 @@
 //!
 //! # Design
 //!
-//! **No estimates.** The probability that damage goes undetected follows from one set of numbers: the number of
-//! codewords of each weight. They are computed in full, in exact integers: the 2^32 words of the dual code are counted
-//! one by one ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and
-//! probabilities are sums over all of them ([`undetected_exactly`], [`ErrorCurve`]).
+//! **No estimates.** The probability that damage goes undetected follows from the number of codewords of each weight.
+//! These numbers are calculated in full, in exact integers: the 2^32 words of the dual code are counted one by one
+//! ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and probabilities are
+//! sums over all of them ([`undetected_exactly`], [`ErrorCurve`]).
 //!
-//! **Every number is computed in two ways.** A second method, independent of the dual, also finds codewords of low
-//! weight one by one ([`Words`]); the results must agree with each other and with Koopman's published ones. The
+//! **Every number is calculated in two ways.** A second method, independent of the dual, also finds codewords of low
+//! weight one by one ([`Words`]); its results must agree with those of the first and with Koopman's published ones. The
 //! theory's statements about error patterns are tested on objects that `profile` sealed ([`wire`]): detectable patterns
 //! must be rejected, and undetectable ones accepted, because otherwise the weights might be those of some other code.
 //!
-//! **One command.** `cargo xtask residual` does all of it and writes the tables and the plot of
-//! `docs/safety/residual-error.md`. The counting takes a minute or two, so its result is committed ([`codes`]): tests
-//! start from it, while the command counts again and compares.
+//! **One command.** `cargo xtask residual` carries out both methods and the tests, and writes the tables and the plot
+//! of `docs/safety/residual-error.md`. The counting takes a minute or two, so its result is committed ([`codes`]).
+//! Tests start from the committed result, while the command counts again and compares.
 //!
 //! | module | contents |
 //! |---|---|

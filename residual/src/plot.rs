@@ -1,7 +1,7 @@
-//! Plots P_ud over the bit error rate as an SVG: a panel for each length in use, a line for each polynomial, and the
-//! bounds.
+//! Plots the probability of an undetected error, P_ud, over the bit error rate as an SVG document: a panel for each
+//! length in use, a line for each polynomial, and the bounds.
 //!
-//! Coordinates are whole pixels and text stays text, so that the same numbers give the same file.
+//! Coordinates are whole pixels and text stays text, so the same numbers give the same file on every machine.
 use std::error::Error;
 
 use plotters::prelude::*;
@@ -17,10 +17,10 @@ const PANEL_HEIGHT: u32 = 520;
 const X: std::ops::Range<f64> = -6.0..-0.301;
 /// The plotted range of the probability, log10.
 const Y: std::ops::Range<f64> = -30.0..-2.0;
-/// The number of receivers of the profile whose share per object is drawn.
+/// The number of receivers of the profile for which each object's share of the bounds is drawn.
 const RECEIVERS: u32 = 3;
 
-/// Colours of Okabe and Ito, which colour-blind readers can distinguish.
+/// The colours of the polynomials' lines: those of Okabe and Ito, which colour-blind readers can distinguish.
 const fn colour(named: Named) -> RGBColor {
     match named.polynomial.koopman() {
         0xF8C9_140A => RGBColor(0xD5, 0x5E, 0x00),
@@ -32,11 +32,11 @@ const fn colour(named: Named) -> RGBColor {
     }
 }
 
-/// Draws the curves of all codes at the compared lengths.
+/// Draws the curves of all codes at the lengths that are compared.
 ///
 /// # Errors
 ///
-/// An error of the plotting library; none is expected, because it draws into a string.
+/// The plotting library reports an error; none is expected, because it draws into a string.
 pub fn svg(curves: &[(Code, ErrorCurve)]) -> Result<String, Box<dyn Error>> {
     let mut text = String::new();
     {
@@ -86,7 +86,7 @@ fn panel<'a>(
         (share(Sil::Three), "SIL 3, likewise".to_owned()),
         (share(Sil::Four), "SIL 4, likewise".to_owned()),
     ];
-    // Labels closer than a line of text would overlap, so one goes to the right.
+    // Labels closer than a line of text would overlap, so one of them is moved to the right.
     for (i, (bound, label)) in bounds.into_iter().enumerate() {
         let y = bound.log10();
         chart.draw_series(DashedLineSeries::new([(X.start, y), (X.end, y)], 8, 6, BLACK.mix(0.7).stroke_width(1)))?;

@@ -5,10 +5,10 @@ use std::fmt;
 ///
 /// # Notation
 ///
-/// A polynomial of degree r has r + 1 coefficients, the first and the last of them always set. To fit r bits, the usual
-/// ("normal", "implicit x^r", the `crc` crate's `poly`) notation omits the highest; Koopman's ("implicit +1") omits the
-/// lowest. The same digits mean two different codes, and either passes every round-trip test: only distances and check
-/// values distinguish them.
+/// A polynomial of degree r has r + 1 coefficients, of which the first and the last are always set. To fit r bits, the
+/// usual notation ("normal", "implicit x^r", the `crc` crate's `poly`) omits the highest coefficient, and Koopman's
+/// notation ("implicit +1") omits the lowest. The same digits mean two different codes in the two notations, and either
+/// code passes every round-trip test: only distances and check values distinguish them.
 ///
 /// ```
 /// use residual::Polynomial;
@@ -20,14 +20,15 @@ use std::fmt;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Polynomial {
-    /// Every coefficient, x^0 in bit 0.
+    /// Every coefficient of the polynomial; that of x^0 is bit 0.
     coefficients: u64,
 }
 
 impl Polynomial {
-    /// The polynomial whose coefficients x^degree to x^1 are `value`'s bits, the highest first; that of x^0 is 1.
+    /// Returns the polynomial whose coefficients x^degree to x^1 are `value`'s bits, the highest first; the coefficient
+    /// of x^0 is 1.
     ///
-    /// None if the degree is not 1 to 32 or `value` is not of that degree, so that it is in another notation.
+    /// Returns None if the degree is not 1 to 32, or if `value` is not of that degree and so is in another notation.
     #[must_use]
     pub const fn from_koopman(degree: u32, value: u32) -> Option<Self> {
         if degree < 1 || degree > 32 || 32 - value.leading_zeros() != degree {
@@ -36,11 +37,11 @@ impl Polynomial {
         Some(Self { coefficients: (value as u64) << 1 | 1 })
     }
 
-    /// The polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first; that of x^degree
-    /// is 1.
+    /// Returns the polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first; the
+    /// coefficient of x^degree is 1.
     ///
-    /// None if the degree is not 1 to 32, `value` has more bits than that, or its constant term is 0: no CRC's
-    /// polynomial is divisible by x.
+    /// Returns None if the degree is not 1 to 32, if `value` has more bits than that, or if its constant term is 0: no
+    /// CRC's polynomial is divisible by x.
     #[must_use]
     pub const fn from_normal(degree: u32, value: u32) -> Option<Self> {
         if degree < 1 || degree > 32 || 32 - value.leading_zeros() > degree || value & 1 == 0 {
@@ -55,26 +56,26 @@ impl Polynomial {
         63 - self.coefficients.leading_zeros()
     }
 
-    /// Koopman's notation, without the lowest coefficient.
+    /// The polynomial in Koopman's notation, without the lowest coefficient.
     #[must_use]
     pub const fn koopman(self) -> u32 {
         (self.coefficients >> 1) as u32
     }
 
-    /// The usual notation, without the highest coefficient.
+    /// The polynomial in the usual notation, without the highest coefficient.
     #[must_use]
     pub const fn normal(self) -> u32 {
         (self.coefficients ^ 1 << self.degree()) as u32
     }
 
-    /// All coefficients, that of x^i in bit i.
+    /// All coefficients of the polynomial; that of x^i is bit i.
     #[must_use]
     pub const fn coefficients(self) -> u64 {
         self.coefficients
     }
 
-    /// Whether x + 1 divides it. In that case every codeword has an even number of ones, and every odd number of errors
-    /// is detected.
+    /// Whether x + 1 divides the polynomial. In that case every codeword has an even number of ones, and every odd
+    /// number of errors is detected.
     #[must_use]
     pub const fn is_even(self) -> bool {
         self.coefficients.count_ones().is_multiple_of(2)
@@ -83,7 +84,7 @@ impl Polynomial {
     /// The remainders of x^0, x^1, … x^(length - 1): the columns of the parity-check matrix.
     ///
     /// Column i is the syndrome of an error in the bit that is sent i bits before the last. A pattern of errors goes
-    /// undetected if and only if the columns it hits add up to 0.
+    /// undetected if and only if the columns of the wrong bits add up to 0.
     #[must_use]
     pub fn columns(self, length: usize) -> Vec<u32> {
         let mut power = 1_u64;
@@ -99,7 +100,7 @@ impl Polynomial {
             .collect()
     }
 
-    /// The degree of the greatest common divisor with another polynomial; 0 if they have no factor in common.
+    /// The degree of the greatest common divisor of this polynomial and `other`; 0 if they have no factor in common.
     #[must_use]
     pub const fn common_degree(self, other: Self) -> u32 {
         let (mut a, mut b) = (self.coefficients, other.coefficients);
@@ -130,7 +131,7 @@ impl fmt::Debug for Polynomial {
 mod tests {
     use super::*;
 
-    /// x^i mod g by long division, as a check of the shift register.
+    /// The remainder of x^i divided by g, by long division, as a check of the shift register.
     fn remainder(g: u64, exponent: u32) -> u32 {
         let degree = 63 - g.leading_zeros();
         let mut dividend = 1_u128 << exponent;

@@ -2,20 +2,20 @@
 //!
 //! # Model
 //!
-//! Each bit of a codeword of n bits is wrong with probability p, independently of all others: the binary symmetric
-//! channel on which IEC 61784-3 bases its residual error probability. Then
+//! Each bit of a codeword of n bits is wrong with probability p, independently of all others. This is the binary
+//! symmetric channel on which IEC 61784-3 bases its residual error probability. Then
 //!
 //! > P_ud(p) = Σ A_w p^w (1 - p)^(n - w), w from the Hamming distance to n
 //!
-//! The sum is complete and exact, because all A_w are known.
+//! A_w is the number of codewords of weight w. The sum is complete and exact, because all A_w are known.
 //!
-//! **Conditional probability.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n) is the fraction of damaged codewords that
-//! passes. OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate of
-//! damaged messages, from any cause, it gives the rate of residual errors.
+//! **Conditional probability.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n) is the fraction of damaged codewords that goes
+//! undetected. OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate
+//! of damaged messages, from any cause, it gives the rate of residual errors.
 //!
-//! **Precision.** [`undetected_exactly`] adds the same terms as fractions of integers; every number in a table is one
-//! of these, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds them in binary64 from
-//! their logarithms, to a relative error below 1e-11 (a test compares the two).
+//! **Precision.** [`undetected_exactly`] adds the terms as fractions of integers; every number in a table is one of its
+//! results, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds the terms in binary64 from
+//! their logarithms, with a relative error below 1e-11 (a test compares the two).
 use std::f64::consts::LN_2;
 use std::fmt;
 
@@ -33,15 +33,15 @@ pub struct BitErrorRate {
 }
 
 impl BitErrorRate {
-    /// IEC 61784-3's conventional rate, which is assumed where no lower one is proved: 1e-2.
+    /// The rate that IEC 61784-3 assumes by convention where no lower one is proved: 1e-2.
     pub const CONVENTIONAL: Self = Self { digit: 1, decade: 2 };
 
-    /// The rates tabulated: 1e-6 to 5e-1 in steps of 1, 2, 5.
+    /// The bit error rates in the tables: 1e-6 to 5e-1 in steps of 1, 2, 5.
     pub fn tabulated() -> impl Iterator<Item = Self> {
         (1..=6).rev().flat_map(|decade| [1, 2, 5].map(|digit| Self { digit, decade }))
     }
 
-    /// The rate as a number.
+    /// The bit error rate as a binary64.
     #[must_use]
     pub fn value(self) -> f64 {
         f64::from(self.digit) / 10_f64.powi(self.decade as i32)
@@ -54,12 +54,13 @@ impl fmt::Display for BitErrorRate {
     }
 }
 
-/// P_ud at a rate, computed exactly and rounded to binary64 at the end (toward zero, by less than one part in 2^52).
+/// P_ud at a bit error rate, calculated exactly and rounded to binary64 at the end (toward zero, by less than one part
+/// in 2^52).
 #[must_use]
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // Horner's rule is used in both variables: Σ A_w a^w b^(n - w), from w = n down.
+    // With a / b as the rate's p / (1 - p), Horner's rule gives Σ A_w a^w b^(n - w), from w = n down.
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);
@@ -70,24 +71,24 @@ pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     quotient(sum * wrong, &BigUint::from(denominator).pow(weights.length() as u32))
 }
 
-/// The quotient `numerator / denominator`, computed to 64 bits before it becomes a binary64.
+/// The quotient `numerator / denominator`, calculated to 64 bits before it is converted to a binary64.
 fn quotient(numerator: BigUint, denominator: &BigUint) -> f64 {
     if numerator == BigUint::ZERO {
         return 0.0;
     }
     let shift = (64 + denominator.bits()).saturating_sub(numerator.bits());
     let digits = (numerator << shift) / denominator;
-    // It takes two steps, because 2^-shift alone may be less than the smallest binary64.
+    // The scaling takes two steps, because 2^-shift alone may be less than the smallest binary64.
     let (mantissa, exponent) = scientific(&digits);
     mantissa * 2_f64.powi((exponent as i64 - shift as i64) as i32)
 }
 
-/// `value` as a mantissa in 1..2 and an exponent of 2.
+/// `value` as a mantissa from 1 to 2 and an exponent of 2.
 fn scientific(value: &BigUint) -> (f64, u64) {
     let exponent = value.bits() - 1;
     let top = if exponent > 63 { value >> (exponent - 63) } else { value << (63 - exponent) };
     let top = top.iter_u64_digits().next().unwrap_or(0);
-    // The highest 53 bits are exact.
+    // The mantissa has the highest 53 bits of the value exactly.
     ((top >> 11) as f64 / 2_f64.powi(52), exponent)
 }
 
@@ -95,12 +96,12 @@ fn scientific(value: &BigUint) -> (f64, u64) {
 #[derive(Clone, Debug)]
 pub struct ErrorCurve {
     length: usize,
-    /// The pairs (w, ln A_w) for every weight of a codeword.
+    /// The pairs (w, ln A_w) for every weight that a codeword has.
     terms: Vec<(f64, f64)>,
 }
 
 impl ErrorCurve {
-    /// The curve of the code with these weights.
+    /// Returns the curve of the code with these weights.
     #[must_use]
     pub fn new(weights: &Weights) -> Self {
         let terms = weights
@@ -127,19 +128,19 @@ impl ErrorCurve {
         -(self.length as f64 * (-p).ln_1p()).exp_m1()
     }
 
-    /// P_re,cond: the probability that a damaged codeword passes.
+    /// P_re,cond: the probability that a damaged codeword goes undetected.
     #[must_use]
     pub fn conditional(&self, p: f64) -> f64 {
         self.undetected(p) / self.damaged(p)
     }
 
-    /// The rate p from 1e-6 to 0.5 at which P_ud is largest, and that maximum.
+    /// The largest P_ud at rates p from 1e-6 to 0.5, and the rate at which P_ud has that value.
     #[must_use]
     pub fn maximum(&self) -> Maximum {
         maximum(|p| self.undetected(p))
     }
 
-    /// The rate p from 1e-6 to 0.5 at which P_re,cond is largest, and that maximum.
+    /// The largest P_re,cond at rates p from 1e-6 to 0.5, and the rate at which P_re,cond has that value.
     #[must_use]
     pub fn conditional_maximum(&self) -> Maximum {
         maximum(|p| self.conditional(p))
@@ -149,20 +150,21 @@ impl ErrorCurve {
 /// The largest value of a function of the bit error rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
-    /// The least rate, of 200 a decade, at which the function is within a millionth of its largest value. Most of these
-    /// functions rise to a plateau, on which rounding alone would decide the place.
+    /// The least of 200 rates a decade at which the function is within a millionth of its largest value. Most of these
+    /// functions rise to a plateau, on which rounding errors alone would determine the rate of the maximum.
     pub bit_error_rate: f64,
     /// The maximum.
     pub value: f64,
 }
 
-/// The number of search steps per decade of the bit error rate. P_ud is a polynomial whose bumps are as wide as the
-/// binomial distribution's, a tenth of a decade or more at these lengths, so none fits between two steps.
+/// The number of search steps for each decade of the bit error rate. P_ud is a polynomial whose maxima are as wide as
+/// the binomial distribution's, a tenth of a decade or more at these lengths, so no maximum lies between two steps
+/// unseen.
 const STEPS_PER_DECADE: u32 = 200;
 const LOWEST: f64 = 1e-6;
 const HIGHEST: f64 = 0.5;
 
-/// The rates from 1e-6 to 0.5, evenly on a logarithmic scale, both ends included.
+/// The bit error rates from 1e-6 to 0.5, evenly on a logarithmic scale, both ends included.
 pub fn logarithmic(steps_per_decade: u32) -> impl DoubleEndedIterator<Item = f64> {
     let decades = (HIGHEST / LOWEST).log10();
     let steps = (decades * f64::from(steps_per_decade)).ceil() as u32;
@@ -175,7 +177,7 @@ fn maximum(function: impl Fn(f64) -> f64) -> Maximum {
     let rates: Vec<f64> = logarithmic(STEPS_PER_DECADE).collect();
     let values: Vec<f64> = rates.iter().map(|p| function(*p)).collect();
     let best = (0..rates.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
-    // The golden-section search runs between the neighbours of the best step.
+    // The golden-section search runs between the two neighbours of the best step.
     let (mut low, mut high) = (rates[best.saturating_sub(1)], rates[(best + 1).min(rates.len() - 1)]);
     let golden = (5_f64.sqrt() - 1.0) / 2.0;
     let mut value = values[best];
@@ -219,14 +221,14 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // There are 2^k - 1 of 2^n words that are codewords other than the one sent.
+        // There are 2^n words, and 2^k - 1 of them are codewords other than the one that was sent.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }
 
     #[test]
     fn a_parity_bit_misses_every_even_number_of_errors() {
-        // The formula is P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
+        // For this code P_ud = (1 + (1 - 2p)^n) / 2 - (1 - p)^n.
         let curve = ErrorCurve::new(&weights(1, 1, 9));
         for p in [1e-6, 1e-3, 0.1, 0.4] {
             let (q, n) = (1.0 - p, 9);
@@ -247,7 +249,8 @@ mod tests {
         assert_eq!((rising.bit_error_rate, rising.value), (0.5, 0.5));
         let plateau = maximum(|p| p.min(1e-3));
         assert!((plateau.bit_error_rate / 1e-3 - 1.0).abs() < 0.02 && plateau.value == 1e-3);
-        // x^8 + 1 misses any two errors eight bits apart, so it is worse at a few errors than at many.
+        // The code of x^8 + 1 misses any two errors that are eight bits apart, so it is worse with a few errors than
+        // with many.
         let curve = ErrorCurve::new(&weights(8, 0x01, 40));
         let worst = logarithmic(1000).map(|p| curve.undetected(p)).fold(0.0, f64::max);
         assert!((1.0 - 1e-12..1.0 + 1e-4).contains(&(curve.maximum().value / worst)));

@@ -4,35 +4,36 @@
 //! # Residual error rate
 //!
 //! HORUS sends a profile 100 times a second and never repeats one. Every object is judged separately, so the residual
-//! errors of the objects add up:
+//! errors of its objects add up:
 //!
 //! > Λ(p) = 360 000 / h · (P_ud, Reported-Position(p) + n P_ud, GPS(p))
 //!
-//! Reported-Position only counts with its frame CRC; its position CRC can only lower the figure. This holds for one
-//! sink; a system in which several sinks act independently on their data multiplies by their number (IEC 61784-3's m).
+//! Reported-Position counts with its frame CRC only; its position CRC can only lower the figure. This holds for one
+//! receiver of the data, which IEC 61784-3 calls a sink. For a system in which several sinks act independently on their
+//! data, the figure is multiplied by their number (the standard's m).
 //!
 //! # Bounds
 //!
 //! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL
-//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 allots a communication channel 1 % of that.
+//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 allots 1 % of that frequency to a communication channel.
 //!
 //! # Error interval limit
 //!
-//! A sink that goes to its safe state when a second error is detected within an interval T keeps the rate of detected
-//! errors below 1 / T on any channel. For every error that passes, 1 / P_re,cond - 1 are detected, so that residual
-//! errors are fewer than
+//! A sink that enters its safe state when it detects a second error within an interval T keeps the rate of detected
+//! errors below 1 / T on any channel. For every error that goes undetected, 1 / P_re,cond - 1 are detected, so there
+//! are fewer residual errors than
 //!
 //! > 1 / T · max P_re,cond / (1 - P_re,cond)
 //!
-//! at *any* bit error rate: the only remaining assumption is that of independent errors. OPC UA Safety does this with
-//! 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: on a worse
+//! at *any* bit error rate: the only remaining assumption is that errors are independent. OPC UA Safety uses intervals
+//! of 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: on a worse
 //! channel the function stops.
 use crate::ErrorCurve;
 
 /// The number of profiles per hour: one every 10 ms.
 pub const CYCLES_PER_HOUR: f64 = 3_600_000.0 / profile::CYCLE_MS as f64;
 
-/// OPC UA Safety's bound of P_re,cond (OPC 10000-15, 9.3).
+/// The upper bound of P_re,cond in OPC UA Safety (OPC 10000-15, 9.3).
 pub const OPC_UA_SAFETY_CONDITIONAL: f64 = 4.0e-10;
 
 /// The possible numbers of receivers in a profile.
@@ -50,7 +51,7 @@ pub enum Sil {
 }
 
 impl Sil {
-    /// The levels in the comparison.
+    /// All safety integrity levels in the comparison.
     pub const ALL: [Self; 3] = [Self::Two, Self::Three, Self::Four];
 
     /// Its number.
@@ -63,7 +64,8 @@ impl Sil {
         }
     }
 
-    /// Its limit for a communication channel: residual errors per hour, 1 % of the function's dangerous failures.
+    /// The level's limit for a communication channel: residual errors per hour, 1 % of the function's dangerous
+    /// failures.
     #[must_use]
     pub const fn channel_limit(self) -> f64 {
         match self {
@@ -73,7 +75,7 @@ impl Sil {
         }
     }
 
-    /// OPC UA Safety's error interval limit for it, minutes.
+    /// OPC UA Safety's error interval limit for the level, minutes.
     #[must_use]
     pub const fn error_interval_minutes(self) -> u32 {
         match self {
@@ -87,16 +89,16 @@ impl Sil {
 /// The objects of a profile, with their error curves.
 #[derive(Clone, Copy, Debug)]
 pub struct ProfileCurves<'a> {
-    /// Reported-Position's frame CRC.
+    /// The error curve of Reported-Position's frame CRC.
     pub reported: &'a ErrorCurve,
-    /// A GPS object's frame CRC.
+    /// The error curve of a GPS object's frame CRC.
     pub gps: &'a ErrorCurve,
     /// The number of GPS objects.
     pub receivers: usize,
 }
 
 impl ProfileCurves<'_> {
-    /// Λ: residual errors per hour at a bit error rate of `p`.
+    /// Λ, the number of residual errors per hour, at a bit error rate of `p`.
     #[must_use]
     pub fn residual_per_hour(&self, p: f64) -> f64 {
         CYCLES_PER_HOUR * (self.reported.undetected(p) + self.receivers as f64 * self.gps.undetected(p))
@@ -109,27 +111,28 @@ impl ProfileCurves<'_> {
         CYCLES_PER_HOUR * damaged - self.residual_per_hour(p)
     }
 
-    /// The most residual errors per hour at any bit error rate, if at most one object in `minutes` minutes is rejected.
+    /// The most residual errors per hour at any bit error rate, if at most one object is rejected in `minutes` minutes.
     #[must_use]
     pub fn residual_per_hour_limited(&self, minutes: f64) -> f64 {
         let conditional = self.reported.conditional_maximum().value.max(self.gps.conditional_maximum().value);
         60.0 / minutes * conditional / (1.0 - conditional)
     }
 
-    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they do so up to 0.5.
+    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they stay so up to a
+    /// rate of 0.5.
     #[must_use]
     pub fn holds_up_to(&self, limit: f64) -> Option<f64> {
         crossing(|p| self.residual_per_hour(p), limit)
     }
 
-    /// The bit error rate at which one object in `minutes` minutes is rejected on average.
+    /// The bit error rate at which one object is rejected in `minutes` minutes on average.
     #[must_use]
     pub fn one_rejected_per(&self, minutes: f64) -> Option<f64> {
         crossing(|p| self.rejected_per_hour(p), 60.0 / minutes)
     }
 }
 
-/// The rate at which a function of the bit error rate first exceeds `limit`, from 1e-15 up, rounded down.
+/// The least bit error rate, from 1e-15 up, at which the function exceeds `limit`, rounded down.
 fn crossing(function: impl Fn(f64) -> f64, limit: f64) -> Option<f64> {
     let steps = (1..).map(|step| 1e-15 * 10_f64.powf(f64::from(step) / 100.0)).take_while(|p| *p < 0.5).chain([0.5]);
     let mut low = 1e-15;
@@ -156,7 +159,7 @@ mod tests {
         let found = crossing(|p| p * p, 1e-6).unwrap();
         assert!((found / 1e-3 - 1.0).abs() < 1e-9);
         assert_eq!(crossing(|p| p, 0.5), None);
-        // The result is the first of several crossings.
+        // The function crosses the limit several times; the result is the first crossing.
         let bump = crossing(|p| if (1e-5..1e-4).contains(&p) { 2.0 } else { p }, 0.25).unwrap();
         assert!((bump / 1e-5 - 1.0).abs() < 1e-9);
     }

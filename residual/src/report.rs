@@ -1,4 +1,4 @@
-//! The complete report: the command's output, its JSON and the tables of its page.
+//! The complete report: the output of `cargo xtask residual`, its JSON and the tables of its page.
 use std::fmt::Write as _;
 use std::num::NonZero;
 
@@ -12,22 +12,22 @@ use crate::{BitErrorRate, Code, DualWeights, ErrorCurve, NotADual, Weights, burs
 
 /// The path of the report, from the workspace's root.
 pub const REPORT_PATH: &str = "docs/safety/residual-error.md";
-/// The path of its plot, from the workspace's root.
+/// The path of the report's plot, from the workspace's root.
 pub const PLOT_PATH: &str = "docs/safety/residual-error.svg";
 
-/// Hours of a year, 365.25 days.
+/// The number of hours in a year of 365.25 days.
 const HOURS_PER_YEAR: f64 = 8766.0;
 
-/// One code with the results of its weights.
+/// One code with all results that follow from its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The code.
     pub code: Code,
-    /// Its weight distribution.
+    /// The code's weight distribution.
     pub weights: Weights,
-    /// Its probabilities.
+    /// The code's error curve.
     pub curve: ErrorCurve,
-    /// P_ud at the tabulated rates, computed exactly and rounded once.
+    /// P_ud at the tabulated bit error rates, calculated exactly and rounded once.
     pub undetected: Vec<(BitErrorRate, f64)>,
 }
 
@@ -49,11 +49,11 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Judges the codes of these duals.
+    /// Judges the codes whose duals have these weights.
     ///
     /// # Errors
     ///
-    /// [`NotADual`], with the code, if weights are not those of its dual.
+    /// [`NotADual`], with the code, if the weights of a code are not those of its dual.
     pub fn new(duals: &[(Code, DualWeights)]) -> Result<Self, (Code, NotADual)> {
         let codes = duals.iter().map(|(code, dual)| {
             let weights = Weights::from_dual(dual, code.named.polynomial.degree()).map_err(|error| (*code, error))?;
@@ -74,11 +74,11 @@ impl Analysis {
         Self::new(&duals)
     }
 
-    /// One of the codes judged.
+    /// The results of one of the judged codes.
     ///
     /// # Panics
     ///
-    /// Panics if it is not one of them.
+    /// Panics if the code is not one of the judged ones.
     #[must_use]
     pub fn code(&self, named: Named, bits: usize) -> &Judged {
         let wanted = Code { named, bits };
@@ -95,7 +95,7 @@ impl Analysis {
         }
     }
 
-    /// The plot.
+    /// The plot of all codes' error curves, as an SVG document.
     ///
     /// # Errors
     ///
@@ -107,30 +107,30 @@ impl Analysis {
     }
 }
 
-/// A claim, and whether it holds.
+/// A claim about the CRCs, and whether it holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Claim {
     /// The claim's text.
     pub claim: String,
     /// Whether it holds.
     pub holds: bool,
-    /// The number that decides it.
+    /// The number that determines whether the claim holds.
     pub figure: String,
 }
 
-/// The results of the command.
+/// The results of `cargo xtask residual`.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The codes.
+    /// The judged codes.
     pub analysis: Analysis,
-    /// Latitude and longitude under both CRCs.
+    /// The distance of both CRCs together over latitude and longitude.
     pub joint: Joint,
     /// The verdicts of `profile` on injected errors.
     pub checks: Vec<Check>,
 }
 
 impl Report {
-    /// Adds the searches and injections to the codes' weights, in under a minute.
+    /// Adds the searches and injections to the codes' results, which takes less than a minute.
     #[must_use]
     pub fn new(analysis: Analysis, threads: NonZero<usize>) -> Self {
         let joint = Joint::search(&Nesting::REPORTED_POSITION, threads);
@@ -138,7 +138,7 @@ impl Report {
         Self { analysis, joint, checks }
     }
 
-    /// Injections whose outcome contradicts the theory: there must be none.
+    /// The injections whose outcome contradicts the theory; there must be none.
     pub fn unexplained(&self) -> impl Iterator<Item = &Check> {
         self.checks.iter().filter(|check| !check.holds())
     }
@@ -474,11 +474,12 @@ impl Report {
         )
     }
 
-    /// Returns the report's text with updated tables. A table is between `<!-- table: NAME -->` and `<!-- end -->`.
+    /// Returns the text of the report's page with updated tables. A table is between `<!-- table: NAME -->` and `<!--
+    /// end -->`.
     ///
     /// # Errors
     ///
-    /// The name of a table that has no place in the text.
+    /// The name of a table for which the text has no such marks.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");
@@ -489,7 +490,7 @@ impl Report {
         })
     }
 
-    /// A summary of one screen.
+    /// A summary of the results that fits on one screen.
     #[must_use]
     pub fn screen(&self) -> String {
         let mut text = String::new();
@@ -585,7 +586,7 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// None stands for any rate.
+    /// The rate is None if the claim holds at any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]
@@ -635,7 +636,7 @@ struct ReportJson {
     claims: Vec<Claim>,
 }
 
-/// Pairs as a JSON object, in their order.
+/// Writes pairs as a JSON object, in their order.
 fn in_order<S: Serializer, T: Serialize>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

@@ -1,31 +1,31 @@
-//! Finds codewords of low weight one by one, as a second way to the same numbers.
+//! Finds codewords of low weight one by one, as a second method for the numbers that follow from the dual code.
 //!
 //! # Meeting in the middle
 //!
 //! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such
-//! sets of w bits, each is split into two halves whose columns must have equal sums, so it suffices to list the sums of
-//! all halves and search for equal ones.
+//! sets of w bits, each set is split into two halves, whose columns must have equal sums. So it suffices to list the
+//! sums of all halves and search for equal ones.
 //!
-//! **Only words that begin at bit 0 are searched.** A codeword of a CRC stays one when it is shifted by a bit. So the
-//! words whose lowest bit is bit 0 represent all others: a word that spans m bits occurs n - m + 1 times in n. With bit
-//! 0 given, and for an even weight the highest bit as well (each in turn), 2h bits remain. Each word is counted once,
-//! with the h lower ones as its first half.
+//! **Only words that begin at bit 0 are searched.** A codeword of a CRC that is shifted by a bit is again a codeword.
+//! So the words whose lowest bit is bit 0 represent all others: a word that spans m bits occurs n - m + 1 times in n.
+//! With bit 0 given, and for an even weight each possible highest bit in turn, 2h bits remain. Each word is counted
+//! once, with the h lower bits as its first half.
 //!
-//! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two matching
-//! halves lie in two matching buckets; a bitmap of 8 KiB over the lower bits shows whether one bucket has a partner for
-//! an entry of the other.
+//! **The data stay in the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sums. Two
+//! matching halves lie in two matching buckets. A bitmap of 8 KiB over the lower bits shows whether one bucket has a
+//! partner for an entry of the other.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use crate::Polynomial;
 
-/// The largest weight of a codeword in a search.
+/// The largest weight for which codewords can be searched.
 pub const MAX_WEIGHT: usize = 10;
-/// The longest codeword in a search, bits.
+/// The greatest length at which codewords can be searched, bits.
 pub const MAX_LENGTH: usize = 1 << PLACE_BITS;
 
-/// The number of bits of an entry that identify one place.
+/// The number of bits in an entry that give the position of one set bit.
 const PLACE_BITS: usize = 12;
 const BUCKETS: usize = 1 << 16;
 
@@ -37,10 +37,10 @@ pub struct Words {
 }
 
 impl Words {
-    /// Finds the codewords of `weight` ones in `length` bits.
+    /// Finds the codewords of `length` bits that have `weight` ones and begin at bit 0.
     ///
-    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits take
-    /// seconds up to weight 8, 160 bits up to weight 10.
+    /// The work grows as the number of ways to choose weight / 2 of the bits, and the memory as its root: for 512 bits
+    /// the search takes seconds up to weight 8, for 160 bits up to weight 10.
     ///
     /// # Panics
     ///
@@ -48,7 +48,7 @@ impl Words {
     #[must_use]
     pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
         assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
-        // The upper bits are the most selective for any degree.
+        // The upper bits of a sum select its bucket, so the columns of a polynomial of lower degree are shifted up.
         let aligned = |column| column << (32 - polynomial.degree());
         let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
         let half = (weight - 1) / 2;
@@ -67,19 +67,20 @@ impl Words {
         Self { length, words }
     }
 
-    /// The words, each as its set bits, rising from 0. Bit i is the coefficient of x^i, sent i bits before the last.
+    /// The words, each as the positions of its set bits in rising order from 0. Bit i is the coefficient of x^i, which
+    /// is sent i bits before the last.
     #[must_use]
     pub fn starting_at_0(&self) -> &[Vec<u16>] {
         &self.words
     }
 
-    /// The number of words of the weight, with any beginning: A_w.
+    /// The number of words of this weight that begin at any bit: A_w.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| (self.length - span(word) + 1) as u64).sum()
     }
 
-    /// All words of the weight, with any beginning.
+    /// All words of this weight, which begin at any bit.
     pub fn everywhere(&self) -> impl Iterator<Item = Vec<u16>> {
         self.words.iter().flat_map(move |word| {
             (0..=self.length - span(word)).map(move |shift| word.iter().map(|place| place + shift as u16).collect())
@@ -87,7 +88,7 @@ impl Words {
     }
 }
 
-/// The number of bits from the first to the last, both included.
+/// The number of bits from the word's first set bit to its last, both included.
 fn span(word: &[u16]) -> usize {
     usize::from(word.last().copied().unwrap_or(0)) + 1
 }
@@ -99,15 +100,15 @@ fn place_all(middle: &[u16], highest: Option<usize>) -> Vec<u16> {
     places
 }
 
-/// All sums of `half` columns but the first's, in buckets.
+/// The sums of all sets of `half` columns without the first column, in buckets.
 struct Halves {
     half: usize,
-    /// The beginning of each bucket, with one more entry than there are buckets.
+    /// The index of the first entry of each bucket, and one more index at the end.
     begins: Vec<u32>,
     /// The buckets that are not empty.
     occupied: Vec<usize>,
-    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place in the highest bits. The highest place
-    /// rises in each bucket.
+    /// For each set the sum's lower 16 bits, then the positions, 12 bits each, with the lowest position in the highest
+    /// bits. The entries of a bucket are in order of their highest position.
     entries: Vec<u64>,
 }
 
@@ -130,16 +131,17 @@ impl Halves {
         Self { half, begins, occupied, entries }
     }
 
-    /// The entries of a bucket whose places are all below `limit`.
+    /// The entries of a bucket whose positions are all below `limit`.
     fn bucket(&self, bucket: usize, limit: usize) -> &[u64] {
         let entries = &self.entries[self.begins[bucket] as usize..self.begins[bucket + 1] as usize];
         let highest = |entry: &u64| (*entry & ((1 << PLACE_BITS) - 1)) as usize;
         if self.half == 0 { entries } else { &entries[..entries.partition_point(|entry| highest(entry) < limit)] }
     }
 
-    /// All pairs of halves, the one below the other and both below `limit`, whose sums add up to `target`.
+    /// Finds all pairs of halves whose sums add up to `target`. All positions of one half lie below those of the other
+    /// and below `limit`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // A thread only pays off if it has enough work.
+        // A thread is only started if it has enough work.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {
@@ -196,7 +198,8 @@ impl Halves {
     }
 }
 
-/// Every set of `size` columns but the first, with its sum and its places, in order of the highest place.
+/// Calls `visit` with the sum and the positions of every set of `size` columns without the first, in order of the
+/// highest position.
 fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
     fn below(
         columns: &[u32],

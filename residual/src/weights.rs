@@ -1,4 +1,4 @@
-//! The weight distribution of a code from that of its dual, in exact integers.
+//! Calculates the weight distribution of a code from that of its dual, in exact integers.
 //!
 //! # MacWilliams' identity
 //!
@@ -7,8 +7,9 @@
 //! > Σ A_w z^w = 2^-r Σ B_j (1 - z)^j (1 + z)^(n - j)
 //!
 //! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). The right side is evaluated
-//! exactly in integers of any size, by Horner's rule in 1 - z. An error in the enumeration of the dual is unlikely to
-//! pass: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all must add up to 2^(n - r).
+//! exactly in integers of any size, by Horner's rule in 1 - z. An error in the counts of the dual is unlikely to stay
+//! unnoticed: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all of them must add up
+//! to 2^(n - r).
 use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
@@ -16,7 +17,7 @@ use crate::DualWeights;
 /// The reason why a weight distribution is not that of the dual of any code.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotADual {
-    /// The number of counted words is not 2^r.
+    /// The number of words that were counted is not 2^r.
     #[error("the dual has {counted} words instead of 2^{check_bits}")]
     Words {
         /// The number of counted words.
@@ -24,13 +25,13 @@ pub enum NotADual {
         /// The number r of check bits.
         check_bits: u32,
     },
-    /// The transform has a fraction or a negative number where a count of codewords should be.
+    /// The identity gives a fraction or a negative number where a count of codewords should be.
     #[error("the number of codewords of weight {weight} is not a natural number")]
     Count {
         /// The weight.
         weight: usize,
     },
-    /// The transform does not have exactly one word of weight 0, or not 2^(n - r) words in all.
+    /// The identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
     #[error("the codewords are not one of weight 0 and 2^{data_bits} in all")]
     Codewords {
         /// The number n - r of data bits.
@@ -40,8 +41,8 @@ pub enum NotADual {
 
 /// The number of codewords of each weight: A_0 to A_n, exactly.
 ///
-/// Because the code is linear, it is also the number of undetected error patterns of each weight in any object,
-/// whatever its contents. Start value and final exclusive or of the CRC shift all codewords alike and change none of
+/// Because the code is linear, this is also the number of undetected error patterns of each weight in any object,
+/// whatever its contents. The start value and the final exclusive or of the CRC change all codewords alike and none of
 /// their distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Weights {
@@ -50,7 +51,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The weights of the code whose dual has these weights.
+    /// Returns the weights of the code whose dual has the weights `dual`.
     ///
     /// # Errors
     ///
@@ -61,7 +62,7 @@ impl Weights {
             return Err(NotADual::Words { counted, check_bits });
         }
         let length = dual.length();
-        // The rule is R := R (1 - z) + B_j (1 + z)^(n - j), from j = n down to 0.
+        // For j from n down to 0, R is replaced by R (1 - z) + B_j (1 + z)^(n - j).
         let mut sum = vec![BigInt::ZERO; length + 1];
         let mut binomials = vec![BigInt::ZERO; length + 1];
         binomials[0] = BigInt::from(1);
@@ -108,7 +109,7 @@ impl Weights {
         self.counts.len() - 1
     }
 
-    /// The number r of check bits among them.
+    /// The number r of check bits among the codeword's bits.
     #[must_use]
     pub fn check_bits(&self) -> u32 {
         self.check_bits
@@ -120,7 +121,7 @@ impl Weights {
         self.nonzero().map(|(weight, _)| weight).next().unwrap_or(self.length() + 1)
     }
 
-    /// The weights above 0 of codewords, and the number of codewords of each.
+    /// The weights above 0 that codewords have, and the number of codewords of each weight.
     pub fn nonzero(&self) -> impl Iterator<Item = (usize, &BigUint)> {
         self.counts.iter().enumerate().skip(1).filter(|(_, count)| **count != BigUint::ZERO)
     }
@@ -133,7 +134,7 @@ mod tests {
     use super::*;
     use crate::Polynomial;
 
-    /// The weights of all codewords, computed by listing every one.
+    /// The number of codewords of each weight, found by listing every codeword.
     fn by_brute_force(polynomial: Polynomial, length: usize) -> Vec<BigUint> {
         let mut counts = vec![0_u64; length + 1];
         let data = length - polynomial.degree() as usize;
@@ -168,7 +169,7 @@ mod tests {
 
     #[test]
     fn hamming_codes_have_the_weights_in_the_books() {
-        // The code is the [15, 11] Hamming code with its extension by parity (MacWilliams, Sloane, chapter 1).
+        // These are the [15, 11] Hamming code and its extension by a parity bit (MacWilliams, Sloane, chapter 1).
         let hamming = weights(Polynomial::from_normal(4, 3).unwrap(), 15);
         let expected = [1_u32, 0, 0, 35, 105, 168, 280, 435, 435, 280, 168, 105, 35, 0, 0, 1].map(BigUint::from);
         assert_eq!(hamming.counts(), expected);

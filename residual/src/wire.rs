@@ -1,9 +1,9 @@
-//! Compares the theory with the code that flies: errors are injected into sealed objects, which `profile` itself
-//! judges.
+//! Compares the theory with the code that the drone carries: errors are injected into sealed objects, and the crate
+//! `profile` judges the damaged objects.
 //!
 //! Patterns that are detectable in theory must all be rejected; patterns that are codewords in theory must all pass
-//! both CRCs. The second half shows that the weights in this crate are those of *that* code: of its polynomials, its
-//! byte order and its coverage. A codeword that happens to change the object's identifier is still rejected, for its
+//! both CRCs. The latter shows that the weights in this crate are those of the code in `profile`: of its polynomials,
+//! its byte order and its coverage. A codeword that happens to change the object's identifier is rejected for its
 //! identifier, and counted separately.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,24 +16,24 @@ use profile::{
 use crate::joint::Joint;
 use crate::{Polynomial, Words, codes};
 
-/// Longest bursts injected exhaustively, bits.
+/// The greatest length of bursts of which all are injected, bits.
 pub const EXHAUSTIVE_BURST: usize = 16;
-/// Errors injected exhaustively.
+/// The greatest number of wrong bits of which all patterns are injected.
 pub const EXHAUSTIVE_ERRORS: usize = 3;
-/// The seed of all samples.
+/// The seed of all random samples.
 const SEED: u64 = 0x4852_5553_2026_0001;
 
 /// A kind of object on the air.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object {
-    /// 64 bytes, both CRCs.
+    /// Reported-Position: 64 bytes, both CRCs.
     ReportedPosition,
     /// GPS1: 60 bytes, the frame CRC.
     Gps,
 }
 
 impl Object {
-    /// Both.
+    /// Both kinds of object.
     pub const ALL: [Self; 2] = [Self::ReportedPosition, Self::Gps];
 
     /// Its name in tables.
@@ -45,7 +45,7 @@ impl Object {
         }
     }
 
-    /// Its length on the air, bits.
+    /// The length of the object on the air, bits.
     #[must_use]
     pub const fn bits(self) -> usize {
         match self {
@@ -54,7 +54,7 @@ impl Object {
         }
     }
 
-    /// A realistic object, sealed by `profile`.
+    /// Returns a realistic object of this kind, sealed by `profile`.
     #[must_use]
     pub fn sealed(self) -> Vec<u8> {
         let (latitude, longitude, altitude) = (47.497_9, 8.729_6, 493.2);
@@ -93,7 +93,7 @@ impl Object {
         }
     }
 
-    /// The reason why `profile` rejects these bytes as this object; None if it accepts them.
+    /// The reason for which `profile` rejects `bytes` as an object of this kind; None if it accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {
@@ -110,7 +110,7 @@ pub struct Injected {
     pub tried: u64,
     /// The number of patterns that passed every CRC of the object, and its identifier.
     pub accepted: u64,
-    /// The number of patterns that passed every CRC and were rejected for the changed identifier.
+    /// The number of patterns that passed every CRC but were rejected because they changed the identifier.
     pub identifier: u64,
 }
 
@@ -138,7 +138,7 @@ fn invert(bytes: &mut [u8], bit: usize) {
     bytes[bit / 8] ^= 0x80 >> (bit % 8);
 }
 
-/// Runs `work` for each of `items`, on all threads, and adds the results.
+/// Runs `work` for each number below `items`, on all threads, and adds the results.
 fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> Injected + Sync)) -> Injected {
     let next = AtomicUsize::new(0);
     let run = || {
@@ -160,7 +160,7 @@ fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> I
     })
 }
 
-/// Injects every pattern of exactly `errors` wrong bits, 1 to [`EXHAUSTIVE_ERRORS`].
+/// Injects every pattern of exactly `errors` wrong bits; `errors` is 1 to [`EXHAUSTIVE_ERRORS`].
 ///
 /// # Panics
 ///
@@ -194,15 +194,15 @@ pub fn inject_errors(object: Object, errors: usize, threads: NonZero<usize>) -> 
     })
 }
 
-/// Injects every burst of 1 to [`EXHAUSTIVE_BURST`] bits, at every place.
+/// Injects every burst of 1 to [`EXHAUSTIVE_BURST`] bits, at every position in the object.
 #[must_use]
 pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     let sealed = object.sealed();
     in_parallel(threads, object.bits(), &|start| {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
-        // The patterns are all odd numbers of 16 bits, whose lowest bit is sent first: every burst that begins here,
-        // each once.
+        // The patterns are all odd numbers of 16 bits, whose lowest bit is sent first. They are all bursts that begin
+        // at one position, each once.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -215,7 +215,7 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     })
 }
 
-/// Injects `samples` bursts of each length in `lengths` (2 to 64 bits), of random pattern at a random place.
+/// Injects `samples` bursts of each length in `lengths` (2 to 64 bits), with random patterns at random positions.
 #[must_use]
 pub fn sample_bursts(
     object: Object,
@@ -242,7 +242,7 @@ pub fn sample_bursts(
     })
 }
 
-/// Inverts the bits in `pattern`, whose lowest is at `start`.
+/// Inverts the bits that are set in `pattern`, whose lowest bit is at `start`.
 fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     while pattern != 0 {
         invert(bytes, start + pattern.trailing_zeros() as usize);
@@ -250,7 +250,7 @@ fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     }
 }
 
-/// Injects words, each given by its set bits, counted from the last that is sent.
+/// Injects words, each given by the positions of its set bits, counted from the last bit that is sent.
 #[must_use]
 pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16]>) -> Injected {
     let sealed = object.sealed();
@@ -265,10 +265,11 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
     injected
 }
 
-/// Random codewords of `weight` ones of the code of `polynomial` in `length` bits, each given by its set bits.
+/// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, each given by the positions
+/// of its set bits.
 ///
-/// They are found by chance: some of many random halves have equal sums. Every codeword of the weight is equally
-/// probable.
+/// The codewords are found by chance: of many random halves, some have equal sums. Every codeword of that weight is
+/// equally probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
     const HALVES: usize = 1 << 19;
@@ -296,50 +297,50 @@ pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, co
     words
 }
 
-/// Whether a word sets any bit of bytes `from..to` of an object of `bits` bits.
+/// Whether a word sets any bit of the bytes `bytes` in an object of `bits` bits.
 #[must_use]
 pub fn touches(word: &[u16], bits: usize, bytes: std::ops::Range<usize>) -> bool {
     word.iter().any(|place| bytes.contains(&((bits - 1 - usize::from(*place)) / 8)))
 }
 
-/// The polynomial as a word, at the place where it is sent last: the shortest burst that a CRC misses, of 33 bits.
+/// The polynomial as a word whose last bit is the last one sent: the shortest burst that the CRC misses, of 33 bits.
 #[must_use]
 pub fn polynomial_word(polynomial: Polynomial) -> Vec<u16> {
     (0..=polynomial.degree() as u16).filter(|i| polynomial.coefficients() >> i & 1 == 1).collect()
 }
 
-/// Codewords of the position code of weight 9, its distance, and their number in its 160 bits.
+/// The codewords of weight 9, which is the distance, in the 160 bits of the position code.
 #[must_use]
 pub fn position_words(threads: NonZero<usize>) -> Words {
     Words::find(codes::POSITION.polynomial, codes::POSITION_BITS, 9, threads)
 }
 
-/// One line of the check.
+/// The injection of one kind of patterns into one object, with its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// The object of the injection.
+    /// The kind of object into which the patterns were injected.
     pub object: &'static str,
-    /// The injected patterns.
+    /// The injected patterns, described as text.
     pub patterns: String,
     /// The outcome that the algebra predicts.
     pub expected: Expected,
-    /// The outcome of the injection.
+    /// What `profile` did with the injected patterns.
     pub injected: Injected,
 }
 
 /// The required outcome of injected patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
-    /// Every one is rejected by a CRC.
+    /// Every pattern is rejected by a CRC.
     Rejected,
-    /// Every one passes the CRCs.
+    /// Every pattern passes the CRCs.
     Accepted,
-    /// At most one in 2^31 passes: at this number of samples one at the very most.
+    /// A pattern passes with a probability of 2^-31 or less, so at most one of the samples passes.
     Improbable,
 }
 
 impl Check {
-    /// Whether the outcome is the required one.
+    /// Whether the outcome of the injection is the required one.
     #[must_use]
     pub const fn holds(&self) -> bool {
         let passed = self.injected.accepted + self.injected.identifier;
@@ -351,12 +352,12 @@ impl Check {
     }
 }
 
-/// The number of bursts that are sampled of each length.
+/// The number of bursts that are sampled for each length.
 const BURST_SAMPLES: usize = 50_000;
-/// The number of codewords that are constructed of each kind.
+/// The number of codewords that are constructed for each check.
 const CODEWORDS: usize = 1_000;
 
-/// Injects everything into both objects, in some seconds.
+/// Injects all kinds of patterns into both objects, which takes some seconds.
 #[must_use]
 pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
     let mut checks = Vec::new();
@@ -399,7 +400,8 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
             }
             Object::ReportedPosition => {
-                // The words lie within the 288 bits after the position CRC, or anywhere with a change of it.
+                // Codewords of the frame CRC that lie within the 288 bits after the position CRC pass both CRCs. Those
+                // that change latitude, longitude or the position CRC are rejected.
                 let behind = random_codewords(frame, 8 * 36, 8, CODEWORDS);
                 add(
                     "random frame codewords of weight 8 behind the position CRC",
@@ -433,12 +435,12 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
     checks
 }
 
-/// xorshift64* (Vigna, 2014), which suffices for sampling and is the same on every machine.
+/// The generator xorshift64* (Vigna, 2014), which suffices for sampling and gives the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
     fn new(seed: u64) -> Self {
-        // Seeds that differ in a few bits must not give similar beginnings.
+        // Two seeds that differ in a few bits must not give similar first numbers.
         let mut random = Self(seed | 1);
         (0..16).for_each(|_| _ = random.next());
         random
@@ -451,7 +453,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// A number from 0 to `limit` - 1, uniform to a part in 2^50.
+    /// A random number from 0 to `limit` - 1; the probabilities of all numbers are equal to a part in 2^50.
     fn below(&mut self, limit: usize) -> usize {
         ((u128::from(self.next()) * limit as u128) >> 64) as usize
     }

@@ -1,5 +1,5 @@
-//! Compares results with others' publications about these polynomials, and distinguishes one polynomial in two
-//! notations.
+//! Compares results with what others have published about these polynomials, and distinguishes polynomials that have
+//! the same digits in two notations.
 use std::num::NonZero;
 
 use residual::codes::{CRC_32C, FRAME, IEEE_802_3, Named, OPC_UA_SAFETY, POLYNOMIALS, POSITION};
@@ -11,7 +11,7 @@ fn least_weight(polynomial: Polynomial, codeword: usize, up_to: usize) -> Option
     (1..=up_to).find(|weight| !Words::find(polynomial, codeword, *weight, TWO).starting_at_0().is_empty())
 }
 
-/// The Hamming distance is `distance` at `data` bits of data, and is lost one bit beyond.
+/// Checks that the Hamming distance is `distance` at `data` bits of data, and less with one bit more.
 fn distance_ends_at(named: Named, distance: usize, data: usize) {
     assert_eq!(least_weight(named.polynomial, data + 32, distance - 1), None, "{} at {data} bits", named.name);
     let beyond = least_weight(named.polynomial, data + 33, distance - 1);
@@ -20,14 +20,16 @@ fn distance_ends_at(named: Named, distance: usize, data: usize) {
 
 #[test]
 fn the_polynomials_keep_their_distance_up_to_koopmans_lengths() {
-    // users.ece.cmu.edu/~koopman/crc/: best 32-bit polynomials, HD = 8 to 992 bits and HD = 9 to 223.
+    // The source is users.ece.cmu.edu/~koopman/crc/, best 32-bit polynomials: HD = 8 up to 992 bits, and HD = 9 up to
+    // 223.
     distance_ends_at(FRAME, 8, 992);
     distance_ends_at(POSITION, 9, 223);
 }
 
 #[test]
 fn ieee_802_3_has_the_distances_koopman_lists() {
-    // users.ece.cmu.edu/~koopman/crc/hdlen.html: {4294967263, 91607, 2974, 268, 171, 91, 57, 34, 21, …} from HD = 3.
+    // The source is users.ece.cmu.edu/~koopman/crc/hdlen.html: {4294967263, 91607, 2974, 268, 171, 91, 57, 34, 21, …}
+    // from HD = 3 on.
     for (distance, data) in [(5, 2974), (6, 268), (7, 171), (8, 91), (9, 57), (10, 34)] {
         distance_ends_at(IEEE_802_3, distance, data);
     }
@@ -35,7 +37,7 @@ fn ieee_802_3_has_the_distances_koopman_lists() {
 
 #[test]
 fn castagnolis_polynomials_have_the_distances_published() {
-    // Castagnoli et al. 1993, Koopman 2002: CRC-32C has HD = 8 to 177 bits, 0xFA567D89 to 274.
+    // The sources are Castagnoli et al. 1993 and Koopman 2002: CRC-32C has HD = 8 up to 177 bits, 0xFA567D89 up to 274.
     distance_ends_at(CRC_32C, 8, 177);
     distance_ends_at(OPC_UA_SAFETY, 8, 274);
 }
@@ -71,8 +73,9 @@ fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
 
 #[test]
 fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
-    // The even digits of the frame CRC, 0xF8C9140A, are no polynomial in normal notation, so there is no distance at
-    // all: x divides it, and the last bit of an object is unprotected. The same holds for the position CRC, 0x9D7F97D6.
+    // The digits of the frame CRC in Koopman's notation, 0xF8C9140A, are even, so in normal notation they are no CRC's
+    // polynomial: x divides it, and the last bit of an object is unprotected. The same holds for the position CRC,
+    // 0x9D7F97D6.
     for named in [FRAME, POSITION] {
         assert_eq!(Polynomial::from_normal(32, named.polynomial.koopman()), None, "{}", named.name);
         let algorithm = Box::leak(Box::new(crc::Algorithm {
@@ -86,7 +89,7 @@ fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
             residue: 0,
         }));
         let misused = crc::Crc::<u32>::new(algorithm);
-        // Bit 0 of the check value only depends on the data's end, so 31 bits are left.
+        // Bit 0 of the check value depends only on the end of the data, so 31 bits are left.
         let lowest: Vec<u32> = (0..=255_u8).map(|byte| misused.checksum(&[0x48, byte, 0x17, 0x99, 0x03]) & 1).collect();
         assert!(lowest.iter().all(|bit| *bit == lowest[0]), "{}: the lowest check bit checks nothing", named.name);
     }

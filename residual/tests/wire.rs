@@ -1,5 +1,5 @@
-//! Tests the theory on objects that `profile` sealed and judges: detectable errors are detected, and undetectable ones
-//! are not. The exhaustive injections are in `report.rs`.
+//! Tests the theory on objects that `profile` seals and judges: detectable errors are detected, and undetectable ones
+//! are not. `report.rs` has the injections of all patterns of a kind.
 use std::num::NonZero;
 
 use profile::{GpsObject, GpsValues, Identifier, LinkStatus, Rejection, ReportedPosition, ReportedValues};
@@ -71,7 +71,7 @@ fn position_codewords_are_caught_by_the_frame_crc() {
         .map(|word| word.iter().map(|place| place + Nesting::REPORTED_POSITION.bits_after as u16).collect())
         .collect();
     none_pass(wire::inject_words(Object::ReportedPosition, words.iter().map(Vec::as_slice)), words.len() as u64);
-    // They are codewords of the position code, whose CRC alone does not detect them.
+    // These words are codewords of the position code, whose CRC alone does not detect them.
     let sealed = Object::ReportedPosition.sealed();
     assert!(profile::crc::position_intact(&sealed[8..28]));
     for word in &words {
@@ -95,8 +95,8 @@ fn scrubbed_and_inverted_objects_never_verify() {
             assert_eq!(GpsObject::verify(&[byte; GpsObject::SIZE], Identifier::gps(receiver)), Err(Rejection::Crc));
         }
         for object in Object::ALL {
-            // The object is scrubbed from the front or from the back, by at least one byte: the rest must not verify,
-            // unless it is unchanged.
+            // At least one byte of the object is scrubbed, from the front or from the back on. The result must not
+            // verify, unless the object is unchanged.
             let sealed = object.sealed();
             for cut in 1..sealed.len() {
                 let (mut front, mut back) = (sealed.clone(), sealed.clone());
@@ -144,7 +144,8 @@ proptest! {
                 let verified = GpsObject::verify(sealed.as_bytes(), Identifier::gps(place));
                 prop_assert_eq!(verified, if place == i + 1 { Ok(sealed) } else { Err(Rejection::Identifier) });
             }
-            // In Reported-Position's place it has any four more bytes, and the other way round.
+            // An object that is to be read as Reported-Position gets four more bytes, and one that is to be read as a
+            // GPS object loses four.
             let mut longer = bytes.clone();
             longer[..GpsObject::SIZE].copy_from_slice(sealed.as_bytes());
             prop_assert!(ReportedPosition::verify(&longer).is_err());
@@ -153,7 +154,7 @@ proptest! {
                 prop_assert!(GpsObject::verify(part, Identifier::gps(i + 1)).is_err());
             }
         }
-        // Link-Status, with the same CRC at another length, is none of them either.
+        // Link-Status, whose CRC is the same at another length, is not accepted as either object.
         prop_assert!(LinkStatus::verify(&reported.as_bytes()[..LinkStatus::SIZE]).is_err());
         prop_assert!(LinkStatus::verify(&gps[0].as_bytes()[GpsObject::SIZE - LinkStatus::SIZE..]).is_err());
     }

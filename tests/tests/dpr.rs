@@ -1,4 +1,5 @@
-//! The on-target suite of the DPR (nRF52840): the profile's code, buffer rotation and scrub, and their cycles.
+//! The suite that runs on the DPR (nRF52840): it tests the profile's code, the rotation and the scrub of buffers, and
+//! measures their cycles.
 #![no_std]
 #![no_main]
 
@@ -18,17 +19,18 @@ use dpr_fw::triple::Memory;
 use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
 
-/// The address at which code in RAM is fetched, and how much of it the suite has room for (build.rs).
+/// The address at which code in RAM is fetched, and the number of its bytes for which the suite has room (build.rs).
 const HOT: usize = 0x0080_0000;
 const HOT_SIZE: usize = 128 * 1024;
 
 /// The number of words in a receive buffer of this suite: LEN, 254 bytes of payload and CRC-16, rounded up.
 const WORDS: usize = 65;
 
-/// Does once what a scrub does with each of its two patterns. Sound memory has no bit that differs.
+/// Fills a buffer with a pattern and reads it back, as a scrub does with each of its two patterns. Sound memory has no
+/// bit that differs.
 ///
-/// This is inlined like a scrub's own passes: the compiler knows the pattern in both places, and makes the same code of
-/// both.
+/// The function is inlined like a scrub's own passes. So the compiler has the pattern as a constant in both cases, and
+/// generates the same code for both.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);
@@ -105,15 +107,15 @@ mod tests {
         let mut memory = [0xA5A5_5A5A; WORDS];
         let ones = cycles.over([()], |()| pass(&mut memory, u32::MAX));
         let zeros = cycles.over([()], |()| pass(&mut memory, 0));
-        // The buffer is behind a reference, as in the firmware. Nothing is copied, so only the scrub takes time.
+        // The buffer is behind a reference, as in the firmware. Nothing is copied, so only the scrub is timed.
         let scrub = cycles.over([()], |()| {
             defmt::assert!(Dirty::new(&mut memory).scrub().is_ok());
         });
-        // Reading a word back and counting its bits takes more than two instructions.
+        // To read a word back and count its bits takes more than two instructions.
         ones.assert_at_least("fill and read-back of ones", 2 * WORDS as u32);
         zeros.assert_at_least("fill and read-back of zeros", 2 * WORDS as u32);
-        // A sixteenth is allowed for reading the counter and, on a board, for how the code lies in the lines of the
-        // flash. Reading back takes nine tenths of a pass.
+        // A sixteenth is allowed for the reading of the counter and, on a board, for how the code lies in the lines of
+        // the flash. Reading back takes nine tenths of a pass.
         let both = ones.min + zeros.min;
         scrub.assert_at_least("both passes of a scrub", both - both / 16);
     }

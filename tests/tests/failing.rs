@@ -1,8 +1,8 @@
-//! A suite for the DPR's board that fails, to show what a failure looks like to the person who runs a suite.
+//! A suite for the DPR's board that fails, to show how a failure looks to the person who runs a suite.
 //!
 //! `xtask/tests/failing_suite.rs` runs this suite; `cargo xtask test` does not. The first start ends in a watchdog
-//! reset, like that of a suite that meets the watchdog of the image before it. The second start ends in a test that
-//! fails.
+//! reset, as it does for a suite that is started while the watchdog of an earlier program runs. The second start ends
+//! in a test that fails.
 #![no_std]
 #![no_main]
 
@@ -13,7 +13,7 @@ use defmt_rtt as _;
 use nrf52840_hal::pac; // this crate also brings the interrupt vectors
 use panic_probe as _;
 
-/// The state with which this start begins.
+/// The state of the part when the suite starts.
 struct Start {
     watchdog: pac::WDT,
     /// Whether the watchdog caused this start.
@@ -27,10 +27,10 @@ firmware_common::install_start!([]);
 mod tests {
     use super::{pac, protection, Start};
 
-    /// The watchdog's timeout: 50 ms of the 32 768 Hz clock.
+    /// The watchdog's timeout, in periods of its 32 768 Hz clock: 50 ms.
     const TIMEOUT: u32 = 1637;
 
-    /// The delay after the watchdog's reset: 50 ms of the core's 64 MHz.
+    /// The delay after the watchdog's reset, in cycles of the 64 MHz core: 50 ms.
     const AGAIN: u32 = 3_200_000;
 
     #[init]
@@ -38,7 +38,8 @@ mod tests {
         let device = defmt::unwrap!(pac::Peripherals::take());
         protection::open(&device.FICR, &device.UICR);
         let reason = device.POWER.resetreas.read();
-        // SAFETY: bits of RESETREAS are cleared by writing ones; these are the ones just read, so every bit is defined.
+        // SAFETY: bits of RESETREAS are cleared by writing ones; the written bits are those just read, so every bit is
+        // defined.
         device.POWER.resetreas.write(|w| unsafe { w.bits(reason.bits()) });
         Start { watchdog: device.WDT, bitten: reason.dog().is_detected() }
     }
@@ -46,12 +47,12 @@ mod tests {
     #[test]
     fn the_watchdog_bites_once(start: &mut Start) {
         if start.bitten {
-            // The reset also undid what a debugger had set up. The delay gives the runner of this suite the time to set
-            // it up again.
+            // The reset also cleared the breakpoints and settings of a debugger. The delay gives the runner of this
+            // suite the time to make them again.
             cortex_m::asm::delay(AGAIN);
             return;
         }
-        // SAFETY: 15 to 2^32 - 1 are the defined values.
+        // SAFETY: 15 to 2^32 - 1 are the defined values of this register, and TIMEOUT is one of them.
         start.watchdog.crv.write(|w| unsafe { w.bits(TIMEOUT) });
         start.watchdog.tasks_start.write(|w| w.tasks_start().set_bit());
         loop {

@@ -1,4 +1,5 @@
-//! The on-target suite of HORUS (STM32F429): the profile's code, the filling of a cycle's objects, and their cycles.
+//! The suite that runs on HORUS (STM32F429): it tests the profile's code and the filling of a cycle's objects, and
+//! measures their cycles.
 #![no_std]
 #![no_main]
 
@@ -25,8 +26,8 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        // These are the flight image's clocks, because on a board flash wait states, and with them cycles, depend on
-        // the clock.
+        // These are the firmware's clocks, because on a board the wait states of the flash, and with them the cycles,
+        // depend on the clock.
         let config = Config::hse(8.MHz())
             .bypass_hse_oscillator()
             .sysclk(timing::CORE_HZ.Hz())
@@ -60,8 +61,8 @@ mod tests {
 
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
-        // The verdict on each of the four objects is a jump by its reason, which is fetched from flash: with four wait
-        // states the time may differ by up to 8 cycles.
+        // After the check of each of the four objects the code jumps by the result, to an address that it reads from
+        // flash. With four wait states the time of each jump may differ by up to 8 cycles.
         profile::bounds(cycles, bounds(3_500, 2_700, 7_600, 0), bounds(2_900, 1_600, 6_200, 4 * 8));
     }
 

@@ -1,6 +1,6 @@
-//! Explains why a debug probe has no access to a board, and determines what keeps a board accessible.
+//! Explains why a debug probe has no access to a board, and determines what must be written to keep a board accessible.
 //!
-//! Everything here is a pure function of the probe's findings; [`crate::probe`] reads them.
+//! Everything in this module is a pure function of the probe's findings; [`crate::probe`] reads these from the board.
 
 use crate::Board;
 
@@ -12,7 +12,7 @@ pub(crate) const VARIANT: u64 = 0x1000_0104;
 #[cfg(feature = "probe")]
 pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
 
-/// The value of UICR.APPROTECT with which the debug port opens (HwDisabled, NordicSemiconductor/nrfx,
+/// The value of UICR.APPROTECT with which the debug port is open (HwDisabled, NordicSemiconductor/nrfx,
 /// `nrf52840_bitfields.h`).
 pub(crate) const HW_DISABLED: u32 = 0x5A;
 
@@ -22,22 +22,23 @@ const FIRST_LOCKED: u8 = b'F';
 /// The reason why the probe library did not reach the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// The debug port is locked; the library would have to erase everything and was not allowed to.
+    /// The debug port is locked. The library could only open it by erasing everything, which was not allowed.
     Locked,
-    /// Everything was to be erased, and the debug port is still locked.
+    /// The library erased everything, as was allowed, and the debug port is still locked.
     StaysLocked,
     /// No part answers.
     NoAnswer,
 }
 
-/// The part at the probe, as identified before any access changes it.
+/// The kind of part at the probe, as identified before any access changes the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Seen {
-    /// A Nordic part, identified by its CTRL-AP; with FICR.INFO.PART if it is not locked.
+    /// A Nordic part, identified by its CTRL-AP. The word is FICR.INFO.PART, which can be read if the part is not
+    /// locked.
     Nordic(Option<u32>),
     /// A part with ST's DBGMCU, with the device number in its IDCODE (RM0090 38.6.1).
     St(u32),
-    /// A part that is neither.
+    /// A part that has neither a CTRL-AP nor ST's DBGMCU.
     Other,
 }
 
@@ -45,7 +46,7 @@ pub(crate) enum Seen {
 const NRF52840: u32 = 0x52840;
 const STM32F42X: u32 = 0x419;
 
-/// The reason why a part is not this board's; `None` where it may be.
+/// The reason why the part at the probe cannot be this board's; `None` if it can be.
 pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
     let what = match (board, seen) {
         (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
@@ -64,7 +65,7 @@ pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String
     ))
 }
 
-/// The message for the user, who called this board's command with a probe of this name.
+/// The message for the user whose command for this board was refused, with a probe of this name.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
     match refusal {
@@ -93,7 +94,7 @@ pub(crate) const fn chip(board: Board) -> &'static str {
     }
 }
 
-/// The instruction for connecting the board.
+/// The text that tells the user how to connect the board.
 pub(crate) const fn connection(board: Board) -> &'static str {
     match board {
         Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
@@ -101,20 +102,20 @@ pub(crate) const fn connection(board: Board) -> &'static str {
     }
 }
 
-/// The necessary change of UICR.APPROTECT, so that the debug port of an nRF52840 opens after the next power-on.
+/// The change of UICR.APPROTECT that is needed for the debug port of an nRF52840 to be open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// None: the value is right, or the part is of the older kind, which is open while UICR is erased and for which the
-    /// newer kind's value is not defined.
+    /// No change: the value is right, or the part is of the older kind. That kind is open while UICR is erased, and the
+    /// newer kind's value is not defined for it.
     Leave,
-    /// It is erased, so [`HW_DISABLED`] must be programmed.
+    /// The word is erased, so [`HW_DISABLED`] must be programmed.
     Program,
-    /// It holds another value, which only erasing changes: the part will be locked after the next power-on.
+    /// The word holds another value, which only erasing can change: the part will be locked after the next power-on.
     WillLock,
 }
 
 impl Approtect {
-    /// The change for a part with these two words.
+    /// The change that a part needs whose FICR.INFO.VARIANT and UICR.APPROTECT are these words.
     pub(crate) const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
         if build_code < FIRST_LOCKED || uicr_approtect & 0xFF == HW_DISABLED {

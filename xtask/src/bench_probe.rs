@@ -1,9 +1,9 @@
 //! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
-//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); this is the probe between them: an
-//! adapter that converts the library's requests to transfers on the wires, as a CMSIS-DAP probe does, and that takes
-//! time for it. A file has the memory that the board's part keeps without its supply, so that one command finds what
-//! another wrote. Each command switches the board on.
+//! The board, its debug port and its time are those of the bench ([`bench::debug_port`]); this module is the probe.
+//! Like a CMSIS-DAP probe it converts the library's requests to transfers on the wires, and takes time for each. A file
+//! has the memory that the board's part keeps without its supply, so that one command finds what another has written.
+//! Each command of xtask switches the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,29 +21,29 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
 use crate::Board;
 use crate::bench_flash::{self, desk};
 
-/// The time of a command until its answer, ns: the probes on both boards are on full-speed USB, whose frames are 1 ms
-/// apart (USB 2.0, 5.3.3).
+/// The time from a command to the probe until its answer, ns. The probes on both boards are on full-speed USB, whose
+/// frames are 1 ms apart (USB 2.0, 5.3.3).
 const COMMAND_NS: u64 = 1_000_000;
 
-/// The clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two
-/// idle.
+/// The clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two idle
+/// clocks.
 const TRANSFER_CLOCKS: u64 = 48;
 
-/// SWCLK, kHz: the default of probes, and the highest for the nRF52840 (PS v1.7, 4.8.6).
+/// The clock SWCLK, kHz: the default of probes, and the highest that the nRF52840 allows (PS v1.7, 4.8.6).
 const DEFAULT_KHZ: u32 = 4_000;
 const MOST_KHZ: u32 = 8_000;
 
-/// The bit of nRESET among the pins of [`RawDapAccess::swj_pins`].
+/// The bit that stands for nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// The beginning of both parts' RAM, which holds nothing of the images but what the DPR copies to the address of its
-/// code RAM.
+/// The beginning of both parts' RAM. Code of the firmwares runs below it: in flash, or in the DPR's code RAM. An
+/// instruction above it is therefore one that the probe has put there.
 const RAM: u64 = 0x2000_0000;
 
-/// RDBUFF of the debug port.
+/// The address of the debug port's register RDBUFF.
 const READ_BUFFER: u8 = 0xC;
 
-/// A board on the bench, shared by the library, through its probe, and this program.
+/// A board on the bench, which this program and, through its probe, the probe library share.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 
@@ -51,27 +51,27 @@ pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 struct Switched {
     wire: Box<dyn Wire>,
     file: PathBuf,
-    /// The number of commands after which the probe is unplugged.
+    /// The number of commands after which the probe is unplugged; `None` for never.
     unplugged_after: Option<u64>,
     commands: u64,
 }
 
 impl BenchBoard {
-    /// Switches the board on with the contents of `file`, or as a new one without a file.
+    /// Switches the board on with the memory contents in `file`, or as a new board if there is no such file.
     pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
         let kept = bench_flash::read(board, &file)?;
         let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;
         Ok(Self(Arc::new(Mutex::new(Switched { wire, file, unplugged_after: None, commands: 0 }))))
     }
 
-    /// Its probe, which is unplugged together with the board's last user.
+    /// The board's probe, which is unplugged when the board's last user drops it.
     pub(crate) fn probe(&self) -> Box<dyn DebugProbe> {
         let name = format!("bench ({})", self.with(|on| on.wire.part_name()));
         Box::new(BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None })
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // A panic elsewhere leaves the board in its state, as on a desk.
+        // If another thread panics, the bench's board keeps its state, as a real one would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -80,13 +80,14 @@ impl BenchBoard {
         self.with(Switched::save)
     }
 
-    /// Virtual time since the board was switched on, in nanoseconds.
+    /// The virtual time since the board was switched on, ns.
     pub(crate) fn now(&self) -> u64 {
         self.with(|on| on.wire.now())
     }
 
-    /// Takes the errors of the probe, or of code that it put into RAM, since the last call, a line each. Errors of the
-    /// image, which a debugger may stop at any point, are not included: `run` and `sim` report them without a debugger.
+    /// Takes the errors of the probe, and of code that the probe put into RAM, since the last call, one line each.
+    /// Errors of the firmware are not included, because a debugger may stop it at any point: `run` and `sim` report
+    /// them without a debugger.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
@@ -96,22 +97,22 @@ impl BenchBoard {
 
 #[cfg(test)]
 impl BenchBoard {
-    /// Makes a bit of flash keep its value from now on, whatever is programmed.
+    /// Makes a bit of flash read `value` from now on, whatever is programmed there.
     pub(crate) fn stick_flash(&self, address: u32, bit: u8, value: bool) {
         assert!(self.with(|on| on.wire.stick_flash(address, bit, value)), "{address:#x} is flash");
     }
 
-    /// Unplugs the probe's cable after this many commands.
+    /// Unplugs the probe's cable after this many further commands.
     pub(crate) fn unplug_after(&self, commands: u64) {
         self.with(|on| on.unplugged_after = Some(on.commands + commands));
     }
 
-    /// Plugs the cable in again.
+    /// Plugs the probe's cable in again.
     pub(crate) fn plug_in(&self) {
         self.with(|on| on.unplugged_after = None);
     }
 
-    /// Switches the board's supply off and on: memory that its part does not keep is lost.
+    /// Switches the board's supply off and on, so that memory which its part does not keep is lost.
     pub(crate) fn switch_off_and_on(&self) {
         self.with(|on| {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
@@ -119,12 +120,12 @@ impl BenchBoard {
         });
     }
 
-    /// The number of commands that the probe got so far.
+    /// The number of commands that the probe has got so far.
     pub(crate) fn commands(&self) -> u64 {
         self.with(|on| on.commands)
     }
 
-    /// The causes of all restarts of the part since it was switched on.
+    /// The causes of all restarts of the part since the board was switched on.
     pub(crate) fn restarts(&self) -> Vec<String> {
         self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
     }
@@ -134,7 +135,7 @@ impl BenchBoard {
         self.with(|on| on.wire.pass(ns));
     }
 
-    /// The memory that the part keeps.
+    /// The memory that the part keeps without its supply.
     pub(crate) fn kept(&self) -> Vec<u8> {
         self.with(|on| on.wire.kept())
     }
@@ -176,7 +177,7 @@ struct BenchProbe {
     protocol: Option<WireProtocol>,
 }
 
-/// Makes one transfer and lets its time pass.
+/// Makes one transfer on the wires and lets its time pass on the board.
 fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
     on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
     match on.wire.transfer(request) {
@@ -203,7 +204,8 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// Reads of an access port are posted: each returns the result of the one before, and RDBUFF that of the last.
+    /// Reads of an access port are posted: each read returns the result of the one before, and RDBUFF returns that of
+    /// the last.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {
@@ -227,7 +229,7 @@ impl RawDapAccess for BenchProbe {
         self.raw_write_block(address, &[value])
     }
 
-    /// The success of a write to an access port is known with the next transfer: RDBUFF is read for it.
+    /// The next transfer tells whether a write to an access port has succeeded, so RDBUFF is read after the last write.
     fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {

@@ -1,5 +1,5 @@
-//! Checks that everything that code and pages cite exists: files below docs/, headings of pages, and decisions by
-//! number.
+//! Checks that everything that code and pages cite exists: files below docs/, headings of pages, and decisions by their
+//! numbers.
 //!
 //! # Citations
 //!
@@ -9,8 +9,9 @@
 //! | pages in Markdown | a link to no other site | likewise; a path counts from the page's folder |
 //! | every text file | `decision` and a number | the page of that decision |
 //!
-//! A heading's anchor follows GitHub's rule: lower case, without punctuation, spaces as hyphens. A section of the
-//! design is cited by its anchor. A citation by a number is an error, because the headings have none.
+//! The anchor of a heading follows GitHub's rule: lower case, without punctuation, with hyphens for spaces. A section
+//! of the design is cited by its anchor. A citation of a section by its number is an error, because the headings have
+//! no numbers.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -22,7 +23,7 @@ use crate::workspace::{root, tracked};
 /// The folder of the decisions.
 const DECISIONS: &str = "docs/decisions/";
 
-/// Whether a tracked file is checked: hand-written text is, recorded data and test corpora are not.
+/// Whether a tracked file is checked: hand-written text is checked, recorded data and test corpora are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus" | "recorded"));
     let text = matches!(
@@ -36,11 +37,11 @@ fn is_checked(path: &str) -> bool {
 ///
 /// # Errors
 ///
-/// There is such a citation, or git does not list the tracked files.
+/// A citation of something that does not exist was found, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let mut files = BTreeMap::new();
     for path in tracked()? {
-        // A file that cannot be read as text may be cited, but cites nothing.
+        // A file that cannot be read as text may be cited, but has no citations.
         let text = is_checked(&path).then(|| std::fs::read_to_string(root().join(&path)).ok()).flatten();
         files.insert(path, text.unwrap_or_default());
     }
@@ -52,7 +53,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// The citations in `files` (path and text) of missing targets, each as `file:line: what`.
+/// The citations in `files` (path and text) whose targets are missing, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {
@@ -86,7 +87,7 @@ fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     broken
 }
 
-/// Whether a line cites a section of the design by its number, perhaps begun in the line before.
+/// Whether a line cites a section of the design by its number. The citation may begin in the line before, `before`.
 fn is_by_number(before: &str, line: &str) -> bool {
     let ends = |text: &str| text.to_lowercase().trim_end_matches([' ', ',']).ends_with("design");
     let begins = |text: &str| text.starts_with("section ");
@@ -94,23 +95,23 @@ fn is_by_number(before: &str, line: &str) -> bool {
     wrapped || line.match_indices("section ").any(|(at, _)| line[..at].ends_with(' ') && ends(&line[..at]))
 }
 
-/// A path from the root of the workspace, and an anchor there.
+/// A cited path from the root of the workspace, and a cited anchor in that file.
 type Cited = (String, Option<String>);
 
-/// Paths below docs/ that a line names, in any context.
+/// The paths below docs/ that a line names, in any context.
 fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // The prefix `../docs/` in a file of this workspace means its own folder; another site's or project's
-            // folder does not count.
+            // With the prefix `../docs/` a file of this workspace names the same folder. A folder docs/ of another site
+            // or project is not checked.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
         .filter_map(|(at, _)| {
             let rest = &line[at..];
             let end = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
-            // A pattern (`docs/*.md`) does not name one file.
+            // A pattern (`docs/*.md`) names more than one file.
             let pattern = rest[end..].starts_with(['*', '{', '<']);
             let (file, anchor) = split(rest[..end].trim_end_matches(['.', '-', '#']));
             (!pattern && file != "docs/").then(|| (file.trim_end_matches('/').to_owned(), anchor))
@@ -118,7 +119,7 @@ fn paths(line: &str) -> Vec<Cited> {
         .collect()
 }
 
-/// The targets of the links in a line of a Markdown page, unless they are on another site.
+/// The targets of the links in a line of a Markdown page that are not on another site.
 fn links(page: &str, line: &str) -> Vec<Cited> {
     let folder = Path::new(page).parent().unwrap_or(Path::new(""));
     line.split("](")
@@ -140,7 +141,7 @@ fn split(target: &str) -> Cited {
     }
 }
 
-/// A path without `.` and `..`, its parts joined by `/`.
+/// The path without `.` and `..`, its parts joined by `/`.
 fn normal(path: &Path) -> String {
     let mut parts = PathBuf::new();
     for part in path.components() {
@@ -185,7 +186,7 @@ fn anchors(page: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// The text of a heading; a link counts with its words.
+/// The text of a heading, in which a link counts with its text only.
 fn text_of(heading: &str) -> String {
     let mut text = String::new();
     let mut rest = heading.trim();
@@ -200,8 +201,8 @@ fn text_of(heading: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The broken citations in one file beside a page of the design and a decision. A `^` in the text is removed, so
-    /// that this file does not itself cite what its tests cite.
+    /// The broken citations in one file that is checked together with a page of the design and a decision. Each `^` is
+    /// removed from the text first, so that this file does not itself contain the citations of its tests.
     fn broken_in(path: &str, text: &str) -> Vec<String> {
         let mut files = BTreeMap::from([
             ("docs/design.md".to_owned(), "# Design\n\n## Air frame\n\n```\n# no heading\n```\n".to_owned()),

@@ -1,13 +1,14 @@
-//! Runs a table of defects against the judge: each must show the violation that the table names.
+//! Runs a table of defects against the judge: each defect must lead to the violation that the table names.
 //!
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder: each becomes a choice between the old text and the new one, by a number from a crate that
-//! only the copy has. In a firmware image that number is a constant in flash, which is written into the built file
-//! before its CRC; in the bench, where the flight controller's client and the base station run, it is an environment
-//! variable. So two images and one bench suffice for the whole table. With number 0 the copy behaves like the checkout,
-//! and must pass every run of the table without a violation.
+//! below the target folder. Each becomes a choice between the old text and the new one, by a number from a crate that
+//! only the copy has. In a firmware that number is a constant in flash, which is written into the built file before the
+//! CRC. In the bench, where the flight controller's client and the base station run, it is an environment variable. So
+//! two firmwares and one bench suffice for the whole table. With number 0 the copy behaves like the checkout, and must
+//! pass every run of the table without a violation.
 //!
-//! `cargo xtask test` runs a sample without the bench's defects, because the bench takes longest to build.
+//! `cargo xtask test` runs a sample of the defects, without those of the bench, because the bench takes longest to
+//! build.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -31,15 +32,15 @@ use table::{DEFECTS, Defect, Shows};
 
 #[derive(Args)]
 pub(crate) struct DefectsArgs {
-    /// The defects' names; all of them without one.
+    /// The defects' names; all defects if none is named.
     names: Vec<String>,
 }
 
-/// The suffix of the copy's package and binaries, without which they would replace the checkout's files.
+/// The suffix of the copy's packages and binaries. Without it they would replace the checkout's files.
 const SUFFIX: &str = "-with-defects";
-/// The two words before the number of the defect in an image.
+/// The two words in a program that precede the number of the chosen defect.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
-/// The environment variable that gives the number to the bench.
+/// The environment variable that gives the bench the number of the chosen defect.
 const VARIABLE: &str = "HORUS_DEFECT";
 /// The placeholder for the choice in the new text of an edit.
 const CHOICE: &str = "DEFECT";
@@ -48,7 +49,7 @@ const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
 /// Folders that no build needs.
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
-/// The defects that `cargo xtask test` runs: those of the firmwares only, in short runs, one of each kind.
+/// The defects that `cargo xtask test` runs: one of each kind, in short runs and in the firmwares only.
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
@@ -60,7 +61,7 @@ const SAMPLE: [&str; 8] = [
     "uplink-ages-exchanged",
 ];
 
-/// The copy's crate with the number of the chosen defect.
+/// The source of the copy's crate that has the number of the chosen defect.
 fn chooser() -> String {
     let [first, second] = MARK;
     format!(
@@ -84,12 +85,12 @@ fn chooser() -> String {
     )
 }
 
-/// The number by which the defect at this place of the table is chosen; 0 chooses none.
+/// The number that chooses the defect at index `place` of the table; 0 chooses none.
 const fn number(place: usize) -> u32 {
     place as u32 + 1
 }
 
-/// The text in the copy in place of the old text of an edit.
+/// The text that stands in the copy instead of the old text of an edit.
 fn changed(number: u32, old: &str, new: &str) -> String {
     let choice = format!("::defect::is({number})");
     if new.contains(CHOICE) {
@@ -101,7 +102,7 @@ fn changed(number: u32, old: &str, new: &str) -> String {
     }
 }
 
-/// The `text` of `file` with all its defects of the table.
+/// Returns the `text` of `file` with all the table's defects of that file.
 fn with_defects(file: &str, text: &str) -> Result<String> {
     let mut edits = vec![];
     for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
@@ -124,7 +125,7 @@ fn with_defects(file: &str, text: &str) -> Result<String> {
     Ok(result)
 }
 
-/// The manifest of the copy's package in `folder`.
+/// Returns the manifest of the copy's package in `folder`, made from the original's `text`.
 fn manifest(folder: &str, text: &str) -> String {
     let dependencies = "[dependencies]\n";
     let mut text = text.to_owned();
@@ -139,7 +140,7 @@ fn manifest(folder: &str, text: &str) -> String {
             .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
             .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
         "xtask" => text.replacen(&own, &other, 1),
-        // The package keeps its name, which is its library's, too.
+        // The package keeps its name, because its library has that name too.
         "horus-tx-fw" | "dpr-fw" => {
             let path = "path = \"src/main.rs\"\n";
             let (package, targets) = text.split_once("[[bin]]\n").unwrap_or((&text, ""));
@@ -155,7 +156,7 @@ fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy with all defects, and leaves files that are already equal unchanged: cargo builds what has changed.
+/// Makes the copy with all defects. Files that are already equal are left alone, because cargo builds what has changed.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -208,7 +209,7 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both images of the copy as built, without a chosen defect and without a CRC.
+/// Both firmwares of the copy as built, with no defect chosen and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {
@@ -227,7 +228,7 @@ impl Built {
         Ok(Self(built.into_iter().collect::<Result<_>>()?))
     }
 
-    /// Writes both images, in which defect `number` is chosen, to `folder`.
+    /// Writes both firmwares to `folder`, with defect `number` chosen.
     fn choose(&self, number: u32, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("could not make {}", folder.display()))?;
         for (board, elf) in &self.0 {
@@ -245,7 +246,7 @@ impl Built {
     }
 }
 
-/// The bench of the copy.
+/// Builds the bench of the copy and returns its path.
 fn build_bench() -> Result<PathBuf> {
     let package = format!("xtask{SUFFIX}");
     let mut command = cargo();
@@ -255,7 +256,7 @@ fn build_bench() -> Result<PathBuf> {
     Ok(target_dir().join("debug").join(package))
 }
 
-/// The violations, as text, of a run of `cargo xtask sim` with defect `number`.
+/// The violations, as text, in a run of `cargo xtask sim` with defect `number` chosen.
 fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec<String>> {
     let output = Command::new(bench)
         .args(["sim", "--threads", "1", "--json", "-", "--images"])
@@ -274,13 +275,13 @@ fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec
     Ok(violations.iter().filter_map(|violation| violation.as_str().map(str::to_owned)).collect())
 }
 
-/// The kinds of these violations.
+/// The kinds of the violations in these texts.
 fn kinds(violations: &[String]) -> Vec<Violation> {
     let of = |text: &String| Violation::ALL.iter().copied().find(|kind| text.starts_with(kind.words()));
     violations.iter().filter_map(of).collect()
 }
 
-/// A run of the table, with a defect or without any.
+/// A run of the table, with a defect or with none.
 struct Case {
     name: String,
     number: u32,
@@ -335,8 +336,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and the runs without any, on all processors. Prints each, and returns how many differed from the
-/// table.
+/// Runs these defects, and each of their runs without a defect, on all processors. Prints each outcome, and returns how
+/// many differed from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -359,7 +360,7 @@ fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Resu
     Ok(wrong.into_inner())
 }
 
-/// The selected defects, with their places.
+/// The selected defects, each with its index in the table.
 fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> {
     DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
 }
@@ -376,7 +377,7 @@ pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
     Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Runs the sample with this program's own bench.
+/// Runs the sample of defects with this program's own bench.
 pub(crate) fn sample() -> Result<()> {
     let chosen = chosen(|defect| SAMPLE.contains(&defect.name));
     copy()?;

@@ -1,7 +1,7 @@
 //! Tests that docs/design.md states the numbers of the code.
 //!
-//! The page is written by hand. Each test here formats constants as the page's words or table rows, and checks that
-//! each occurs there exactly once.
+//! The page is written by hand. Each test in this module formats constants as words or table rows of the page, and
+//! checks that each occurs on the page exactly once.
 
 use bench_judge::bounds;
 use profile::air::{self, Place};
@@ -11,7 +11,7 @@ use profile::{Identifier, LinkStatus, Profile, ReportedPosition, Uplink, crc, im
 
 const PAGE: &str = include_str!("../../docs/design.md");
 
-/// Checks that the page has each of these once, with any line breaks.
+/// Checks that the page has each of `numbers` exactly once, wherever its lines break.
 fn states(numbers: &[String]) {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let page = words(PAGE);
@@ -20,7 +20,7 @@ fn states(numbers: &[String]) {
     }
 }
 
-/// Nanoseconds in milliseconds or microseconds, without zeros at the end.
+/// Nanoseconds as milliseconds or microseconds, without zeros at the end.
 fn ms(ns: u64) -> String {
     (ns as f64 / 1e6).to_string()
 }
@@ -33,7 +33,7 @@ fn us(ns: u64) -> String {
 fn the_design_states_sizes_and_offsets() {
     let sizes = [Profile::<1>::SIZE, Profile::<2>::SIZE, Profile::<3>::SIZE, Profile::<5>::SIZE];
     let [one, two, three, five] = sizes;
-    // The first offsets are those of an image without receivers, before GPS1.
+    // The first offsets are those of an image without receivers, so they end where GPS1 begins.
     let gps = Image::<1>::place(1).expect("GPS1");
     let port = |uplinks: usize| gps.start + 64 * uplinks;
     states(&[

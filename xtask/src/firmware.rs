@@ -9,13 +9,13 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// The folder of the images, each in a subfolder named after its profile's feature.
+/// The folder of the built firmwares, with a subfolder for each profile, named after the profile's feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
 
-/// Builds one board's image in release, writes its CRC into it, and returns the ELF's path, which later builds for
-/// other profiles do not change.
+/// Builds one board's firmware in release, writes its CRC into it, and returns the path of its ELF file. Later builds
+/// for other profiles do not change that file.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
@@ -23,25 +23,24 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let made = build_for_target(&args, package)?;
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    // The CRC goes into the copy, because cargo considers its own file up to date only while no other program writes
-    // it.
+    // The CRC is written into a copy, because cargo builds its own file again if another program has written it.
     seal::copy_sealed(&made, &kept)?;
     Ok(kept)
 }
 
-/// Builds both boards' images.
+/// Builds both boards' firmwares and returns the paths of their ELF files.
 pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
     Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
 }
 
-/// Runs cargo for the target in release and returns the executable of the given name.
+/// Runs cargo for the target in release and returns the path of the executable with the given name.
 pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     install(&FLIP_LINK)?;
     let mut command = cargo();
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // defmt reads this variable at compile time: it sets the log level of the images.
+        // defmt reads this variable when the firmware is compiled: it sets the log level.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;

@@ -1,8 +1,9 @@
 //! Fuzzes the parsers of the profile and of the base station.
 //!
-//! cargo-fuzz runs on the pinned toolchain: both crates forbid unsafe code, so no sanitizer is needed, and without one
-//! no nightly compiler either. The committed corpus seeds each run and is replayed by the ordinary tests; a run's
-//! additions stay below `target/`, and a crash is written to the folder's `artifacts`, to be minimised into the corpus.
+//! cargo-fuzz runs on the pinned toolchain. Both crates forbid unsafe code, so no sanitizer is needed, and without a
+//! sanitizer no nightly compiler is needed either. The committed corpus seeds each run and is replayed by the ordinary
+//! tests. Inputs that a run adds stay below `target/`, and an input that causes a crash is written to the folder's
+//! `artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 
@@ -11,7 +12,7 @@ use clap::Args;
 
 use crate::workspace::{CARGO_FUZZ, cargo, check, install, root, target_dir};
 
-/// Folders that hold fuzz targets.
+/// The folders with fuzz targets.
 const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 
 #[derive(Args)]
@@ -41,7 +42,7 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     };
     for (folder, target) in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
-        // libFuzzer adds new inputs to the first folder.
+        // libFuzzer writes new inputs into the first folder that it is given.
         let found = target_dir().join("fuzz-corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();
@@ -57,7 +58,7 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every target, with the folder that it is in.
+/// Every fuzz target, each with its folder.
 fn targets() -> Result<Vec<(&'static str, String)>> {
     let mut targets = vec![];
     for folder in FOLDERS {

@@ -2,11 +2,12 @@
 //!
 //! # Design
 //!
-//! It is a generator of our own, not cbindgen: the objects of `profile` are arrays of bytes whose fields are private,
-//! and a macro defines their status words, so a tool that reads the source finds neither. This generator measures: it
-//! makes `profile` seal each object with a value that occurs in one field only, and searches for its bytes. So an
-//! offset in the header is where the Rust code puts the field. Fields must fill their object without a gap, and bits
-//! their status word; otherwise nothing is generated. So a new field or bit in Rust cannot be forgotten here.
+//! The generator is written for this project instead of cbindgen: the objects of `profile` are arrays of bytes whose
+//! fields are private, and a macro defines their status words, so a tool that reads the source finds neither. This
+//! generator measures the layout: it makes `profile` seal each object with a value that occurs in one field only, and
+//! searches for the value's bytes. The header therefore has the offset at which the Rust code puts the field. Fields
+//! must fill their object without a gap, and bits must fill their status word; otherwise nothing is generated. So a new
+//! field or bit in Rust cannot be missing from the header.
 //!
 //! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
@@ -77,7 +78,7 @@ fn client_header() -> Result<String> {
     Ok(text)
 }
 
-/// `#define` lines with their values in one column, each with its meaning.
+/// Returns `#define` lines with their values in one column, each with a comment about its meaning.
 fn defines(lines: &[(String, String, &str)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
@@ -202,7 +203,7 @@ fn constants() -> String {
     text
 }
 
-/// The sizes of every layout, as assertions about the macros that compute them.
+/// Returns assertions that the macros for the sizes of every layout give the measured sizes.
 fn layouts() -> String {
     Layout::ALL.iter().fold(String::new(), |mut text, layout| {
         let n = layout.receivers();

@@ -1,6 +1,6 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting, then runs clippy
-//! with warnings as errors, for the host and for the target, builds the crates' documentation likewise, and checks the
-//! dependencies where cargo-deny is installed.
+//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting. Then runs clippy
+//! with warnings as errors, for the host and for the target, builds the crates' documentation with warnings as errors
+//! too, and checks the dependencies if cargo-deny is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -43,7 +43,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
         }
     }
-    // Each suite has a feature of its name; the last one fails on purpose.
+    // Each suite has a feature with the suite's name; the last suite fails on purpose.
     for name in Board::ALL.map(Board::name).into_iter().chain(["failing"]) {
         let args = [
             "clippy",
@@ -66,7 +66,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
         .env("RUSTDOCFLAGS", "-D warnings");
     steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
-    // It compiles for minutes, so it is not installed here; `.ci/run` does that. Its advisories need a network.
+    // cargo-deny takes minutes to compile, so only `.ci/run` installs it. Its advisories need a network.
     if has_cargo_deny() {
         let mut command = cargo();
         command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);

@@ -1,25 +1,28 @@
-//! The whole link in real time, with the base station's page.
+//! Runs the whole link in real time, with the base station's page.
 //!
 //! # Design
 //!
-//! All of it is real except the wires' other ends. Both images run on the bench, and its flight controller reads the
-//! DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
+//! Everything is real but the far ends of the wires. Both programs run on the bench, and the bench's flight controller
+//! reads the DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
 //! [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. The forwarder's messages go
 //! through a UDP socket of this machine to the station and the page of `horus-base serve`, in this process.
 //!
-//! **Pace.** The bench reads no clock. This module stops it, every 10 ms of virtual time, until real time has come as
-//! far. The messages forwarded meanwhile are sent then, so nothing is shown early, and everything is at most 10 ms late
-//! by this. If the machine is too slow, the run falls behind, and reports by how much.
+//! **Pace.** The bench reads no clock. Every 10 ms of virtual time this module stops the bench until real time has come
+//! as far. It then sends the messages that were forwarded in these 10 ms, so nothing is shown early, and everything is
+//! late by at most 10 ms for this reason. If the machine is too slow, the run falls behind and reports by how much.
 //!
-//! **Clock.** At pace 1 the station reads the system's clock, so ages on the page are true, and grow when the bench
-//! falls behind. At any other pace HORUS's clock would look wrong against it, so the bench sets the station's clock.
+//! **Clock.** At pace 1 the station reads the system's clock, so the ages on the page are true, and increase when the
+//! bench falls behind. At any other pace HORUS's clock would look wrong against the system's, so the bench sets the
+//! station's clock.
 //!
-//! **Panel.** A second address is on the bench's side of the wire: it injects faults into the running flight, and shows
-//! both boards' logs ([`panel`]). The base station is independent of it, and its own page stays read-only.
+//! **Panel.** A second address is on the bench's side of the radio: it injects faults into the running flight and shows
+//! both boards' logs ([`panel`]). The base station is independent of the panel, and the station's own page stays
+//! read-only.
 //!
-//! **The way back.** With `--uplink` the page sends uplinks to the flight controller, signed, through the same socket;
-//! its end of that is [`base_station::carrier::mavlink::Inbound`]. It writes them to the DPR, and forwards the DPR's
-//! display of them. `--loss` loses messages, each way, drawn from the seed.
+//! **The way back.** With `--uplink` the page sends signed uplinks to the flight controller through the same socket;
+//! [`base_station::carrier::mavlink::Inbound`] receives them there. The flight controller writes the uplinks to the
+//! DPR, and forwards what the DPR then shows of them. With `--loss` messages are lost in both directions, drawn from
+//! the seed.
 
 mod panel;
 #[cfg(test)]
@@ -54,17 +57,17 @@ const SYSTEM: u8 = 1;
 /// MAVLink's component id of the flight controller: MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
 
-/// The rates of a fast telemetry radio: all objects at 10 Hz.
+/// The rates of a fast telemetry radio, which carries all objects at 10 Hz.
 const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 0 };
 
-/// The interval at which the run can be ended, virtual ns.
+/// The length of a piece of the run, after which the run can be ended, virtual ns.
 const PIECE: u64 = 100_000_000;
 
-/// The greatest lag of a run that counts as real time: one period of the forwarder, a quarter of the age at which the
-/// page marks a position as old.
+/// The greatest lag with which a run still counts as in real time: one period of the forwarder, a quarter of the age at
+/// which the page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// The time after which the last sent message has arrived or is lost.
+/// The longest time to wait after the last message was sent: by then it has arrived or is lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
 /// The address of all sockets: this machine.
@@ -102,17 +105,17 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     }
 }
 
-/// A key for this run only: both ends of the way back are in this process.
+/// Returns a key for this run only, because both ends of the way back are in this process.
 fn key() -> Key {
     let mut bytes = [0; 32];
     for chunk in bytes.chunks_mut(8) {
-        // The system seeds each of them.
+        // The system seeds each `RandomState` with random numbers.
         chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
     }
     Key::new(bytes)
 }
 
-/// µs since 1970.
+/// The real time in µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
@@ -123,7 +126,7 @@ fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// The fate of the messages with objects.
+/// The number of messages with objects that were sent, and what became of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -132,7 +135,7 @@ struct Shown {
 }
 
 impl Shown {
-    /// Whether all sent messages arrived intact.
+    /// Whether all messages that were sent arrived intact.
     const fn is_whole(self) -> bool {
         self.arrived == self.sent && self.bad_crc == 0
     }
@@ -152,32 +155,32 @@ struct Page {
     forwarder: Forwarder,
     socket: UdpSocket,
     to: SocketAddr,
-    /// Virtual time divided by real time; 0 for as fast as possible.
+    /// The ratio of virtual time to real time; 0 for as fast as possible.
     pace: f64,
-    /// The elapsed virtual time, µs, for a station that does not read the system's clock.
+    /// The elapsed virtual time, µs, which is the clock of a station that does not read the system's.
     passed_us: Arc<AtomicU64>,
-    /// The real time of the run's beginning, without the time of its first step, which loads the images.
+    /// The real time at which the run began; its first step, which loads the programs, does not count.
     began: Option<Instant>,
     /// The greatest lag behind real time.
     behind: Duration,
     /// The number of messages with objects that were sent.
     sent: u64,
-    /// The reason why one could not be sent.
+    /// The reason why a message could not be sent, if there was one.
     unsent: Option<std::io::Error>,
-    /// The faults that a user injects meanwhile.
+    /// The panel, whose user injects faults during the run.
     panel: Panel,
     /// The flight controller's end of the way back, if there is one.
     inbound: Option<Inbound>,
-    /// The percentage of messages that are lost, each way, and the generator that draws them.
+    /// The percentage of messages that are lost in each direction, and the generator that draws them.
     loss: (u64, Rng),
 }
 
 impl Page {
-    /// Opens the page on this port, with uplinks if `uplink` is set; `told` gets every change of an alarm.
+    /// Opens the page on this port, with uplinks if `uplink` is set; `told` is called with every change of an alarm.
     fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
-        // The station ends when the line does, and the line with this process.
+        // The station ends when its inlet ends, and the inlet ends with this process.
         let key = uplink.then(key);
         let verifier = || key.clone().map(Verifier::new);
         let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);
@@ -216,18 +219,18 @@ impl Page {
         })
     }
 
-    /// Makes the radio lose this percentage of messages, each way, drawn from this seed.
+    /// Makes the radio lose this percentage of the messages in each direction, drawn from this seed.
     fn with_loss(self, percent: u64, seed: u64) -> Self {
         Self { loss: (percent, Rng::new(seed)), ..self }
     }
 
-    /// Whether the radio loses a message.
+    /// Draws whether the radio loses a message.
     fn loses(&mut self) -> bool {
         let (percent, rng) = &mut self.loss;
         rng.below(100) < *percent
     }
 
-    /// Runs the link, and sends the messages that its flight controller forwards.
+    /// Runs the link, and sends to the station the messages that the link's flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
         self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
@@ -237,7 +240,7 @@ impl Page {
         }
     }
 
-    /// Waits until the station has taken what was sent, or the time for it is over.
+    /// Waits until the station has received all sent messages, or until the time for that is over.
     fn settle(&self) -> Shown {
         let began = Instant::now();
         loop {
@@ -253,7 +256,7 @@ impl Page {
         }
     }
 
-    /// A line about whether the pace was held.
+    /// A line of text about whether the run kept its pace.
     fn pace(&self) -> String {
         let behind = self.behind.as_secs_f64() * 1e3;
         let held = match self.pace {
@@ -294,7 +297,7 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // The number of messages that a receiver finds is the number that will arrive.
+                // The number sent is that of the messages that a receiver would find in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }
@@ -311,7 +314,7 @@ impl Observer for Page {
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let mut bytes = [0; 512];
         let mut to_write = None;
-        // An error here means that there is no message.
+        // An error of `recv` means that no further message has come.
         while let Ok(length) = self.socket.recv(&mut bytes) {
             if !self.loses()
                 && let Some(inbound) = &mut self.inbound

@@ -1,7 +1,7 @@
 //! Workspace tasks: `cargo xtask <command>`.
 //!
-//! One binary builds both firmware images, runs them against each other on the bench, tests everything, checks sizes
-//! against budgets and flashes the boards. Each command lives in a module of its own; this file is the command line.
+//! One binary builds both firmwares, runs them against each other on the bench, tests everything, checks sizes against
+//! budgets and flashes the boards. Each command has a module of its own; this file has the command line.
 //!
 //! The exit codes are 0 for success, 1 for a failed check (reported on standard error), 2 for a wrong command line.
 
@@ -97,9 +97,9 @@ enum Command {
 /// One of the two boards of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Board {
-    /// nRF52840-DK: the dual-ported RAM.
+    /// The nRF52840-DK, which is the dual-ported RAM.
     Dpr,
-    /// NUCLEO-F429ZI: the HORUS side.
+    /// The NUCLEO-F429ZI, which is the HORUS side.
     Horus,
 }
 
@@ -293,7 +293,7 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs the same command again with the probe library, which this binary lacks.
+/// Runs the same command line again in a binary with the probe library, which this one lacks.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -304,7 +304,7 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs the same command again with the page, which this binary lacks.
+/// Runs the same command line again in a binary with the page, which this one lacks.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

@@ -1,4 +1,4 @@
-//! Whether the crates that others can use build from their own packages, without this workspace.
+//! Checks that the crates which others can use build from their own packages, without this workspace.
 
 use std::fs;
 use std::process::{Command, ExitCode};
@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::workspace::{cargo, check, root, target_dir};
 
-/// The crates that stand alone.
+/// The crates that can be used without this workspace.
 const PACKAGES: [&str; 8] = [
     "profile",
     "st25r3916",
@@ -19,8 +19,9 @@ const PACKAGES: [&str; 8] = [
     "emulator-node",
 ];
 
-/// Packages them and builds each from its tarball. Nothing is published: cargo resolves packages of one workspace
-/// against each other only where they may be published, so that is allowed in a copy of what is committed.
+/// Packages these crates and builds each from its tarball. Nothing is published. Cargo resolves packages of one
+/// workspace against each other only if they may be published, so publishing is allowed in a copy of the committed
+/// files.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

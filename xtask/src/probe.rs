@@ -1,7 +1,8 @@
-//! Real boards through the probe-rs library: writes, verifies, shows the log, runs a test suite.
+//! Handles real boards through the probe-rs library: writes and verifies a program, shows its log, runs a test suite.
 //!
-//! Chip and probe are always explicit: the board gives the chip, and the probe is the only one or that of `--probe`.
-//! The program never chooses between two probes, because writing the wrong board's image is worse than an error.
+//! Chip and probe are always certain: the board determines the chip, and the probe is the only one or the one that
+//! `--probe` names. The program never chooses between two probes, because it would be worse to write the wrong board
+//! than to fail.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -39,28 +40,28 @@ use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 use watchdog::Feeding;
 
-/// The time limit for a core to carry out a debugger's request.
+/// The longest time that a core may take to carry out a debugger's request.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Registers by their numbers in DCRSR (ARMv7-M ARM C1.6.3).
+/// The core's registers LR, xPSR, MSP and PSP by their numbers in DCRSR (ARMv7-M ARM C1.6.3).
 const LR: RegisterId = RegisterId(14);
 const XPSR: RegisterId = RegisterId(16);
 const MSP: RegisterId = RegisterId(17);
 const PSP: RegisterId = RegisterId(18);
 
-/// The polling interval of the log: far below the time in which a 1 KiB buffer fills at either image's rate.
+/// The interval at which the log is polled: far below the time in which a firmware fills the 1 KiB of its buffer.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
-/// The time limit for an image to set up its log after reset.
+/// The longest time after reset that a firmware may take to set up its log.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// The default duration of the log of a board on the bench, s: no user is there to interrupt it.
+/// The default time for which the log of a board on the bench is shown, s: no user is there to interrupt it.
 const BENCH_LOG: f64 = 1.0;
 
 /// A probe that was found.
 #[derive(Debug)]
 enum Found {
-    /// On USB.
+    /// A probe that is connected over USB.
     Usb(DebugProbeInfo),
     /// The probe of a board on the bench.
     Bench(BenchBoard),
@@ -75,7 +76,7 @@ impl std::fmt::Display for Found {
     }
 }
 
-/// The duration of a log: until it ends or is interrupted, or for a time of the board's.
+/// The time for which a log is shown: until it ends or is interrupted, or for a given time of the board.
 #[derive(Debug)]
 enum Span<'a> {
     Endless,
@@ -84,7 +85,7 @@ enum Span<'a> {
 }
 
 impl<'a> Span<'a> {
-    /// Begins now.
+    /// Returns the time for which a log is shown from now on.
     fn of(found: &'a Found, seconds: Option<f64>) -> Self {
         match (found, seconds) {
             (Found::Usb(_), None) => Self::Endless,
@@ -104,9 +105,9 @@ impl<'a> Span<'a> {
     }
 }
 
-/// Builds, writes, verifies, resets, then shows the log.
+/// Builds a firmware, writes and verifies it, resets the board, then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
-    // The probe comes first: a missing one should not cost a build.
+    // The probe is opened first, because without one a build would be in vain.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
     flash_elf(args, &probe, &elf)
@@ -139,7 +140,7 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF, runs it, shows its log and exits with its status: a semihosting exit gives the code.
+/// Writes an ELF file, runs it, shows its log and exits with the program's status: a semihosting exit gives the code.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -185,7 +186,8 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library does not check a part's name: an STM32's absent access port 1 would read like a locked nRF52840's.
+    // The library does not check a part's name: an STM32 has no access port 1, which would read like that of a locked
+    // nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -208,12 +210,13 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
     Ok((session, feeding))
 }
 
-/// Opens the probe. Returns the probe, its requested SWD clock in kHz if any, and the handle that ends the feeding of
-/// an nRF52840's watchdog.
+/// Opens the probe. Returns it, its requested SWD clock in kHz if one was requested, and the handle that ends the
+/// feeding of an nRF52840's watchdog.
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
         Found::Usb(info) => {
-            // These probes of the library work in transfers, and the watchdog can be fed between two of them.
+            // The library's drivers of these probes make single transfers, so the watchdog can be fed between two of
+            // them.
             let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
             let selector = DebugProbeSelector::from(info);
             drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
@@ -237,10 +240,11 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
     Ok((opened, khz.transpose()?, feeding))
 }
 
-/// The part at the probe; `None` where no debug port answers, which attaching will report. Only identification
-/// registers are read, and the part continues undisturbed.
+/// Identifies the part at the probe; `None` if no debug port answers, which the library reports when it attaches. Only
+/// identification registers are read, and the part continues undisturbed.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
-    /// The IDR of an access port: Nordic's JEP106 number, 0x44 in bank 2 (PS v1.7, 4.8.1; ADIv5.2, C1.3).
+    /// The IDR of an access port, in bank 2, which for Nordic's access ports has the JEP106 number 0x44 (PS v1.7,
+    /// 4.8.1; ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;
     const DESIGNER: u32 = 0x0FFE_0000;
     const NORDIC: u32 = 0x0288_0000;
@@ -266,13 +270,14 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// The meaning of an error of the library's `attach`, which was or was not allowed to erase everything.
+/// The meaning of an error of the library's `attach`; `erase_all` is whether the library was allowed to erase
+/// everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
-        // Only the unlocking step of attaching to an nRF52840 ends with this error.
+        // Only the step of `attach` that unlocks an nRF52840 ends with this error.
         probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }
@@ -280,18 +285,19 @@ fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
 
 /// Programs UICR.APPROTECT of an nRF52840 that would otherwise be locked after the next power-on.
 ///
-/// Only this word is written, by the NVMC itself (PS v1.7, NVMC), because the library's way to write UICR erases all of
-/// it first, and with it the reset pin's and the regulator's settings.
+/// Only UICR.APPROTECT is written, by the NVMC itself (PS v1.7, NVMC). The library would first erase all of UICR, and
+/// with it the settings of the reset pin and the regulator.
 fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_READY: u64 = 0x4001_E400;
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // A word takes 41 us (PS v1.7, NVMC, electrical specification), a read of it through the probe longer.
+    // A word takes 41 us to program (PS v1.7, NVMC, electrical specification); one look at the NVMC through the probe
+    // takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The halt keeps the firmware from using the NVMC meanwhile.
+    // The core is halted, so that the firmware cannot use the NVMC at the same time.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
@@ -315,8 +321,8 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     Ok(())
 }
 
-/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which its firmware stops at the
-/// start; the other option bytes stay (RM0090, "Option bytes"). The level takes effect at the next reset.
+/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which its firmware stops at its
+/// start. The other option bytes stay (RM0090, "Option bytes"). The level takes effect at the next reset.
 fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTKEYR: u64 = 0x4002_3C08;
     const KEYS: [u32; 2] = [0x0819_2A3B, 0x4C5D_6E7F];
@@ -326,12 +332,13 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTLOCK: u32 = 1 << 0;
     const OPTSTRT: u32 = 1 << 1;
     const BOR_LEV: u32 = 3 << 2;
-    // The option bytes are erased and programmed together: a sector's time, 0.8 s at most (DS9405, "Flash memory
-    // characteristics"). A read of the register through the probe takes 50 us and more.
+    // The option bytes are erased and programmed together, which takes as long as a sector: 0.8 s at most (DS9405,
+    // "Flash memory characteristics"). One look at the register through the probe takes at least 50 us.
     const LOOKS: usize = 50_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The new image has not run; the previous one must not use the interface meanwhile.
+    // The core is halted: the new program has not run yet, and the previous one must not use the flash interface at the
+    // same time.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let options = core.read_word_32(OPTCR)?;
     let level = options & BOR_LEV;
@@ -352,7 +359,7 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
     let done = (0..LOOKS).any(|_| is_done(&mut core));
     core.write_word_32(OPTCR, wanted | OPTLOCK)?;
-    // The next start loads the programmed value, which may differ from the register's.
+    // The next start loads the programmed option bytes, which may differ from the register's value.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let loaded = core.read_word_32(OPTCR)?;
     if !done || loaded & BOR_LEV != 0 {
@@ -366,7 +373,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
         ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"),
     );
     let shown = bar.clone();
-    // probe-rs announces every step with its size, then begins them one by one.
+    // probe-rs announces every step of writing with its size, then begins the steps one by one.
     let mut totals = BTreeMap::new();
     let progress = FlashProgress::new(move |event| match event {
         ProgressEvent::AddProgressBar { operation, total } => {
@@ -394,7 +401,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     })
 }
 
-/// The message about an image that was not written.
+/// The message for the user about a program that was not written.
 fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     let elf = elf.display();
     match error {
@@ -409,7 +416,7 @@ fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     }
 }
 
-/// The name of a writing step on the screen.
+/// The word on the screen for a step of writing.
 const fn verb(operation: &ProgressOperation) -> &'static str {
     match operation {
         ProgressOperation::Fill => "reading",
@@ -419,29 +426,29 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// The owner of the displayed log.
+/// The kind of program whose log is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Follow {
-    /// An image that is meant to run for ever: its reaction to a HardFault or a restart is its own.
+    /// A firmware that is meant to run for ever and handles a HardFault or a restart itself.
     Firmware,
-    /// A test suite, which ends by itself: by a semihosting exit, or by a HardFault if it fails (panic-probe). The core
-    /// halts there, because nothing else would end it: cortex-m-rt's handler is a loop.
+    /// A test suite, which ends with a semihosting exit or, if it fails, with a HardFault (panic-probe). The core halts
+    /// at a HardFault, because nothing else would end the run: cortex-m-rt's handler is a loop.
     Suite,
 }
 
-/// The number of restarts of a suite after which no other ending is expected.
+/// The number of restarts after which a suite counts as one that never ends.
 const MOST_RESTARTS: usize = 10;
 
-/// Debug Halting Control and Status Register. S_RESET_ST means that the core was reset since the last read of the
-/// register (ARMv7-M ARM C1.6.2).
+/// The address of DHCSR, the Debug Halting Control and Status Register. Its bit S_RESET_ST is set if the core was reset
+/// since the last read of the register (ARMv7-M ARM C1.6.2).
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
-/// The CPUID register, which identifies the core (ARMv7-M ARM B3.2.3).
+/// The address of CPUID, which identifies the core (ARMv7-M ARM B3.2.3).
 const CPUID: u64 = 0xE000_ED00;
 
-/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
-/// it is interrupted. If the part restarts meanwhile, the log continues from its new start.
+/// Resets the core and shows its defmt log until the program exits through semihosting (whose code becomes the exit
+/// code), its time is over or it is interrupted. If the part restarts meanwhile, the log continues with the new start.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -454,28 +461,29 @@ fn follow(
     let mut decoder = table.new_stream_decoder();
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
-    // The last run's contents of RAM must not be taken for this run's log.
+    // The control block in RAM may still be that of the last run, so it is cleared before its log is read.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // Some resets do not clear the catch on every part, so another run may have left it.
+    // On some parts some resets do not clear the vector catch, so it may still be set by another run.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // The last reset was ours.
+    // The reset that this function itself has made does not count, so it is discarded here.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
-    // The image itself must feed the watchdog from here on.
+    // From here on the program must feed the watchdog itself.
     feeding.end();
     let mut rtt = attach_log(&mut core, block)?;
     let mut restarts = 0;
     loop {
         let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
-        // The log is read after the status, so that lines before a halt are shown before the run ends.
+        // The log is read after the status, so that the lines before a halt are shown before this function returns.
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The start-up code has initialised the control block again, or is about to.
+                // The part has restarted: its start-up code has initialised the control block again, or will do so
+                // next.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
                 }
@@ -491,16 +499,16 @@ fn follow(
             if follow == Follow::Suite && restarts == MOST_RESTARTS {
                 bail!("the part restarted {restarts} times: the suite does not come to its end");
             }
-            // Partial data are lost with the buffer.
+            // An incomplete log message is lost with the part's log buffer.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
-                // The HardFault came before it could be caught: its log is still there.
+                // The HardFault came before it could be caught. Its log is still in the buffer.
                 rtt = attach_log(&mut core, block)?;
                 drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The start-up code needs far less than this to initialise the control block.
+            // The start-up code needs far less than the time of this sleep to initialise the control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -514,7 +522,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The library may report several reasons, because it can only clear some of the earlier ones.
+            // The library may report several reasons for a halt, because it cannot clear all of the earlier ones.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -522,7 +530,7 @@ fn follow(
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
-            // A board on the bench advances with each access.
+            // A board on the bench needs no pause, because its virtual time advances with each access.
             _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
@@ -534,11 +542,12 @@ fn was_reset(core: &mut Core<'_>) -> Result<bool> {
     Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
 }
 
-/// Makes the core halt again at a HardFault and at semihosting calls: only soft resets of an nRF52840 keep that setting
-/// (PS v1.7, 5.3.7.8). Returns whether a HardFault came before that.
+/// Makes the core halt again at a HardFault and at semihosting calls, because on an nRF52840 only a soft reset keeps
+/// that setting (PS v1.7, 5.3.7.8). Returns whether a HardFault came before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // Other resets also close an nRF52840's debug port until the image opens it, some time after its start. Until then
-    // every read returns zero, also of CPUID, which is never zero, and a request to halt is lost.
+    // Resets other than a soft one also close an nRF52840's debug port until the program opens it, some time after its
+    // start. Until then every read returns zero, also of CPUID, which is never zero otherwise, and a request to halt is
+    // lost.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
         if since.elapsed() >= CORE_TIMEOUT {
@@ -555,7 +564,7 @@ fn catch_again(core: &mut Core<'_>) -> Result<bool> {
     Ok(false)
 }
 
-/// Whether a halted core is in its HardFault handler (ARMv7-M ARM table B1-4).
+/// Whether the halted core is in its HardFault handler (ARMv7-M ARM table B1-4).
 fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
     const EXCEPTION: u32 = 0x1FF;
     const HARD_FAULT: u32 = 3;
@@ -563,15 +572,16 @@ fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
     Ok(status & EXCEPTION == HARD_FAULT)
 }
 
-/// The address of the code before the first instruction of the core's HardFault handler, for the end of a sentence.
+/// The address of the instruction that the HardFault interrupted, as text for the end of a sentence. The core must be
+/// at the first instruction of its HardFault handler.
 fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
-    /// Bit 2 of EXC_RETURN: the frame is on the process stack (ARMv7-M ARM table B1-8).
+    /// Bit 2 of EXC_RETURN, which is set if the exception's frame is on the process stack (ARMv7-M ARM table B1-8).
     const PROCESS_STACK: u32 = 1 << 2;
-    /// The offset of the return address in the frame.
+    /// The offset of the return address in the exception's frame.
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The cause may be a stack outside memory.
+    // The address of the stack may be outside memory, which may also be the cause of the fault.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

@@ -1,5 +1,5 @@
-//! Counts the detection of the profile's two CRCs, compares the counts with the committed ones, and writes the safety
-//! report.
+//! Counts which errors the profile's two CRCs detect, compares the counts with the committed ones, and writes the
+//! safety report.
 
 use std::io::Write as _;
 use std::num::NonZero;
@@ -15,7 +15,7 @@ use residual::{Code, DualWeights, codes};
 
 use crate::workspace;
 
-/// The progress bar's resolution: parts of a code.
+/// The number of steps of the progress bar for each code.
 const PARTS: f64 = 1000.0;
 
 #[derive(Args)]
@@ -63,7 +63,7 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     write(&page, &report.refresh(&text).map_err(anyhow::Error::msg)?)?;
 
-    // Only the JSON goes to standard output then, because a program reads it.
+    // If the JSON goes to standard output, nothing else does, because a program reads it.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {
@@ -116,7 +116,7 @@ fn committed() -> Result<Vec<(Code, DualWeights)>> {
     Code::all().into_iter().map(dual).collect()
 }
 
-/// Counts the words of all dual codes and prints on standard error how long each took.
+/// Counts the words of all dual codes, and prints on standard error how long each code took.
 fn count(threads: NonZero<usize>) -> Vec<(Code, DualWeights)> {
     let all = Code::all();
     let style = ProgressStyle::with_template("{bar:40} {percent} % of {msg}, {eta} left").expect("a constant template");

@@ -17,7 +17,7 @@ use crate::{Board, ProbeArgs, gdb};
 
 #[derive(Args)]
 pub(crate) struct RunArgs {
-    /// The board to run it on.
+    /// The board on which the file runs.
     #[arg(long, value_enum)]
     board: Board,
     /// The ELF file.
@@ -58,19 +58,19 @@ pub(crate) struct RunArgs {
     /// The port on 127.0.0.1 to wait for gdb at; 0 selects a free one.
     #[arg(long, default_value_t = gdb::PORT, requires = "gdb")]
     port: u16,
-    /// The place where it runs.
+    /// The place where the file runs.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
     #[command(flatten)]
     probe: ProbeArgs,
 }
 
-/// The place where target code runs.
+/// The place where code for the boards runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Place {
     /// The emulated boards: no hardware needed.
     Bench,
-    /// A board on a debug probe.
+    /// A real board on a debug probe.
     Hardware,
 }
 
@@ -139,7 +139,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
         }
     };
     eprintln!("{}", summary(&outcome, args.clock));
-    // A debugger holds a run up.
+    // With a debugger the time of a run says nothing about the speed of this machine.
     if !args.gdb {
         let seconds = began.elapsed().as_secs_f64();
         eprintln!("{:.0} million instructions a second of this machine", outcome.instructions as f64 / 1e6 / seconds);
@@ -150,9 +150,10 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     Ok(ending(args, &outcome))
 }
 
-/// A hint where an image lies at addresses of another part's flash.
+/// A hint for the user if a program lies at addresses that are the flash of another part.
 fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
-    // The STM32 shows its flash at 0, too, so that an image for the nRF52840 is loaded and runs into nothing.
+    // The STM32 also has its flash at address 0. A program for the nRF52840 is therefore loaded, but its instructions
+    // are not found where it was linked.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (board == Board::Horus && lies_below).then(|| {
@@ -163,7 +164,7 @@ fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     })
 }
 
-/// A hint for a firmware that printed nothing: the ways in which text arrives.
+/// A hint for the user of a firmware that printed nothing: the ways in which a firmware can print text.
 fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
     if !outcome.lines.is_empty() || !args.uart.is_empty() {
         return None;
@@ -175,7 +176,7 @@ fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Optio
     })
 }
 
-/// The exit code of the run, with a message where the reason is not obvious.
+/// The exit code of the run; prints a message if the reason for it is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -184,7 +185,7 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-/// The message about a run that was to take `seconds`, or at most `limit`, and its status.
+/// The message about a run, if one is needed, and the run's status. The run was to take `seconds`, or at most `limit`.
 fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -208,14 +209,14 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
         );
         return (Some(says), outcome.status());
     }
-    // A firmware that reports success has failed if the bench has findings about it.
+    // A firmware that reports success has still failed if the bench has findings about it.
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
-/// The files that pins' bytes go to, with their names.
+/// The files into which the bytes of UART pins are written, each with its name.
 type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
-/// The connections to the board by these arguments.
+/// The connections to the board that these arguments ask for.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -281,7 +282,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     Ok((connected, files))
 }
 
-/// The pin with this name of the board's maker: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+/// The pin with the name that the part's maker uses: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
 fn pin_called(board: Board, name: &str) -> Option<Pin> {
     let rest = name.strip_prefix(['P', 'p'])?;
     let (port, number) = match board {
@@ -295,7 +296,7 @@ fn pin_called(board: Board, name: &str) -> Option<Pin> {
             (u8::try_from(u32::from(port).checked_sub(u32::from('A'))?).ok().filter(|port| *port < 11)?, number)
         }
     };
-    // P1 ends at P1.15, PK at PK7; the ports of the STM32 in this package are 16 pins wide.
+    // The nRF52840's P1 ends at P1.15, and the STM32's ports in this package have at most 16 pins.
     let pins = if board == Board::Dpr && port == 0 { 32 } else { 16 };
     (number < pins).then(|| Pin::new(port, number))
 }
@@ -317,21 +318,22 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// The destination of the firmware's log.
+/// The place to which the firmware's log is written.
 struct Output<W> {
     stdout: W,
-    /// Whether its reader has gone, as in a pipe into `head`. The run continues, because its exit code still counts.
+    /// Whether the reader of the output has gone, as in a pipe into `head`. The run continues, because its exit code
+    /// still counts.
     closed: bool,
-    /// The unfinished line of each UART, with the instant of its first byte, ns.
+    /// For each UART the line that has not ended yet, with the instant of its first byte, ns.
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
-/// The longest line of a UART; a longer one is shown in parts.
+/// The most bytes of a UART's line that are shown in one piece; a longer line is shown in parts.
 const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {
-    /// Shows a line. One without a time stamp of the firmware gets the virtual time at which the probe read it, up to 1
-    /// ms after it was written.
+    /// Shows a line of the log. If the firmware gave it no time stamp, it gets the virtual time at which the probe read
+    /// it, up to 1 ms after it was written.
     fn line(&mut self, line: &LogLine) {
         if line.timestamp.is_empty() {
             self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));
@@ -340,7 +342,7 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// A UART sent a byte: lines are shown when they end.
+    /// Takes a byte that a UART has sent, and shows the line that it ends.
     fn byte(&mut self, SentByte { at, pin, byte }: SentByte) {
         let (_, bytes) = self.half.entry(pin).or_insert((at, vec![]));
         if byte != b'\n' {
@@ -358,7 +360,7 @@ impl<W: Write> Output<W> {
         self.text(format_args!("{:>14.6} ms  {}", milliseconds(at), line.trim_end_matches('\r')));
     }
 
-    /// Shows the lines that have no end.
+    /// Shows the lines of UARTs that have not ended.
     fn finish(&mut self) {
         for (at, bytes) in std::mem::take(&mut self.half).into_values() {
             self.half_line(at, &bytes);
@@ -379,7 +381,7 @@ fn summary(outcome: &Outcome, clock: Clock) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
     let stack = match outcome.stack {
-        // A firmware that tests its RAM writes to all of it.
+        // A firmware that tests its RAM at its start writes to all of it, so nothing is known about its stack.
         Some((used, size)) if used == size => format!(", all {size} bytes of the stack written"),
         Some((used, size)) => format!(", stack {used} of {size} bytes at worst"),
         None => String::new(),
@@ -411,7 +413,7 @@ mod tests {
 
     use super::*;
 
-    /// A reader that stops after a number of lines.
+    /// A reader that takes a number of lines and then closes the pipe.
     struct Pipe(Vec<u8>, usize);
 
     impl Write for Pipe {

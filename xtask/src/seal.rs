@@ -1,9 +1,9 @@
-//! Writes an image's CRC into its ELF file, so that the firmware can check at start whether its flash is as built.
+//! Writes a program's CRC into its ELF file, so that the firmware can check at its start whether its flash is as built.
 //!
 //! The linker script `firmware-common/program_crc.x` reserves one word, section `.program_crc`, after everything that
-//! is loaded into flash. [`seal`] writes the frame CRC of all bytes from the vector table up to that word into it, most
-//! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware compares
-//! it in `firmware_common::program`.
+//! is loaded into flash. [`seal`] writes into it the frame CRC of all bytes from the vector table up to that word, most
+//! significant byte first. A gap between two sections counts as 0xFF, the value of erased flash. The firmware checks
+//! the CRC in `firmware_common::program`.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ const ERASED: u8 = 0xFF;
 /// The size of the CRC, bytes.
 const CRC_SIZE: u64 = 4;
 
-/// A range of bytes that a programmer writes, with its places in memory and in the file.
+/// Bytes that a programmer writes: their address in memory, and their range in the file.
 #[derive(Clone, Copy)]
 struct Loaded {
     address: u64,
@@ -38,22 +38,23 @@ impl Loaded {
     }
 }
 
-/// Writes the ELF file `from` to `to`, sealed. Nothing is written if it cannot be sealed.
+/// Writes the ELF file `from` to `to` with its CRC. If the file cannot be sealed, nothing is written.
 ///
 /// # Errors
 ///
-/// A file cannot be read or written, or is not an image that [`seal`] accepts.
+/// A file cannot be read or written, or is not an ELF file that [`seal`] accepts.
 pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
     let mut elf = std::fs::read(from).with_context(|| format!("could not read {}", from.display()))?;
     seal(&mut elf).with_context(|| format!("could not give {} its CRC", from.display()))?;
     std::fs::write(to, elf).with_context(|| format!("could not write {}", to.display()))
 }
 
-/// Seals an ELF file in memory and returns the CRC.
+/// Writes the CRC into an ELF file in memory and returns the CRC.
 ///
 /// # Errors
 ///
-/// It is not a 32-bit ELF file with a vector table and one word of `.program_crc` after everything else that is loaded.
+/// `elf` is not a 32-bit ELF file with a vector table and one word of `.program_crc` after everything else that is
+/// loaded.
 pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     let (image, word) = layout(elf)?;
     let crc = profile::crc::frame(&image);
@@ -65,7 +66,7 @@ pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     Ok(crc)
 }
 
-/// The image from the vector table up to the CRC, and the offset of the CRC in the file.
+/// The bytes in flash from the vector table up to the CRC, and the offset of the CRC in the file.
 fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
     let header = FileHeader32::<Endianness>::parse(elf).context("not a 32-bit ELF file")?;
     let endian = header.endian()?;
@@ -74,8 +75,8 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address counts: initial values of variables are loaded into flash, though they are used in
-            // RAM.
+            // The physical address counts: the initial values of variables are loaded into flash, although the
+            // variables are in RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
             len: segment.p_filesz(endian).into(),
@@ -109,7 +110,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
                 crc.address
             );
         }
-        // The segment that holds the CRC only counts up to it.
+        // The segment that holds the CRC counts only up to the CRC.
         let len = usize::try_from(segment.end().min(crc.address).saturating_sub(segment.address))?;
         let to = usize::try_from(segment.address - first)?.min(image.len());
         let from = usize::try_from(segment.offset)?;
@@ -127,7 +128,8 @@ mod tests {
     /// A section of the test's ELF file, which gets its own segment: name, load address, bytes.
     type Part<'a> = (&'a str, u32, &'a [u8]);
 
-    /// A little-endian 32-bit ELF file: header, one program header per part, the parts, section names, section headers.
+    /// Returns a little-endian 32-bit ELF file: header, one program header for each part, the parts, section names,
+    /// section headers.
     fn elf(parts: &[Part<'_>]) -> Vec<u8> {
         let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
         let halves = |halves: &[u16]| -> Vec<u8> { halves.iter().flat_map(|half| half.to_le_bytes()).collect() };
@@ -158,12 +160,13 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// An image with a vector table at 0x1000, two bytes of gap after the code, and the CRC's word after them.
+    /// A program with a vector table at 0x1000, two bytes of gap after the code, and the word for the CRC after the
+    /// gap.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }
 
-    /// The contents of flash once the image is written, in the order of addresses.
+    /// The contents of flash when the program of [`image`] has been written, in the order of addresses.
     fn flash() -> Vec<u8> {
         [&VECTORS[..], &CODE[..], &[0xFF, 0xFF]].concat()
     }
@@ -172,7 +175,7 @@ mod tests {
         bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word))
     }
 
-    /// The CRC's word in the file, as the processor loads it.
+    /// The word of the CRC in the file, as the processor would load it.
     fn stored(elf: &[u8]) -> u32 {
         let at = layout(elf).unwrap().1 as usize;
         u32::from_le_bytes(elf[at..at + 4].try_into().unwrap())
@@ -207,7 +210,7 @@ mod tests {
         for byte in 0..VECTORS.len() + CODE.len() {
             for bit in 0..8 {
                 let mut elf = image();
-                // The parts follow the file header and three program headers.
+                // The parts begin behind the file header and three program headers.
                 elf[52 + 3 * 32 + byte] ^= 1 << bit;
                 assert_ne!(seal(&mut elf).unwrap(), crc, "byte {byte}, bit {bit}");
             }

@@ -1,4 +1,4 @@
-//! Runs both images against each other on the bench, and shows the result on one screen.
+//! Runs both firmwares against each other on the bench, and shows the result on one screen.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -18,10 +18,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// The limit for crystals' errors, ppm: crystals are sold to tens of ppm, so a far larger number is a typing error.
+/// The limit for the error of a crystal, ppm. Crystals are sold with errors of tens of ppm, so a far larger number is a
+/// typing error.
 const MAX_PPM: f64 = 1000.0;
 
-/// The longest virtual time after which Ctrl-C ends a run, ns.
+/// The length of a piece of the run, ns of virtual time: Ctrl-C ends the run after the present piece.
 const PIECE: u64 = 500_000_000;
 
 /// Whether Ctrl-C was pressed.
@@ -110,7 +111,7 @@ pub(crate) struct SimArgs {
     fc_ppm: f64,
 }
 
-/// Parses a length of virtual time: from one cycle of HORUS, 10 ms, to a day.
+/// Parses a duration of virtual time: from one cycle of HORUS, 10 ms, to a day.
 pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
@@ -121,7 +122,7 @@ pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a receiver's rate.
+/// Parses the number of solutions that a receiver gives in a second.
 fn receiver_hz(text: &str) -> Result<u32, String> {
     match text.parse::<u32>() {
         Ok(hz @ 1..=40) if 1_000 % hz == 0 => Ok(hz),
@@ -136,14 +137,14 @@ fn ppm(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Progress and, if requested, logs on a terminal.
+/// A terminal that shows the progress of a run and, if requested, the boards' logs.
 pub(crate) struct Screen {
     bar: ProgressBar,
     log: bool,
 }
 
 impl Screen {
-    /// Prints a message beside the progress.
+    /// Prints a message without disturbing the progress bar.
     pub(crate) fn say(&self, text: &str) {
         if self.bar.is_hidden() {
             eprintln!("{text}");
@@ -174,7 +175,7 @@ impl Observer for Screen {
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
-    // The first Ctrl-C ends the run, whose results are then written and shown; the second ends everything.
+    // The first Ctrl-C ends the run, and its results are then written and shown. The second ends this program.
     let pressed = || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
@@ -190,14 +191,14 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both images, makes `go` run the link with them, and shows the result. `go` returns `None` where the run was
-/// ended early, which fails.
+/// Builds both firmwares, makes `go` run the link with them, and shows the result. `go` returns `None` if the run was
+/// ended early, which counts as a failure.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Before anything is built or run: what cannot be read, and a result that cannot be kept, is known here.
+    // Inputs that cannot be read, and outputs that cannot be written, are reported before anything is built or run.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -256,7 +257,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     text.push_str(&format!("{}\n", outcome.base));
     let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
     report.push('\n');
-    // A program that reads the JSON from standard output gets nothing else there.
+    // A program that reads the JSON from standard output must get nothing else there.
     if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
         std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
@@ -279,7 +280,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
-/// Flips every bit, or every `every`-th.
+/// Flips every bit of the front ends' registers, or every `every`-th, on copies of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
@@ -288,7 +289,7 @@ fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     Ok(flipped)
 }
 
-/// The contents of the flash of a board of the bench.
+/// The memory of a bench's board as `flash --probe bench` left it.
 fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     let name = board.name();
     bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
@@ -296,7 +297,7 @@ fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     })
 }
 
-/// The setup by these arguments.
+/// The setup of a run that these arguments ask for.
 fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
@@ -330,8 +331,8 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     }
 }
 
-/// The time for which a copy of the bench runs after an upset, ns: the watchdogs reset within 200 ms, and a board that
-/// has restarted is accepted again 40 ms later.
+/// The time for which a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and the
+/// cycles of a board that has restarted are accepted again 40 ms later.
 const AFTER_UPSET: u64 = 400_000_000;
 
 /// Tries upsets on copies of the bench.
@@ -349,7 +350,7 @@ fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     Ok(bench::sim::campaign(&setup, &options)?)
 }
 
-/// The end of Reported-Position's validity, and the receivers that were silent by then.
+/// A line about the end of Reported-Position's validity, and about the receivers that were silent by then.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -359,7 +360,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver with a later solution is not silent.
+        // A receiver with a solution after the end of the position's validity was not silent.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -369,7 +370,7 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
-/// The number of agreeing receivers over time, and the error of their vote.
+/// Lines about the number of receivers that agreed, and about the error of the voted position.
 fn vote(voter: &Voter) -> String {
     let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
     let agree: Vec<String> = agree
@@ -383,10 +384,10 @@ fn vote(voter: &Voter) -> String {
     format!("{agree}; none in {}{error}", voter.none)
 }
 
-/// The most exclusions that are listed.
+/// The most exclusions of receivers that are listed.
 const MOST_EXCLUSIONS: usize = 5;
 
-/// The exclusions with their beginning, end and error at that time, in a few lines.
+/// The first exclusions of receivers, each with beginning, end and error at the beginning, in a few lines.
 fn exclusions(voter: &Voter) -> String {
     let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
     let mut text = String::new();
@@ -406,14 +407,14 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// What came of the upsets that were tried on copies of the bench.
+/// Lines about the effects of the upsets that were tried on copies of the bench.
 fn upsets_in_words(upsets: &Upsets) -> String {
     let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
     let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));
     format!("{masked} masked, {detected} detected, {} dangerous, each on a copy", upsets.dangerous.len())
 }
 
-/// What was done wrong on purpose, and what came of it.
+/// Lines about the faults that were injected, and their effects.
 fn faults_in_words(faults: &bench::report::Faults) -> String {
     if faults.injected.is_empty() {
         return "none injected".to_owned();
@@ -433,10 +434,10 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
 pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
-    // A value that was never measured has no figure.
+    // A figure whose value was never measured is shown as "none".
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
-    // What the DPR counts it counts from its last start.
+    // The DPR's own counters count from the DPR's last start.
     let since = match dpr.since_ns {
         0 => String::new(),
         since => format!(" since its start at {:.3} s", since as f64 / 1e9),

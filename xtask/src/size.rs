@@ -1,8 +1,9 @@
-//! Compares image sizes with the budgets written in each firmware's `Cargo.toml`.
+//! Compares the sizes of both firmwares with the budgets in each firmware's `Cargo.toml`.
 //!
-//! Flash is the image's size there: code, constants and the initial values of statics. RAM is every static, initialised
-//! or not; the rest of the budget is the stack's, which flip-link places so that an overflow faults. Code that is
-//! copied to RAM has its own region there, which the linker bounds, and counts in flash; it has a separate column.
+//! Flash is what the program takes of it: code, constants and the initial values of statics. RAM is every static,
+//! initialised or not. The rest of the RAM budget is for the stack, which flip-link places so that an overflow leads to
+//! a fault. Code that is copied to RAM has a RAM region of its own, whose size the linker bounds. It counts in flash,
+//! and has a separate column.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -14,16 +15,16 @@ use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
-/// The number of bytes in each kind of memory.
+/// The number of bytes that a firmware has in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Footprint {
     pub(crate) flash: u64,
     pub(crate) ram: u64,
-    /// Code that is copied from flash, where it counts, to RAM at the start and runs there.
+    /// The code that is copied from flash to RAM at the start and runs there; it counts in flash too.
     pub(crate) code_in_ram: u64,
 }
 
-/// The most bytes that an image may have in each kind of memory. The linker bounds the code that runs from RAM.
+/// The most bytes that a firmware may have in each kind of memory. The linker bounds the code that runs from RAM.
 struct Budget {
     flash: u64,
     ram: u64,
@@ -82,17 +83,17 @@ pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
 fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
-    // A programmer writes the file's bytes of each loadable segment.
+    // A programmer writes the bytes that the file has for each loadable segment.
     let segments = header.program_headers(endian, data)?;
     let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
-    // Code whose run address differs from its load address is copied.
+    // Code whose run address differs from its load address is copied to RAM.
     let is_code = |segment: &&ProgramHeader32<_>| segment.p_flags(endian) & PF_X == PF_X;
     let code_in_ram = loaded()
         .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))
         .map(|segment| u64::from(segment.p_memsz(endian)))
         .sum();
-    // The statics are every writable section that has an address at run time.
+    // Statics are in the writable sections that have an address at run time.
     let ram = header
         .section_headers(endian, data)?
         .iter()

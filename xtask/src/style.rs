@@ -1,7 +1,7 @@
-//! Checks what rustfmt and clippy leave alone: the width of each line, the length of each test's name, and the words
-//! with which a comment begins.
+//! Checks what rustfmt and clippy do not: the width of each line, the length of each test's name, and the words with
+//! which a comment begins.
 //!
-//! rustfmt wraps code at 120 columns but leaves comments and string literals unchanged.
+//! rustfmt limits code to 120 columns but leaves comments and string literals unchanged.
 
 use std::path::Path;
 
@@ -12,8 +12,8 @@ use crate::workspace::{root, tracked};
 /// The longest line, in characters.
 const COLUMNS: usize = 120;
 
-/// Names of checked files: hand-written sources. Documents in Markdown, recorded data, test corpora and generated files
-/// are not checked.
+/// Whether the file at `path` is checked: hand-written sources are. Documents in Markdown, recorded data, test corpora
+/// and generated files are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
     let source = matches!(
@@ -23,13 +23,13 @@ fn is_checked(path: &str) -> bool {
     (source || path == ".ci/run") && !data
 }
 
-/// The most words of a test's name, and its most characters.
+/// The most words in a test's name, and the most characters.
 const TEST_NAME: (usize, usize) = (12, 80);
 
-/// Openings of a comment that is no sentence: its subject is elsewhere.
+/// Words with which a comment begins whose first sentence is incomplete, because its subject is in the code.
 const OPENINGS: [&str; 7] = ["As", "Of", "Not", "Nothing of", "So long", "So many", "So much"];
 
-/// Names of tests in `text` that are too long, with their lines, counted from 1.
+/// The names of tests in `text` that are too long, each with its line, counted from 1.
 fn long_names(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut is_test = false;
     text.lines().enumerate().filter_map(move |(index, line)| {
@@ -55,7 +55,7 @@ fn torn_openings(text: &str) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Lines of `text` that are too long, counted from 1, each with its width in characters.
+/// The lines of `text` that are too long, counted from 1, each with its width in characters.
 fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
     text.lines()
         .enumerate()
@@ -67,7 +67,7 @@ fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
 ///
 /// # Errors
 ///
-/// There is a finding, or git does not list the tracked files.
+/// A file has a finding, or git does not list the tracked files.
 pub(crate) fn check() -> Result<()> {
     let (mut files, mut found) = (0, 0);
     for path in tracked()?.iter().filter(|path| is_checked(path)) {
@@ -101,7 +101,7 @@ mod tests {
     fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
         let fits = "x".repeat(120);
         let comment = format!("// {}", "x".repeat(118));
-        // The line has 120 characters of two bytes each.
+        // This line has 120 characters of two bytes each, which is not too long.
         let accents = "é".repeat(120);
         let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
         assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);

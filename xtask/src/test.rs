@@ -103,8 +103,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if let Some(name) = args.only.first() {
         return only(name, args.only.get(1));
     }
-    // The path is read before anything is built: the host tests are built with all features of xtask, which replaces
-    // the file of the running program, and the system then reports its path with " (deleted)" appended.
+    // The path of this program is read before anything is built. The host tests are built with all features of xtask,
+    // which replaces the file of the running program, and the system then reports its path with " (deleted)" appended.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
@@ -124,8 +124,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         step("a sample of the defects", &mut crate::defects::sample);
-        // The tests that run both images get their folder. Without it they would not be run, and would fail where CI is
-        // set.
+        // The tests that run both firmwares are given the firmwares' folder. Without it they would not be run, and
+        // would fail where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
@@ -146,8 +146,9 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     Ok(verdict("test", ran, &failed))
 }
 
-/// One board's defmt-test suite: the same code on the bench and on the board. It is built for the clock of the bench on
-/// which it runs, because its bounds depend on that; without one, for the board. `runner` is this program's own file.
+/// Runs one board's defmt-test suite, which is the same code on the bench and on the board. It is built for the clock
+/// of the bench on which it runs, because its bounds depend on the clock; without a clock it is built for the board.
+/// `runner` is the path of this program.
 fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
@@ -182,8 +183,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // The runner is a list, so that a space in the path does not split it. A list of strings is the same in JSON
-        // and in TOML.
+        // cargo gets its runner as a list, so that a space in the runner's path does not split it. A list of strings is
+        // written alike in JSON and in TOML.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");
@@ -194,7 +195,7 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
     check("the suite", &mut command)
 }
 
-/// Prints what failed, or that nothing did.
+/// Prints which tests failed, or that none did.
 pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
     for failure in failed {
         eprintln!("FAILED {failure}");

@@ -1,4 +1,4 @@
-//! The workspace's folders, and the calls of cargo and the necessary tools.
+//! The workspace's folders, and the calls of cargo and of the tools that xtask needs.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -17,22 +17,24 @@ pub(crate) struct Tool {
     version: &'static str,
 }
 
-/// The linker wrapper that puts the stack below the statics, so that an overflow faults instead of corrupting.
+/// The linker wrapper that puts the stack below the statics, so that an overflow leads to a fault instead of corrupted
+/// statics.
 pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" };
 
-/// The libFuzzer front end.
+/// The command with which libFuzzer's fuzz targets are built and run.
 pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
 
 /// The workspace's root folder.
 pub(crate) fn root() -> PathBuf {
-    // This is xtask's own folder at build time, unless the checkout has moved since: then cargo reports its present
-    // place.
+    // The root is found from xtask's own folder at build time. If the checkout has moved since then, cargo reports its
+    // present folder.
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
 }
 
-/// The files that git tracks, by their paths from the root, without those that are deleted and not committed yet.
+/// The files that git tracks, by their paths from the root, without those that are deleted but not committed as
+/// deleted.
 pub(crate) fn tracked() -> Result<Vec<String>> {
     let output = Command::new("git")
         .args(["ls-files", "-z"])
@@ -50,11 +52,12 @@ pub(crate) fn target_dir() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(PathBuf::from(dir)))
 }
 
-/// `cargo`, in the workspace's root, with the tools on its PATH.
+/// Returns the command `cargo`, to be run in the workspace's root, with the installed tools on its PATH.
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).env("PATH", path_with_tools());
-    // cargo's environment variables about this process's own package must not reach the next one.
+    // The variables that cargo sets for xtask's own package are removed, because they would be wrong for another
+    // package.
     for (key, _) in std::env::vars_os() {
         let name = key.to_string_lossy();
         if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
@@ -64,7 +67,7 @@ pub(crate) fn cargo() -> Command {
     command
 }
 
-/// Runs a command to its end; its failure is an error that names it.
+/// Runs a command to its end. If it fails, the error names it by `what`.
 pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     let status = command.status().with_context(|| format!("{what}: could not start {command:?}"))?;
     if !status.success() {
@@ -73,7 +76,7 @@ pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Installs a pinned tool under `target/tools` unless that version is there.
+/// Installs a pinned tool under `target/tools` unless that version is installed there.
 pub(crate) fn install(tool: &Tool) -> Result<()> {
     let tools = tools_dir();
     let stamp = tools.join(format!(".{}-{}", tool.name, tool.version));
@@ -91,8 +94,8 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs this same command line again with a feature of xtask compiled in. On Unix that process replaces this one, so
-/// that an interrupt from the keyboard reaches only one.
+/// Runs the command line of this process again with a feature of xtask compiled in. On Unix the new process replaces
+/// this one, so that an interrupt from the keyboard reaches only one process.
 #[cfg(not(all(feature = "probe", feature = "live")))]
 pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
     let mut command = cargo();
@@ -117,7 +120,7 @@ fn tools_dir() -> PathBuf {
 fn path_with_tools() -> OsString {
     let old = std::env::var_os("PATH").unwrap_or_default();
     let parts = std::iter::once(tools_dir().join("bin")).chain(std::env::split_paths(&old));
-    // A PATH that cannot be joined was not usable before either.
+    // If a PATH cannot be joined it was not usable before either, so it stays as it is.
     std::env::join_paths(parts).unwrap_or(old)
 }
 
@@ -154,7 +157,7 @@ mod tests {
         }
     }
 
-    /// Each module of the files in `folder` by its path, with its code: no tests, no comments.
+    /// Each module of the files in `folder`: its path, and its code without tests and comments.
     fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
         let of_file = |file: String| {
             let within = file
@@ -169,7 +172,7 @@ mod tests {
         tracked().unwrap().into_iter().filter_map(of_file).collect()
     }
 
-    /// All paths in `code`, one for each name within braces.
+    /// All paths in `code`, with one path for each name within braces.
     fn paths(code: &str) -> Vec<Vec<&str>> {
         let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
         while let Some(first) = rest.chars().next() {
@@ -193,8 +196,8 @@ mod tests {
         all
     }
 
-    /// The arrows between modules of one folder that are in a circle, or lead to one. A folder is one module to those
-    /// beside it, and what a module takes from the one that it is in is no arrow.
+    /// The dependencies between modules of one folder that are part of a circle, or lead to one. For the modules beside
+    /// it a folder is one module, and a module does not depend on the module that contains it.
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {

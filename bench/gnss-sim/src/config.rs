@@ -2,25 +2,28 @@
 //!
 //! # Sources
 //!
-//! u-blox F9 and M9 interface descriptions, "Configuration interface" and UBX-CFG-VALSET, UBX-ACK-ACK, UBX-ACK-NAK. The
-//! keys agree in the public key lists of pyubx2 and of SparkFun's u-blox library. Factory settings: ZED-F9R data sheet
-//! (UBX-22024085), "Default interface settings". Dynamic models and which is the factory's: ZED-F9R and ZED-F9P
-//! integration manuals (UBX-20039643, UBX-18010802), CFG-NAVSPG-DYNMODEL.
+//! The rules follow the u-blox F9 and M9 interface descriptions, "Configuration interface" and UBX-CFG-VALSET,
+//! UBX-ACK-ACK, UBX-ACK-NAK. The public key lists of pyubx2 and of SparkFun's u-blox library have the same keys. The
+//! factory settings are those of the ZED-F9R data sheet (UBX-22024085), "Default interface settings". The dynamic
+//! models, and which one is the factory's, are those of the ZED-F9R and ZED-F9P integration manuals (UBX-20039643,
+//! UBX-18010802), CFG-NAVSPG-DYNMODEL.
 //!
 //! # Rules
 //!
 //! - A message is applied whole or refused whole. It is refused for an unknown key, an impossible value, a layer that
 //!   does not exist, an item that is cut off, or more than 64 items.
-//! - Layers: RAM, which a restart clears; battery-backed RAM and flash, which are one here and survive it.
-//! - Keys of all of the receiver's ports are known, whichever port it is connected by; those of this port take effect.
+//! - There are two layers: RAM, which a restart clears, and the saved layer, which survives it. The latter stands for
+//!   battery-backed RAM and flash.
+//! - The keys of all of the receiver's ports are accepted, whichever port connects it; only those of that port have an
+//!   effect.
 //! - The dynamic model is stored and reported; it does not change the receiver's solutions.
 //! - A receiver without inertial sensors rejects the keys of NAV-ATT and ESF-INS, as its firmware does.
-//! - A message with a wrong checksum, and noise between messages, are ignored without an answer.
+//! - A message with a wrong checksum, and noise between messages, are ignored and not answered.
 //!
 //! # Left out
 //!
-//! These are transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input
-//! over NMEA or RTCM. Another message of class CFG is refused, any other is ignored.
+//! Left out are transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input
+//! over NMEA or RTCM. Any other message of class CFG is refused, and messages of other classes are ignored.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +42,7 @@ pub const NAK: u8 = 0x00;
 
 /// The most items in one UBX-CFG-VALSET.
 const MOST_ITEMS: usize = 64;
-/// The longest message that a receiver accepts here, bytes: 64 items of eight bytes fit.
+/// The longest message that a receiver accepts in this model, bytes: 64 items of eight bytes fit.
 const LONGEST: usize = 1024;
 
 /// CFG-RATE-MEAS: the measurement period, ms.
@@ -50,15 +53,15 @@ pub const RATE_NAV: u32 = 0x3021_0002;
 pub const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 /// CFG-UART1-BAUDRATE, bit/s.
 pub const UART1_BAUDRATE: u32 = 0x4052_0001;
-/// CFG-MSGOUT-UBX_NAV_PVT_I2C; see [`Port::output_key`].
+/// CFG-MSGOUT-UBX_NAV_PVT_I2C, from which [`Port::output_key`] derives the key of another port.
 pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
 /// CFG-MSGOUT-UBX_NAV_ATT_I2C.
 pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
 /// CFG-MSGOUT-UBX_ESF_INS_I2C.
 pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
-/// UBX in a group of output protocols.
+/// The offset of UBX in a group of output protocols.
 pub const OUTPROT_UBX: u32 = 1;
-/// NMEA in a group of output protocols.
+/// The offset of NMEA in a group of output protocols.
 pub const OUTPROT_NMEA: u32 = 2;
 
 /// The bit rates that a receiver's UART supports: data sheet, UART specifications, and interface description.
@@ -76,13 +79,14 @@ pub enum Port {
 }
 
 impl Port {
-    /// What the link's receivers 1 to 5 are connected by (docs/hardware.md).
+    /// The ports that connect the link's receivers 1 to 5 to HORUS (docs/hardware.md).
     pub const OF: [Self; 5] = [Self::Uart1, Self::I2c, Self::Spi, Self::Uart1, Self::Uart1];
 
-    /// The ports whose keys a receiver knows, with USB and UART2, by their place in a group of CFG-MSGOUT keys.
+    /// The number of ports whose keys a receiver accepts, including USB and UART2; each has one key in a group of
+    /// CFG-MSGOUT keys.
     const PLACES: u32 = 5;
 
-    /// The key of a message's output rate on this port: `group` is its key on I2C.
+    /// The key of a message's output rate on this port. `group` is the message's key on I2C.
     #[must_use]
     pub const fn output_key(self, group: u32) -> u32 {
         group
@@ -93,7 +97,7 @@ impl Port {
             }
     }
 
-    /// The key of an output protocol on this port.
+    /// The key that switches an output protocol on this port on or off.
     #[must_use]
     pub const fn protocol_key(self, protocol: u32) -> u32 {
         protocol
@@ -105,18 +109,18 @@ impl Port {
     }
 }
 
-/// A receiver's output, which follows from its configuration.
+/// The output of a receiver, which follows from its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {
     /// The time from one solution to the next, ms.
     pub period_ms: u32,
-    /// The number of solutions per NAV-PVT; 0 for no NAV-PVT.
+    /// The number of solutions for each NAV-PVT message; 0 for no NAV-PVT.
     pub position: u32,
-    /// The same of NAV-ATT.
+    /// The number of solutions for each NAV-ATT message; 0 for no NAV-ATT.
     pub attitude: u32,
-    /// The same of ESF-INS.
+    /// The number of solutions for each ESF-INS message; 0 for no ESF-INS.
     pub inertial: u32,
-    /// The NMEA sentences that a receiver sends from the factory, with every solution.
+    /// Whether the receiver sends the NMEA sentences of its factory settings with every solution.
     pub nmea: bool,
     /// Bit rate of UART1, bit/s.
     pub bit_rate: u32,
@@ -127,11 +131,11 @@ pub struct Output {
 pub(crate) struct Abilities {
     pub(crate) attitude: bool,
     pub(crate) inertial: bool,
-    /// The period cannot be set.
+    /// Whether the period is fixed, so that it cannot be set.
     pub(crate) fixed_period: bool,
 }
 
-/// A receiver's configuration, and the message that is arriving.
+/// The configuration of a receiver, and the message that it is receiving.
 #[derive(Debug, Clone)]
 pub(crate) struct Configuration {
     port: Port,
@@ -139,12 +143,12 @@ pub(crate) struct Configuration {
     factory: BTreeMap<u32, u64>,
     saved: BTreeMap<u32, u64>,
     ram: BTreeMap<u32, u64>,
-    /// The input from the first byte on that may begin a message.
+    /// The input so far, from the first byte on that may begin a message.
     input: Vec<u8>,
 }
 
 impl Configuration {
-    /// The factory settings; for a receiver with a fixed period, with that period.
+    /// Returns the factory settings. A receiver with a fixed period has that period instead of the factory's.
     pub(crate) fn new(port: Port, abilities: Abilities, period_ms: u32) -> Self {
         let mut factory = BTreeMap::new();
         for protocols in [0x1072_0000, 0x1074_0000, 0x107A_0000] {
@@ -159,7 +163,8 @@ impl Configuration {
         factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
         factory.insert(RATE_NAV, 1);
         factory.insert(UART1_BAUDRATE, 38_400);
-        // The factory model of receivers with inertial sensors is automotive, that of others portable.
+        // The factory's dynamic model is the automotive one for receivers with inertial sensors, and the portable one
+        // for others.
         factory.insert(NAVSPG_DYNMODEL, if abilities.attitude || abilities.inertial { 4 } else { 0 });
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
@@ -180,7 +185,7 @@ impl Configuration {
         self
     }
 
-    /// Restarts the receiver: RAM is lost, and with `factory` everything that was saved.
+    /// Restarts the receiver: the settings in RAM are lost, and with `factory` the saved ones too.
     pub(crate) fn restart(&mut self, factory: bool) {
         self.ram.clear();
         self.input.clear();
@@ -189,7 +194,7 @@ impl Configuration {
         }
     }
 
-    /// Returns to the saved or original dynamic model.
+    /// Sets the dynamic model back to the saved one or, if none was saved, to the factory's.
     pub(crate) fn forget_dynamic_model(&mut self) {
         self.ram.remove(&NAVSPG_DYNMODEL);
     }
@@ -218,7 +223,7 @@ impl Configuration {
         }
     }
 
-    /// Takes a byte; `None` is an unreadable one. Returns the answer to the message that it completes.
+    /// Takes a byte; `None` stands for an unreadable one. Returns the answer to the message that the byte completes.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();
@@ -254,15 +259,16 @@ impl Configuration {
         }
     }
 
-    /// Applies UBX-CFG-VALSET; `None` where it is refused.
+    /// Applies UBX-CFG-VALSET; returns `None` if the message is refused.
     fn set(&mut self, payload: &[u8]) -> Option<()> {
-        // The payload begins with version 0, the layers (RAM, battery-backed RAM, flash), and reserved bytes.
+        // The payload of UBX-CFG-VALSET begins with version 0, the layers (RAM, battery-backed RAM, flash), and
+        // reserved bytes.
         let ([0, layers @ 1..=7, _, _], mut rest) = payload.split_first_chunk::<4>()? else { return None };
         let mut items = vec![];
         while !rest.is_empty() {
             let (key, after) = rest.split_first_chunk::<4>()?;
             let key = u32::from_le_bytes(*key);
-            // Bits 28 to 30 give the size: a bit (in a byte), 1, 2, 4 and 8 bytes.
+            // Bits 28 to 30 of a key give the size of its value: a bit (in a byte), 1, 2, 4 and 8 bytes.
             let size = match key >> 28 & 7 {
                 1 | 2 => 1,
                 3 => 2,
@@ -292,11 +298,13 @@ impl Configuration {
 
     fn can_be(&self, key: u32, value: u64) -> bool {
         match key {
-            // A period of 25 ms, 40 Hz, is the fastest of the generation (NEO-M9N: 25 Hz with several constellations).
+            // A period of 25 ms, which is 40 Hz, is the shortest of receivers of this generation (NEO-M9N: 25 Hz with
+            // several constellations).
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // The values are portable, and stationary to wrist. Later ones are not in every receiver.
+            // The accepted dynamic models are 0 (portable) and 2 to 9 (stationary to wrist). Not every receiver has the
+            // later ones.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

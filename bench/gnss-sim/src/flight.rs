@@ -14,18 +14,18 @@
 //!   which is mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises
 //!   against drag, roll is positive (right side down) in a right turn.
 //!
-//! Position is the integral of velocity, taken by five-point Gauss-Legendre quadrature: sums over a fixed grid are
-//! computed when the flight is planned, so every instant costs the same. The result is a pure function of time and
-//! seed.
+//! The position is the integral of the velocity by five-point Gauss-Legendre quadrature. Sums over a fixed grid are
+//! calculated when the flight is planned, so every instant takes the same time. The result is a pure function of time
+//! and seed.
 //!
 //! # The length of a flight
 //!
-//! A flight is planned to fill the given duration with all its phases, so that a run of 10 s shows a take-off and a
-//! landing as well as one of ten minutes does. A short flight is a low and slow hop, whose speed and height follow from
-//! the acceleration limits; a long one climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and flies more legs, which
-//! bend round so that the aircraft stays within a few kilometres. A duration below [`SHORTEST`] is planned as that, and
-//! the run shows the beginning. Before its first instant and after its last one the aircraft stands still on the
-//! ground.
+//! A flight is planned to fill the given duration with all its phases, so a run of 10 s shows a take-off and a landing
+//! as well as a run of ten minutes. A short flight is a low and slow hop, whose speed and height follow from the
+//! acceleration limits. A long flight climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and has more legs, which curve
+//! so that the aircraft stays within a few kilometres. For a duration below [`SHORTEST`] a flight of [`SHORTEST`] is
+//! planned, and the run shows its beginning. Before the flight's first instant and after its last one the aircraft
+//! stands on the ground.
 
 use core::f64::consts::{PI, TAU};
 
@@ -49,7 +49,8 @@ pub const HEIGHT_MAX: f64 = 60.0;
 pub const ACCELERATION_MAX: f64 = 3.5;
 /// Shortest flight that is planned, s.
 pub const SHORTEST: f64 = 8.0;
-/// Longest flight that is planned, s: a day, because batteries are not simulated. Longer ones are planned as this.
+/// Longest flight that is planned, s: a day, because batteries are not simulated. For a longer duration a flight of
+/// this length is planned.
 pub const LONGEST: f64 = 86_400.0;
 
 /// Standard gravity, m/s².
@@ -66,12 +67,12 @@ const GRID: f64 = 0.1;
 /// Position, motion and attitude of the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// WGS-84.
+    /// Position in WGS-84 coordinates.
     pub position: Geodetic,
     /// Position in the start's tangent plane, metres north, east, down.
     pub ned: [f64; 3],
-    /// Metres per second north, east, down. North and down are the start's; a few kilometres away the local ones
-    /// differ by less than 1 mrad.
+    /// Velocity to north, east and down, m/s. North and down are those of the start; a few kilometres away the local
+    /// directions differ from them by less than 1 mrad.
     pub velocity: [f64; 3],
     /// Pitch, the nose above the horizon, rad, −π/2 ..= π/2.
     pub pitch: f64,
@@ -79,13 +80,13 @@ pub struct State {
     pub roll: f64,
     /// Heading of the nose from true north, clockwise, rad, −π ..= π.
     pub yaw: f64,
-    /// Acceleration in the body frame, front, right, down, m/s², gravity removed: zero at rest.
+    /// Acceleration in the body frame (front, right, down) without gravity, m/s²: zero at rest.
     pub acceleration: [f64; 3],
     /// Turn rates about the body axes front, right, down, rad/s.
     pub rates: [f64; 3],
 }
 
-/// Part of a flight; see [`Flight::phase`].
+/// A phase of a flight, as [`Flight::phase`] returns it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
     /// On the ground before take-off.
@@ -106,22 +107,22 @@ pub enum Phase {
     Landed,
 }
 
-/// One planned flight, which can be queried cheaply at any instant and in any order.
+/// A planned flight, whose state at any instant can be calculated in any order at little cost.
 #[derive(Debug, Clone)]
 pub struct Flight {
     plane: TangentPlane,
     planned: f64,
-    /// End of each phase from `Standing` to `Landing`, s.
+    /// The end of each phase from `Standing` to `Landing`, s.
     phase_ends: [f64; 7],
     height: Plan,
     speed: Plan,
     course: Plan,
-    /// North and east at each multiple of `GRID`, m.
+    /// The distance flown to north and east at each multiple of `GRID`, m.
     sums: Vec<[f64; 2]>,
 }
 
 impl Flight {
-    /// Plans the flight of `seed` that fills `seconds`, from [`START`].
+    /// Returns the flight of `seed` that begins at [`START`] and fills `seconds`.
     ///
     /// `seconds` is clamped to [`SHORTEST`] ..= [`LONGEST`]; NaN counts as the shortest.
     #[must_use]
@@ -129,7 +130,7 @@ impl Flight {
         Self::from_start(seed, seconds, START)
     }
 
-    /// Plans the flight of `seed` that fills `seconds`, from `start`.
+    /// Returns the flight of `seed` that begins at `start` and fills `seconds`.
     #[must_use]
     pub fn from_start(seed: u64, seconds: f64, start: Geodetic) -> Self {
         let planned = if seconds.is_nan() { SHORTEST } else { seconds.clamp(SHORTEST, LONGEST) };
@@ -138,8 +139,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // The first numbers are shares of a short flight; a long one needs at most the second number, and cruises for
-        // the rest.
+        // Each phase has a share of a short flight, which is the first number, and at most the second number of
+        // seconds. On a long flight the cruise fills the rest.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -164,26 +165,26 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // Speed is a first derivative, so only its slope is limited.
+        // The ground speed is itself a first derivative, so only the slope of its plan is limited.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // Legs take about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
-        // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one the
-        // acceleration limit bounds both turns, which form an S.
+        // Legs take about 15 s, and each ends in a turn: a wide turn, then a narrow one in the other direction, and so
+        // on. On a long flight two legs turn the aircraft by 45° on average, so the path has closed after sixteen legs.
+        // On a short flight the acceleration limit bounds both turns, which form an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // The number of legs is at most LONGEST / 15, an exact small integer.
+        // The number of legs is a whole number of at most LONGEST / 15, so its conversion to an integer is exact.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
             let wanted = if number % 2 == 0 { draw(54.0, 72.0) } else { -draw(12.0, 24.0) };
-            // Lateral acceleration is speed × turn rate.
+            // Lateral acceleration is the product of speed and turn rate.
             let possible = ACCELERATION_MAX * turn / (RAMP_SLOPE * speed_reached);
             let angle = wanted.to_radians().clamp(-possible, possible);
             course.ramp(at + straight, turn, side * angle);
@@ -193,7 +194,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // Speed is zero from `hovering` on, so later cells add nothing.
+        // Speed is zero from `hovering` on, so later cells of the grid add nothing to the sums.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -247,7 +248,7 @@ impl Flight {
         }
     }
 
-    /// Position in metres north, east, down of the start at `t`.
+    /// Position north, east and down of the start at `t`, m.
     fn ned(&self, t: f64) -> [f64; 3] {
         let t = t.clamp(0.0, self.planned);
         let cell = ((t / GRID) as usize).min(self.sums.len() - 1);
@@ -258,7 +259,7 @@ impl Flight {
 
     /// Distance flown north and east between two instants, m: five-point Gauss-Legendre.
     fn distance(&self, from: f64, to: f64) -> [f64; 2] {
-        /// Abscissae and weights on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
+        /// The abscissae and weights of the quadrature on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
         const RULE: [(f64, f64); 5] = [
             (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
             (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
@@ -283,20 +284,20 @@ impl Flight {
         let [course, turn_rate, _] = self.course.at(t);
         // The frame is level and points along the course: front, right, down.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
-        // The rotors must supply this force, per unit of mass.
+        // The force that the rotors must supply, for each unit of mass.
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());
         Pose {
             course,
             velocity: [speed * cos(course), speed * sin(course), -climb],
             acceleration,
-            // The rotors push towards body-up: force = −total × the body's down axis.
+            // The rotors push upwards along the body's vertical axis: force = −total × the body's down axis.
             pitch: atan2(-force[0], -force[2]),
             roll: asin((force[1] / total).clamp(-1.0, 1.0)),
         }
     }
 
-    /// Turn rates about the body axes, rad/s: the derivative of the attitude, by central difference.
+    /// Turn rates about the body axes, rad/s: the derivative of the attitude, by a central difference.
     fn rates(&self, t: f64) -> [f64; 3] {
         const STEP: f64 = 0.5e-3;
         let (before, now, after) = (self.pose(t - STEP), self.pose(t), self.pose(t + STEP));
@@ -308,9 +309,9 @@ impl Flight {
     }
 }
 
-/// Values that follow from the plans at one instant without integrating.
+/// The values at one instant that follow from the plans without integrating.
 struct Pose {
-    /// The course, unwrapped, so that it can be differentiated.
+    /// The course as a continuous angle beyond ±π, so that it can be differentiated.
     course: f64,
     /// The velocity north, east, down.
     velocity: [f64; 3],
@@ -321,8 +322,8 @@ struct Pose {
 }
 
 impl Pose {
-    /// The acceleration in the body frame, rotated from the level frame: pitch about the right axis, then roll about
-    /// the front one.
+    /// The acceleration in the body frame, rotated from the level frame: by the pitch about the right axis, then by the
+    /// roll about the front axis.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -332,7 +333,8 @@ impl Pose {
     }
 }
 
-/// Largest change of a quintic ramp of `duration` within a limit on its first and one on its second derivative.
+/// The largest change of a quintic ramp of `duration`, within the limit `slope` of its first derivative and the limit
+/// `curve` of its second.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
@@ -342,7 +344,7 @@ fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// A quantity over time: quintic ramps one after the other, constant in between.
+/// A quantity over time: quintic ramps one after the other, and constant values between them.
 #[derive(Debug, Clone)]
 struct Plan {
     initial: f64,
@@ -362,18 +364,18 @@ impl Plan {
         Self { initial, ramps: Vec::new() }
     }
 
-    /// Adds a ramp, which must not start before the last one ended.
+    /// Adds a ramp, which must not start before the end of the last one.
     fn ramp(&mut self, start: f64, duration: f64, change: f64) {
         let (from, free) = self
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The starts are sums of the same shares in another order, so they are equal up to rounding.
+        // The ramps' starts are sums of the same shares in different orders, so they are equal up to rounding.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }
 
-    /// Value, first and second derivative at `t`.
+    /// The quantity's value and its first and second derivative at `t`.
     fn at(&self, t: f64) -> [f64; 3] {
         let Some(ramp) = self.ramps[..self.ramps.partition_point(|ramp| ramp.start <= t)].last() else {
             return [self.initial, 0.0, 0.0];

@@ -41,9 +41,9 @@ impl Geodetic {
 
     /// The position at earth-centred, earth-fixed coordinates in m.
     ///
-    /// Fixed-point iteration on the latitude. Each round gains a factor of e² ≈ 1/150, so eight rounds reach the
-    /// resolution of the float64 anywhere from the ground to the stratosphere. It does not hold for points within
-    /// kilometres of the earth's axis.
+    /// The latitude is found by fixed-point iteration. Each round gains a factor of e² ≈ 1/150, so eight rounds reach
+    /// the resolution of the float64 anywhere from the ground to the stratosphere. The iteration does not converge for
+    /// points within kilometres of the earth's axis.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Self {
         let p = sqrt(x * x + y * y);
@@ -69,7 +69,7 @@ fn prime_vertical_radius(sin_lat: f64) -> f64 {
 pub struct TangentPlane {
     origin: Geodetic,
     origin_ecef: [f64; 3],
-    /// The rows are north, east, down as unit vectors in ECEF.
+    /// The plane's axes north, east and down, one in each row, as unit vectors in ECEF.
     axes: [[f64; 3]; 3],
 }
 
@@ -104,7 +104,7 @@ impl TangentPlane {
         Geodetic::from_ecef(ecef)
     }
 
-    /// The position in metres north, east and down of the origin.
+    /// The coordinates of `position` in the plane: metres north, east and down of the origin.
     #[must_use]
     pub fn to_ned(&self, position: Geodetic) -> [f64; 3] {
         let [x, y, z] = position.to_ecef();

@@ -1,8 +1,8 @@
 //! Simulated delivery flights and u-blox receivers that observe them.
 //!
-//! HORUS takes its positions from u-blox receivers over a UART, I2C or SPI. On the bench those are byte sources: each
-//! yields bursts of bytes, ordered in time. Two kinds exist, and the firmware cannot distinguish them as long as it
-//! does not configure them:
+//! HORUS takes its positions from u-blox receivers over a UART, I2C or SPI. On the bench these receivers are sources of
+//! bytes: each gives bursts of bytes, ordered in time. There are two kinds, which the firmware cannot distinguish as
+//! long as it does not configure them:
 //!
 //! - [`Receiver::generated`]: a receiver that observes a [`Flight`], with its own navigation rate, noise, solution
 //!   delay and clock, encoded as UBX ([`ubx`]); it accepts and acknowledges its configuration ([`config`]);
@@ -11,13 +11,13 @@
 //!
 //! # Design
 //!
-//! Everything is a pure function of its arguments. A [`Flight`] can be queried at any instant in any order; a receiver
-//! draws its noise from a ChaCha stream keyed by seed and receiver number, so that it does not depend on the number of
-//! receivers. Transcendental functions come from `libm`, not from the host's C library: the same seed gives the same
-//! bytes on every host.
+//! Everything is a pure function of its arguments. A [`Flight`] can be queried at any instant and in any order. A
+//! receiver draws its noise from a ChaCha stream keyed by seed and receiver number, so its noise does not depend on the
+//! number of receivers. Transcendental functions come from `libm` and not from the host's C library, so the same seed
+//! gives the same bytes on every host.
 //!
-//! Time is bench time, nanoseconds from the moment both boards leave reset. This crate decides when a burst starts; the
-//! bench's UART model, or the reader of a bus, times the bytes within it.
+//! Time is the bench's time, nanoseconds since both boards left reset. This crate determines when a burst starts; the
+//! bench's UART model, or the reader of a bus, determines the instants of the bytes within it.
 #![forbid(unsafe_code)]
 
 pub mod config;

@@ -2,29 +2,30 @@
 //!
 //! # The contents
 //!
-//! A log is played exactly, all bytes of the file in their order: UBX, NMEA, RTCM, damaged messages and noise alike.
-//! The log is only parsed to find out *when* its bytes were sent.
+//! A log is played exactly: all bytes of the file in their order, UBX, NMEA, RTCM, damaged messages and noise alike.
+//! The log is parsed only to find out *when* its bytes were sent.
 //!
 //! # The timing
 //!
-//! A receiver sends one burst per navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of week
-//! in ms). The file is cut where a message opens a new epoch, and the pieces are sent at the intervals of their `iTOW`:
+//! A receiver sends one burst for each navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of
+//! week in ms). The file is divided where a message begins a new epoch, and the parts are sent at the intervals of
+//! their `iTOW`:
 //!
 //! - The bytes before the first epoch are sent [`FIRST_BURST_NS`] after reset, followed by the first epoch.
-//! - A NAV message with a right checksum whose `iTOW` is ahead of the current epoch's opens the next epoch. The week's
-//!   roll-over is a step like any other. A step longer than [`GAP_MAX_MS`] (tunnel, recording resumed) is cut down to
-//!   that.
-//! - A NAV-PVT whose `iTOW` is *not* ahead (a receiver that does not know the time, or logs put together) opens an
-//!   epoch as well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch that they
-//!   arrive in.
+//! - A NAV message with a right checksum whose `iTOW` is later than the current epoch's begins the next epoch. The
+//!   week's roll-over is a step like any other. A step longer than [`GAP_MAX_MS`] (a tunnel, or a recording that was
+//!   resumed) is shortened to that length.
+//! - A NAV-PVT whose `iTOW` is *not* later (a receiver that does not know the time, or several logs in one file) begins
+//!   an epoch as well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch in
+//!   which they arrive.
 //! - Bytes that are not a NAV message belong to the epoch before them.
-//! - A burst never starts before the one ahead of it has left the UART.
+//! - A burst never starts before the burst ahead of it has left the UART.
 //!
 //! # The positions
 //!
 //! [`Log::positions`] lists the positions in the log: NAV-PVT messages of 92 bytes (protocol version 15 and later) with
-//! a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any is refused
-//! when it is opened, with the reason.
+//! a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any such
+//! position is refused when it is opened, with the reason.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -33,8 +34,8 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant of a log's first byte, ns after reset: the firmware is listening by then, so its start-up loses no
-/// position of the log.
+/// The instant of a log's first byte, ns after reset. The firmware receives by then, so no position of the log is lost
+/// while it starts.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
 /// Longest pause between two epochs, ms.
@@ -43,7 +44,7 @@ pub const GAP_MAX_MS: u32 = 5_000;
 /// Pause before an epoch whose time of week does not give its length, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
-/// Longest log that is read, bytes: a day at 1 Mbit/s is shorter.
+/// Longest log that is read, bytes: the log of a day at 1 Mbit/s is shorter.
 pub const LENGTH_MAX: u64 = 1 << 30;
 
 /// The reason why a log cannot be played.
@@ -83,7 +84,7 @@ pub enum LogError {
     NoPosition {
         /// The file.
         path: PathBuf,
-        /// The contents that were found instead.
+        /// What the log contains in place of a position.
         counts: LogCounts,
     },
 }
@@ -91,17 +92,17 @@ pub enum LogError {
 /// The contents of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LogCounts {
-    /// Length of the log.
+    /// Length of the log, bytes.
     pub bytes: usize,
     /// UBX messages with a right checksum.
     pub ubx: usize,
-    /// NAV-PVT messages among them, with and without a valid position.
+    /// NAV-PVT messages among the UBX messages, with and without a valid position.
     pub nav_pvt: usize,
     /// NMEA sentences with a right checksum.
     pub nmea: usize,
     /// RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// Bytes that belong to no whole message: damaged or cut-off messages, and noise.
+    /// Bytes that belong to no whole message: those of damaged or cut-off messages, and noise.
     pub unknown_bytes: usize,
 }
 
@@ -121,7 +122,7 @@ pub struct RecordedPosition {
 impl RecordedPosition {
     /// Longitude, degrees: the float64 nearest to the decimal number in the message.
     ///
-    /// It is a quotient and not the product with 1e-7, because a division of two exactly represented numbers is
+    /// The value is a quotient and not the product with 1e-7: a division of two exactly represented numbers is
     /// correctly rounded, while 1e-7 itself is not exact. This defines the value to its last bit.
     #[must_use]
     pub fn longitude(&self) -> f64 {
@@ -140,7 +141,7 @@ impl RecordedPosition {
         f64::from(self.height_mm) / 1e3
     }
 
-    /// The position in a UBX message, if it is a NAV-PVT message with a valid one.
+    /// The position in a UBX message, if it is a NAV-PVT message with a valid position.
     #[must_use]
     pub fn from_frame(frame: &Frame<'_>) -> Option<Self> {
         if (frame.class, frame.id) != (ubx::CLASS_NAV, NavPvt::ID) || frame.payload.len() != NavPvt::PAYLOAD {
@@ -163,7 +164,7 @@ impl RecordedPosition {
     }
 }
 
-/// A recorded log, cut into the bursts in which it is played.
+/// A recorded log, divided into the bursts in which it is played.
 #[derive(Debug, Clone)]
 pub struct Log {
     bytes: Vec<u8>,
@@ -186,11 +187,11 @@ impl Log {
         Self::from_bytes(path, bytes)
     }
 
-    /// The log in `bytes`; errors name it `path`.
+    /// Reads the log in `bytes`; errors name it by `path`.
     ///
     /// # Errors
     ///
-    /// [`LogError`], except `Unreadable`.
+    /// [`LogError`], except its variant `Unreadable`.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, LogError> {
         let path = path.as_ref();
         if bytes.is_empty() {
@@ -250,9 +251,9 @@ impl Log {
         &self.bytes
     }
 
-    /// The instant of each burst (ns after reset) and its bytes, in order. There is at least one, none is empty, and
-    /// together they are [`Self::bytes`]. The UART may still be busy with the one before, which the receiver takes into
-    /// account.
+    /// The instant of each burst (ns after reset) and its bytes, in order. There is at least one burst, none is empty,
+    /// and all together are [`Self::bytes`]. The UART may still be busy with the burst before, which the receiver takes
+    /// into account.
     pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
@@ -271,24 +272,24 @@ impl Log {
     }
 }
 
-/// Cuts a log into epochs.
+/// Divides a log into epochs.
 #[derive(Debug, Default)]
 struct Cutter {
-    /// Time of week of the current epoch.
+    /// Time of week of the current epoch, ms.
     epoch: Option<u32>,
-    /// Whether the current epoch has had its NAV-PVT.
+    /// Whether a NAV-PVT of the current epoch has already come.
     has_pvt: bool,
-    /// The start of each epoch but the first: ns after the first one, and the offset of its first byte.
+    /// The start of each epoch but the first: its time after the first one, ns, and the offset of its first byte.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
 
 impl Cutter {
-    /// Takes a NAV message at `offset`, of the epoch `itow`.
+    /// Takes a NAV message of the epoch `itow` that begins at `offset` of the log.
     fn message(&mut self, offset: usize, itow: u32, is_pvt: bool) {
         if let Some(epoch) = self.epoch {
             let step = (itow + WEEK_MS - epoch) % WEEK_MS;
-            // A step of more than half a week ahead counts as behind.
+            // An `iTOW` that is more than half a week ahead counts as earlier.
             let ahead = step > 0 && step <= WEEK_MS / 2;
             let pause = if ahead {
                 step.min(GAP_MAX_MS)
@@ -306,7 +307,7 @@ impl Cutter {
     }
 
     fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
-        // The bytes before the first epoch and that epoch form one burst.
+        // The bytes before the first epoch are in one burst with those of the first epoch.
         let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
         let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
         starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()
@@ -331,7 +332,7 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
 /// Length of the RTCM 3 message with a right CRC at the start of `bytes` (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
 /// length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // The catalogue lists CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
+    // The `crc` crate's catalogue lists CRC-24Q under LTE's name for it: polynomial 0x864CFB, start value 0.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

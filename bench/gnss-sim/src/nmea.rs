@@ -1,7 +1,7 @@
 //! NMEA sentences as a u-blox receiver sends them from the factory: RMC, VTG and GGA of NMEA 0183 version 4.1x.
 //!
-//! GLL, GSA, GSV and TXT, which it also sends, are left out: HORUS reads none of them, and these three already stand
-//! for all that is not UBX.
+//! GLL, GSA, GSV and TXT, which the receiver also sends, are left out: HORUS reads no NMEA sentence, and the other
+//! three already represent all input that is not UBX.
 
 use crate::ubx::NavPvt;
 
@@ -36,11 +36,11 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     .collect()
 }
 
-/// The degrees with `digits` digits, then minutes.
+/// An angle as NMEA writes it: the degrees with `digits` digits, then the minutes.
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Minutes that would round to 60 in five digits are limited.
+    // Minutes that would be rounded to 60 with five digits are limited to less.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

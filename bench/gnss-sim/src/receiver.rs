@@ -3,24 +3,24 @@
 //! # Design
 //!
 //! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and the
-//! instant of the first start bit. It computes a burst on request and keeps only the state before the burst that is
+//! instant of the first start bit. It calculates a burst on request and keeps only the state before the burst that is
 //! due, so a run of any length needs no memory. It uses its bit rate only to keep a burst from starting while the one
 //! before is still on the line.
 //!
-//! A generated receiver starts as if HORUS had configured it before and it had saved that
-//! ([`Receiver::with_factory_settings`]: without). Its input ([`Receiver::hear`]) may change its output: the burst that
-//! was due is then computed again.
+//! A generated receiver starts as if HORUS had configured it before and it had saved the configuration;
+//! [`Receiver::with_factory_settings`] gives one without it. Its input ([`Receiver::hear`]) may change its output: the
+//! burst that was due is then calculated again.
 //!
 //! # The errors of a generated receiver, which real ones have too
 //!
-//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset occurs at a random
-//!   point of GPS time, so the receivers' epochs, though aligned with each other, are not aligned with the 10 ms cycle
-//!   of HORUS.
-//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers: it drifts, and jumps. The
-//!   solution belongs to the epoch's instant by that clock.
+//! - It calculates solutions at its own rate, for epochs that are multiples of its period in GPS time. Reset occurs at
+//!   a random instant of GPS time, so the receivers' epochs are aligned with each other but not with the 10 ms cycle of
+//!   HORUS.
+//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers: it drifts, and jumps. A
+//!   solution belongs to the instant that is the epoch by that clock.
 //! - Its position has a wandering bias (first-order Gauss-Markov, from satellite geometry and atmosphere) and white
-//!   noise; its velocity, attitude and acceleration have white noise, the latter two also a constant error (from the
-//!   mounting).
+//!   noise. Its velocity, attitude and acceleration have white noise; attitude and acceleration also have a constant
+//!   error (from the mounting).
 //! - The solution leaves the receiver some time after its epoch (40 to 80 ms, by model), with jitter.
 //!
 //! Receivers of an odd number carry inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
@@ -46,45 +46,45 @@ const BITS_PER_BYTE: u64 = 10;
 
 /// GPS week of simulated flights (from 22 June 2025).
 const WEEK: i64 = 2_372;
-/// GPS time of week of the reset, ms, within a second: Wednesday, 10:00.
+/// GPS time of week of the reset to within a second, ms: Wednesday, 10:00.
 const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
-/// The seconds by which GPS is ahead of UTC since 2017 (IERS Bulletin C 52).
+/// The number of seconds by which GPS time is ahead of UTC since 2017 (IERS Bulletin C 52).
 const LEAP_SECONDS: i64 = 18;
 /// Ellipsoid above mean sea level near Winterthur, m (EGM96).
 const GEOID: f64 = 47.5;
 /// Time constant of the wandering bias, s.
 const BIAS_TIME: f64 = 60.0;
 
-/// Bytes that a receiver sends without a gap between them.
+/// The bytes that a receiver sends without a gap between them, and their instant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Burst {
     /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// The bytes; empty where a receiver has a solution and is configured to send none of it.
+    /// The bytes; empty where a receiver has a solution and is configured to send no message of it.
     pub bytes: Vec<u8>,
 }
 
 /// The model of a generated receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
-    /// Navigation period, ms; divides the week.
+    /// Navigation period, ms, which divides the week.
     pub period_ms: u32,
     /// Mean time from the epoch to the first byte of its solution, ms.
     pub delay_ms: f64,
-    /// Standard deviation of that delay, ms; the deviation is limited to three times this.
+    /// Standard deviation of the delay of a solution, ms; the deviation is limited to three times this value.
     pub delay_jitter_ms: f64,
-    /// Sends NAV-ATT.
+    /// Whether the receiver sends NAV-ATT.
     pub attitude: bool,
-    /// Sends ESF-INS.
+    /// Whether the receiver sends ESF-INS.
     pub inertial: bool,
-    /// Standard deviation of the wandering bias and of the white noise, m, each axis, horizontal.
+    /// Standard deviations of the wandering bias and of the white noise on each horizontal axis, m.
     pub horizontal_m: (f64, f64),
-    /// The same, vertical.
+    /// Standard deviations of the wandering bias and of the white noise on the vertical axis, m.
     pub vertical_m: (f64, f64),
 }
 
 impl Model {
-    /// The models that HORUS carries in its first to fifth place.
+    /// The models of HORUS's first to fifth receiver.
     pub const FITTED: [Self; 5] = [
         Self {
             period_ms: 100,
@@ -133,15 +133,15 @@ impl Model {
         },
     ];
 
-    /// The model in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and so
-    /// on.
+    /// The model of receiver number `index`, from 1, as the objects GPS1 to GPS5 are numbered. The sixth is like the
+    /// first, and so on.
     #[must_use]
     pub fn fitted(index: usize) -> Self {
         Self::FITTED[index.wrapping_sub(1) % Self::FITTED.len()]
     }
 }
 
-/// A receiver: an iterator of its bursts, in order. A generated one never ends; a recorded one ends with its log.
+/// A receiver: an iterator of its bursts, in order. A generated receiver never ends; a recorded one ends with its log.
 ///
 /// A clone with the same inputs and calls yields the same bursts.
 #[derive(Debug, Clone)]
@@ -150,7 +150,7 @@ pub struct Receiver {
     bit_rate: u32,
     /// The instant at which the line is idle again, ns.
     idle_ns: u64,
-    /// The burst that is due, once it was requested.
+    /// The burst that is due; `None` until it is requested for the first time.
     due: Option<Burst>,
 }
 
@@ -161,36 +161,37 @@ enum Source {
 }
 
 impl Receiver {
-    /// The receiver in place `index` (from 1) that observes `flight`, with its noise drawn from `seed`.
+    /// Returns receiver number `index` (from 1), which observes `flight` with noise drawn from `seed`.
     ///
-    /// All receivers of one `seed` share only the GPS time of the reset.
+    /// The only thing that all receivers of one `seed` share is the GPS time of the reset.
     #[must_use]
     pub fn generated(index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// The like of [`Self::generated`] with the given model.
+    /// Returns a receiver like that of [`Self::generated`] with the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
-    /// The same receiver, connected by `port`, which decides the part of the configuration that applies to it.
+    /// Returns the receiver with its connection by `port`, which determines the part of the configuration that applies
+    /// to it.
     #[must_use]
     pub fn connected_by(mut self, port: Port) -> Self {
         self.rebuild(|generated| generated.port = port);
         self
     }
 
-    /// The same receiver with its factory settings, or after it has lost its saved ones: 38 400 bit/s, NMEA only, one
-    /// solution a second.
+    /// Returns the receiver with its factory settings, as after a loss of its saved settings: 38 400 bit/s, NMEA only,
+    /// one solution a second.
     #[must_use]
     pub fn with_factory_settings(mut self) -> Self {
         self.restart(0, true);
         self
     }
 
-    /// The same receiver with a solution every `period_ms`; it refuses every other period.
+    /// Returns the receiver with a solution every `period_ms`; it refuses every other period.
     ///
     /// # Panics
     ///
@@ -205,7 +206,7 @@ impl Receiver {
         self
     }
 
-    /// Rebuilds a generated receiver with `change`.
+    /// Applies `change` to a generated receiver and derives its configuration and output anew.
     fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
         if let Source::Generated(generated) = &mut self.source {
             change(generated);
@@ -215,9 +216,9 @@ impl Receiver {
         }
     }
 
-    /// Takes a byte at `at` (ns after reset); `None` is an unreadable one. Returns the answer, in UBX, if the byte
-    /// completes a message that has one; it is sent along with the receiver's output, at the bit rate from then on. A
-    /// recorded receiver returns none.
+    /// Takes a byte at `at` (ns after reset); `None` stands for an unreadable one. Returns the answer, in UBX, if the
+    /// byte completes a message that is answered. The answer is sent along with the receiver's output, at the bit rate
+    /// from then on. A recorded receiver answers nothing.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -225,8 +226,8 @@ impl Receiver {
         Some(answer)
     }
 
-    /// Restarts the receiver at `at` (ns after reset): unsaved settings are lost, and with `factory` the saved ones,
-    /// too. A recorded receiver goes on.
+    /// Restarts the receiver at `at` (ns after reset): unsaved settings are lost, and with `factory` the saved ones
+    /// too. A recorded receiver continues its log.
     pub fn restart(&mut self, at_ns: u64, factory: bool) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
@@ -241,7 +242,8 @@ impl Receiver {
         }
     }
 
-    /// The dynamic model of its filter, in the numbering of CFG-NAVSPG-DYNMODEL; `None` for a recorded one.
+    /// The dynamic model of the receiver's filter, in the numbering of CFG-NAVSPG-DYNMODEL; `None` for a recorded
+    /// receiver.
     #[must_use]
     pub fn dynamic_model(&self) -> Option<u8> {
         match &self.source {
@@ -250,7 +252,7 @@ impl Receiver {
         }
     }
 
-    /// Adapts to a configuration that may have changed at `at`.
+    /// Adapts the receiver to a configuration that may have changed at `at`.
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -267,7 +269,7 @@ impl Receiver {
         self.bit_rate = generated.output.bit_rate;
     }
 
-    /// The receiver's output; `None` for a recorded one.
+    /// The receiver's output; `None` for a recorded receiver.
     #[must_use]
     pub fn output(&self) -> Option<Output> {
         match &self.source {
@@ -276,7 +278,7 @@ impl Receiver {
         }
     }
 
-    /// The instant at which its next burst begins, ns after reset; `None` if none comes any more.
+    /// The instant at which the receiver's next burst begins, ns after reset; `None` if there is no further burst.
     pub fn next_at(&mut self) -> Option<u64> {
         if self.due.is_none() {
             let mut burst = match &mut self.source {
@@ -307,7 +309,7 @@ impl Receiver {
         Self { source, bit_rate: BIT_RATE, idle_ns: 0, due: None }
     }
 
-    /// The same receiver at another bit rate (8N1).
+    /// Returns the receiver with another bit rate (8N1).
     ///
     /// # Panics
     ///
@@ -325,8 +327,8 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// The instant at which the last byte of the last valid position in `burst` has crossed the line, ns after reset;
-    /// `None` if it holds none.
+    /// The instant at which the last byte of the last valid position in `burst` has been sent on the line, ns after
+    /// reset; `None` if the burst holds no valid position.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -375,21 +377,21 @@ struct Generated {
     output: Output,
     /// The number of solutions so far.
     solutions: u32,
-    /// The state before the burst that is due.
+    /// The receiver's state before the burst that is due was calculated.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
     /// GPS time of week of the reset, ns.
     reset_ns: u64,
-    /// Number of the next epoch since the start of the week.
+    /// The number of the next epoch, counted from the start of the week.
     epoch: u64,
-    /// The time by which the clock is ahead at reset, ns; ±0.5 ms.
+    /// The time by which the receiver's clock is ahead at reset, ns; ±0.5 ms.
     clock_ns: f64,
-    /// The drift of the clock, parts per billion.
+    /// The drift of the receiver's clock, parts per billion.
     clock_ppb: f64,
     /// Wandering bias north, east, down, m.
     bias: [f64; 3],
-    /// Mounting: constant error of roll, pitch, heading, rad.
+    /// Constant errors of roll, pitch and heading, from the mounting, rad.
     mounting: [f64; 3],
     /// Constant error of the accelerations, m/s².
     offset: [f64; 3],
@@ -398,7 +400,8 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // The stream number keeps the receivers' noise independent under one seed; stream 0 is shared by all.
+        // Each receiver draws from a stream of its own, so their noise is independent under one seed; all share stream
+        // 0.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -442,10 +445,10 @@ impl Generated {
         self.configuration = configuration(&self.model, self.port, self.fixed_period);
     }
 
-    /// Makes the output follow the configuration from `at` (ns after reset) on.
+    /// Derives the output from the configuration again, from `at` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch is the first after that which no clock error can place before it.
+        // The next epoch is the first one after `at` that no error of the clock can place before it.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -456,7 +459,7 @@ impl Generated {
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
         let clock_ns = self.clock_error_ns(nominal_ns);
-        // The receiver's clock is ahead, so it takes the measurement early.
+        // The receiver's clock is ahead by `clock_ns`, so the receiver takes the measurement early.
         let measured_ns = nominal_ns as f64 - clock_ns;
         let truth = self.flight.state(measured_ns / 1e9);
         let seen = self.observe(&truth);
@@ -469,7 +472,7 @@ impl Generated {
         Burst { at_ns: libm::round(sent_ns) as u64, bytes }
     }
 
-    /// Error of the receiver's clock: it drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
+    /// Error of the receiver's clock, ns: it drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
     fn clock_error_ns(&self, since_reset_ns: u64) -> f64 {
         let free = self.clock_ns + self.clock_ppb * since_reset_ns as f64 / 1e9;
         free - 1e6 * libm::round(free / 1e6)
@@ -500,7 +503,7 @@ impl Generated {
         }
     }
 
-    /// The burst of a solution, with the messages that are configured.
+    /// The bytes of the messages of a solution that the receiver is configured to send.
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
@@ -589,13 +592,13 @@ fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration
     Configuration::new(port, abilities, model.period_ms).configured(model.period_ms, BIT_RATE)
 }
 
-/// Rounds to the nearest integer of a field of 32 bits.
+/// Rounds `value` to the nearest integer of a field of 32 bits.
 fn rounded(value: f64) -> i32 {
-    // A float-to-integer `as` saturates, and no field of a flight comes near that.
+    // A float-to-integer `as` saturates, but no value of a flight comes near that limit.
     libm::round(value) as i32
 }
 
-/// Converts a heading of −360 ..= 360 degrees to the unit and range of the wire, 0 ..= 360 × 1e5.
+/// Converts a heading of −360 ..= 360 degrees to the unit and range of the UBX field, 0 ..= 360 × 1e5.
 fn heading_1e5(degrees: f64) -> i32 {
     rounded(if degrees < 0.0 { degrees + 360.0 } else { degrees } * 1e5)
 }

@@ -1,9 +1,9 @@
 //! UBX, the protocol of u-blox receivers: framing, and the three messages that HORUS reads.
 //!
 //! The source is the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter
-//! UBX Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS; the F9 interface descriptions agree on all of
-//! them. Fields are in the units of the wire, little-endian; the names are those of the specification in this
-//! language's spelling.
+//! UBX Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS. The F9 interface descriptions agree with it
+//! on all of these. Fields are little-endian and in the units of the protocol; their names are those of the
+//! specification in Rust's spelling.
 
 /// The two bytes that open a frame: 0xB5 and, in ISO 8859.1, a small b.
 pub const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -46,19 +46,19 @@ pub fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A frame found in a byte stream.
+/// A UBX frame in a byte stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame<'a> {
     /// Message class.
     pub class: u8,
     /// Message identifier within its class.
     pub id: u8,
-    /// The bytes between length and checksum.
+    /// The bytes of the frame between length and checksum.
     pub payload: &'a [u8],
 }
 
 impl<'a> Frame<'a> {
-    /// The whole frame with a right checksum at the start of `bytes`, if any.
+    /// The frame at the start of `bytes`, if there is a whole one with a right checksum.
     #[must_use]
     pub fn at_start_of(bytes: &'a [u8]) -> Option<Self> {
         let rest = bytes.strip_prefix(&SYNC)?;
@@ -70,24 +70,26 @@ impl<'a> Frame<'a> {
         (checksum(&rest[..end]) == sum).then(|| Self { class, id, payload: &rest[4..end] })
     }
 
-    /// Bytes of the frame on the wire.
+    /// The number of bytes of the frame on the wire.
     #[must_use]
     pub fn wire_len(&self) -> usize {
         self.payload.len() + OVERHEAD
     }
 
-    /// GPS time of week of the navigation epoch, ms, where this is a message of class NAV that has one.
+    /// GPS time of week of the navigation epoch, ms, if this is a message of class NAV that has one.
     ///
-    /// Most messages start with it. A few start with a version; NAV-RESETODO and unknown ones have none.
+    /// Most NAV messages start with the time of week. A few start with a version before it; NAV-RESETODO and unknown
+    /// messages have no time of week.
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // The messages are POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK,
-            // TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
+            // In these messages of class NAV the time of week comes first: POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT,
+            // VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI.
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
-            // The messages are SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE.
+            // The time of week also comes first in SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG,
+            // AOPSTATUS, EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
-            // The messages are ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
+            // The time of week follows a version in ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED.
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
             _ => return None,
         };
@@ -114,17 +116,17 @@ pub struct NavPvt {
     pub minute: u8,
     /// Second, 0 ..= 60 (UTC).
     pub second: u8,
-    /// Bit 0 date valid, 1 time valid, 2 fully resolved, 3 magnetic declination valid.
+    /// Validity of the time: bit 0 date valid, 1 time valid, 2 fully resolved, 3 magnetic declination valid.
     pub valid: u8,
     /// Time accuracy estimate, ns.
     pub time_accuracy_ns: u32,
     /// Fraction of the second, ns, −1e9 ..= 1e9.
     pub nano: i32,
-    /// 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
+    /// Type of the fix: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
     pub fix_type: u8,
-    /// Bit 0 gnssFixOK, 1 differential, 5 vehicle heading valid.
+    /// Flags of the fix: bit 0 gnssFixOK, 1 differential, 5 vehicle heading valid.
     pub flags: u8,
-    /// Bit 5 confirmation available, 6 date confirmed, 7 time confirmed.
+    /// Confirmation of the time: bit 5 confirmation available, 6 date confirmed, 7 time confirmed.
     pub flags2: u8,
     /// Satellites used.
     pub satellites: u8,
@@ -152,9 +154,9 @@ pub struct NavPvt {
     pub heading_accuracy_1e5: u32,
     /// Position dilution of precision, 0.01.
     pub pdop_1e2: u16,
-    /// Bit 0: longitude, latitude, height and hMSL are invalid.
+    /// Further flags: with bit 0 set, longitude, latitude, height and hMSL are invalid.
     pub flags3: u8,
-    /// Heading of vehicle, 1e-5 deg, where bit 5 of `flags` is set.
+    /// Heading of vehicle, 1e-5 deg, valid where bit 5 of `flags` is set.
     pub heading_of_vehicle_1e5: i32,
 }
 
@@ -165,11 +167,11 @@ impl NavPvt {
     pub const PAYLOAD: usize = 92;
     /// Bytes on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// `flags`: the fix is valid, within the receiver's accuracy masks.
+    /// The bit of `flags` by which the fix is valid, within the receiver's accuracy masks.
     pub const FLAG_FIX_OK: u8 = 1;
-    /// `flags`: the heading of vehicle is valid.
+    /// The bit of `flags` by which the heading of vehicle is valid.
     pub const FLAG_HEADING_OF_VEHICLE: u8 = 1 << 5;
-    /// `flags3`: longitude, latitude, height and hMSL are invalid.
+    /// The bit of `flags3` by which longitude, latitude, height and hMSL are invalid.
     pub const FLAG3_INVALID_LLH: u8 = 1;
 
     /// The encoded message.
@@ -232,7 +234,7 @@ impl NavAtt {
     pub fn encode(&self) -> Vec<u8> {
         let mut p = Vec::with_capacity(Self::PAYLOAD);
         p.extend(self.itow_ms.to_le_bytes());
-        // Version 0, three reserved bytes.
+        // The message begins with version 0 and three reserved bytes.
         p.extend([0; 4]);
         for angle in [self.roll_1e5, self.pitch_1e5, self.heading_1e5] {
             p.extend(angle.to_le_bytes());
@@ -261,7 +263,7 @@ impl EsfIns {
     pub const PAYLOAD: usize = 36;
     /// Bytes on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// Version 1 in bits 0–7, and the six valid bits 8–13.
+    /// The first field of the message: version 1 in bits 0 to 7, and the six valid bits, 8 to 13.
     const BITFIELD: u32 = 0x3f01;
 
     /// The encoded message.

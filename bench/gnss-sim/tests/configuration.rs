@@ -1,4 +1,4 @@
-//! Tests how a receiver handles its configuration, and its answers.
+//! Tests how a receiver applies its configuration, and what it answers.
 
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ fn answer(id: u8) -> Vec<Vec<u8>> {
     vec![ubx::frame(CLASS_ACK, id, &[CLASS_CFG, VALSET])]
 }
 
-/// The bursts up to `end`.
+/// The bursts that the receiver sends up to `end`.
 fn sent(receiver: &mut Receiver, end: u64) -> Vec<Burst> {
     std::iter::from_fn(|| if receiver.next_at()? < end { receiver.next() } else { None }).collect()
 }
@@ -165,7 +165,7 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // The messages have no layer, an unknown version, or an item that is cut off.
+    // One refused message has no layer, one has an unknown version, and one has an item that is cut off.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));
@@ -196,7 +196,7 @@ fn damaged_messages_are_not_answered_and_the_next_is_found() {
     let noise = [&bad[..], b"\xB5\xB5\x62\x06\x8A\xFF\xFF$GNGGA", &good].concat();
     assert_eq!(tell(&mut receiver, 0, &noise), answer(ACK));
     assert_eq!(receiver.output().unwrap().period_ms, 200);
-    // An unreadable byte ends the message that it is part of.
+    // An unreadable byte ends the message that it belongs to.
     let half = good.len() / 2;
     assert!(tell(&mut receiver, 0, &good[..half]).is_empty());
     assert_eq!(receiver.hear(0, None), None);

@@ -1,4 +1,4 @@
-//! Tests that the `ublox` crate, which was written by others, reads back what is encoded here.
+//! Tests that the `ublox` crate, which others wrote, reads the values that this crate encodes.
 
 use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 use ublox::{
@@ -6,7 +6,7 @@ use ublox::{
     proto27::{PacketRef, Proto27},
 };
 
-/// Runs `check` on the only message in `bytes`.
+/// Runs `check` on the only UBX message in `bytes`.
 fn only(bytes: &[u8], check: impl FnOnce(&PacketRef<'_>)) {
     let mut parser = ParserBuilder::new().with_protocol::<Proto27>().with_vec_buffer();
     let mut found = parser.consume_ubx(bytes);
@@ -134,8 +134,8 @@ fn esf_ins_reads_back_field_by_field() {
 
 #[test]
 fn framing_is_that_of_a_poll_request_of_the_specification() {
-    // The frame is a NAV-PVT poll with an empty payload and a checksum by hand: 01+07+00+00 = 08; 01+08+08+08 = 19
-    // (hex).
+    // The frame is a poll of NAV-PVT: it has an empty payload. Its checksum by hand is 01+07+00+00 = 08; 01+08+08+08 =
+    // 19 (hex).
     assert_eq!(ubx::frame(0x01, 0x07, &[]), [0xb5, 0x62, 0x01, 0x07, 0x00, 0x00, 0x08, 0x19]);
 }
 

@@ -22,10 +22,10 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
         .collect()
 }
 
-/// Solutions as another parser reads them.
+/// A receiver's solutions as another parser reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// The positions: (time of week ms, latitude, longitude, height, burst's instant).
+    /// The positions, each with time of week (ms), latitude, longitude, height and the burst's instant.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
@@ -89,7 +89,8 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         let mut errors = Vec::new();
         for (_, latitude, longitude, height, at_ns) in &seen.positions {
             let told = gnss_sim::Geodetic { latitude: *latitude, longitude: *longitude, height: *height };
-            // The solution is as old as the delay; its jitter and the clock leave ±10 ms, at 16 m/s 0.16 m.
+            // A solution is as old as its delay. The jitter of the delay and the error of the clock are at most 10 ms,
+            // which is 0.16 m at 16 m/s.
             let then = *at_ns as f64 / 1e9 - model.delay_ms / 1e3;
             let truth = flight.state(then).ned;
             let ned = flight.plane().to_ned(told);
@@ -99,7 +100,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // White noise shows in the difference of neighbours, and must be as large as specified.
+            // White noise appears in the differences of successive errors, and must be as large as specified.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");
@@ -134,8 +135,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset: the instant of iTOW zero, observed through each receiver, differs
-    // only by delay and clock.
+    // All receivers share the GPS time of the reset. So the instant at which iTOW is zero, as observed through each
+    // receiver, differs only by delay and clock.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -170,7 +171,7 @@ fn the_clock_in_the_message_is_utc_at_the_time_of_week() {
 fn bursts_follow_one_another_without_overlap() {
     let flight = flight();
     for index in 1..=5 {
-        // At 9600 bit/s the 25 Hz receiver's line is overloaded: bursts queue and stay in order.
+        // At 9600 bit/s the line of the 25 Hz receiver is overloaded: bursts queue and stay in order.
         for bit_rate in [BIT_RATE, 9_600] {
             let receiver = Receiver::generated(index, 6, Arc::clone(&flight)).at_bit_rate(bit_rate);
             let mut idle = 0;
@@ -187,7 +188,7 @@ fn the_noise_of_a_receiver_depends_on_its_seed_and_place_alone() {
     let flight = flight();
     assert_eq!(bursts(2, 7, &flight), bursts(2, 7, &flight));
     assert_ne!(bursts(2, 7, &flight), bursts(2, 8, &flight));
-    // The same model is in two places.
+    // Two receivers have the same model.
     let model = Model::fitted(1);
     let take = |index| Receiver::with_model(model, index, 7, Arc::clone(&flight)).take(20).collect::<Vec<_>>();
     assert_ne!(take(1), take(2));
@@ -208,7 +209,7 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // One message has no position, and one is cut short.
+    // A message without a position follows, and then one that is cut short.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

@@ -31,7 +31,7 @@ pub struct Dpr {
 }
 
 impl Dpr {
-    /// The board with its SSI deselected.
+    /// Returns the DPR's board with its SSI deselected. With `watched` the traffic of its front end is recorded.
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         Self {
@@ -42,7 +42,7 @@ impl Dpr {
         }
     }
 
-    /// Takes the levels of FRESH since the last call, each with its instant, ns.
+    /// Takes the changes of FRESH's level since the last call, each with its instant, ns.
     pub fn take_fresh(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.fresh_changes)
     }

@@ -1,8 +1,8 @@
 //! The ST25R3916 on a board: the chip's model on the SPI bus of a part.
 //!
-//! The part's pins decide what the chip sees: without a clock on the wired pin the chip receives nothing, and a wrong
-//! clock polarity or phase shifts bits. The chip's model holds the chip's state; this module holds the wires and
-//! records their traffic for a trace.
+//! The levels of the part's pins determine what the chip receives: without a clock on the wired pin it receives
+//! nothing, and a wrong clock polarity or phase shifts bits. The chip's model holds the chip's state; this module holds
+//! the wires and records their traffic for a trace.
 
 use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
@@ -16,11 +16,11 @@ use emulator_node::Input;
 pub enum Crossing {
     /// Chip select fell (`true`) or rose.
     Select(bool),
-    /// The byte from controller to chip and the one from chip to controller; the eighth clock ended at the crossing's
-    /// instant.
+    /// A byte from the part to the chip and the byte that the chip sent back in the same eight clocks. The instant of
+    /// the crossing is the end of the eighth clock.
     Byte(u8, u8),
-    /// The interrupt output rose (`true`) or fell. It falls within the byte that clears it; the fall is recorded at
-    /// that byte's end.
+    /// The chip's interrupt output rose (`true`) or fell. The output falls within the byte that clears the interrupt;
+    /// the fall is recorded at that byte's end.
     Irq(bool),
 }
 
@@ -33,13 +33,13 @@ pub struct Wires {
     pub mosi: Pin,
     /// MISO, the controller's input.
     pub miso: Pin,
-    /// Chip select, active low, with a pull-up on the board: an undriven pin selects nothing.
+    /// Chip select, active low. The board has a pull-up on it, so an undriven pin does not select the chip.
     pub cs: Pin,
     /// The chip's interrupt output.
     pub irq: Pin,
 }
 
-/// The chip, the wires to it, and the recorded traffic.
+/// The front end of a board: the chip, the wires to it, and the recorded traffic.
 #[derive(Clone, Debug)]
 pub struct FrontEnd {
     chip: Chip,
@@ -48,14 +48,14 @@ pub struct FrontEnd {
     emission: Emission,
     /// The faults of the chip and of the lines to it.
     faults: ChipFaults,
-    /// The level that the chip drives on its interrupt output, and the level last passed to the board.
+    /// The level that the chip drives on its interrupt output, and the level that was last passed to the board.
     irq: (bool, Option<bool>),
-    /// The recorded bus traffic; `None` unless watched.
+    /// The recorded bus traffic, each crossing with its instant (ns); `None` where no traffic is recorded.
     crossings: Option<Vec<(u64, Crossing)>>,
 }
 
 impl FrontEnd {
-    /// A chip that is powered from the start of the run. `watched` records the bus traffic for
+    /// Returns a chip that is powered from the start of the run. With `watched` the bus traffic is recorded for
     /// [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, wires: Wires, watched: bool) -> Self {
@@ -64,7 +64,7 @@ impl FrontEnd {
         Self { chip, wires, emission, faults, irq: (false, None), crossings: watched.then(Vec::new) }
     }
 
-    /// Calls `act` on the chip at `at` (ns) and collects what the antenna then emits.
+    /// Calls `act` on the chip at `at` (ns) and collects the events that the antenna then emits.
     fn call<T>(&mut self, at: u64, act: impl FnOnce(&mut Chip, u64) -> T) -> T {
         self.chip.advance(at);
         let now = self.chip.now();
@@ -73,7 +73,7 @@ impl FrontEnd {
         answer
     }
 
-    /// Calls `act` on the chip at its present instant.
+    /// Calls `act` on the chip at the chip's present instant.
     pub fn with<T>(&mut self, act: impl FnOnce(&mut Chip) -> T) -> T {
         self.call(self.chip.now(), |chip, _| act(chip))
     }
@@ -108,7 +108,7 @@ impl FrontEnd {
         self.chip.withhold(self.faults.withheld());
     }
 
-    /// Flips one bit of the chip's registers: the one at index `place`, modulo the number of bits.
+    /// Flips one bit of the chip's registers: the bit at index `place`, modulo the number of bits.
     pub fn flip(&mut self, place: u64) {
         let bits = RegisterBit::all_of(&self.chip);
         let place = usize::try_from(place % bits.len() as u64).unwrap_or(0);
@@ -123,7 +123,7 @@ impl FrontEnd {
         self.chip.has_air() || self.emission.next_at() <= self.chip.now()
     }
 
-    /// Takes what the antenna emitted, each event with its instant (ns).
+    /// Takes the events that the antenna has emitted since the last call, each with its instant (ns).
     pub fn take_air(&mut self) -> Vec<(u64, AirEvent)> {
         let emitted: Vec<_> = self.with(|chip| chip.take_air().collect());
         let Self { chip, emission, .. } = self;
@@ -131,15 +131,15 @@ impl FrontEnd {
         std::iter::from_fn(|| emission.take(chip.now())).collect()
     }
 
-    /// Passes `event` to the antenna at `at` (ns), which may lie ahead of the chip's time.
+    /// Passes `event` of the air to the antenna at `at` (ns), which may be later than the chip's present time.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         self.with(|chip| chip.hear(at, event));
     }
 
-    /// The next instant at which the chip acts by itself or its antenna emits a delayed event, ns.
+    /// The next instant at which the chip changes its state without an input or its antenna emits a delayed event, ns.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // Events that have left are taken before time goes on.
+        // Events that have already left the antenna are taken before the chip's time advances.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }
@@ -155,7 +155,7 @@ impl FrontEnd {
         }
     }
 
-    /// Applies what the part drives on `pin` at `at` (ns).
+    /// Applies the level that the part drives on `pin` at `at` (ns).
     pub fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         let selected = pad == Pad::Driven(false);
         if pin != self.wires.cs || selected == self.chip.is_selected() {
@@ -166,8 +166,8 @@ impl FrontEnd {
         note(&mut self.crossings, at, Crossing::Select(selected));
     }
 
-    /// Clocks a frame of the part from `begins` to `ends` (ns). Returns what MISO carried, or `None` where the chip
-    /// does not drive MISO or drives another pin than the one that the part reads.
+    /// Clocks an SPI frame of the part from `begins` to `ends` (ns). Returns the bits that MISO carried, or `None`
+    /// where the chip does not drive MISO or drives another pin than the one that the part reads.
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let Wires { sck, mosi, miso, .. } = self.wires;
         if !self.chip.is_selected() || !frame.sck.contains(&Some(sck)) {
@@ -179,7 +179,7 @@ impl FrontEnd {
             SpiMode::Mode2 => st25r3916_model::SpiMode::Mode2,
             SpiMode::Mode3 => st25r3916_model::SpiMode::Mode3,
         };
-        // A line that the part does not drive is low, by the chip's own pull-down.
+        // The chip's own pull-down holds MOSI low where the part does not drive it.
         let mosi = if frame.mosi.contains(&Some(mosi)) { frame.data } else { 0 };
         let clocked = st25r3916_model::SpiFrame { begins_ns: begins, ends_ns: ends, mode, bits: frame.bits, mosi };
         let Self { chip, crossings, .. } = self;
@@ -192,15 +192,16 @@ impl FrontEnd {
         self.faults.miso(answer)
     }
 
-    /// Takes the transfers since the last call that held a transmit command: the instant at which chip select rose in
-    /// each, ns. The chip carries out a command at that edge, so it is the last instant that the firmware controls.
+    /// Returns the instants, ns, at which chip select rose at the end of each transfer since the last call that held a
+    /// transmit command. The chip carries out a command at that edge, so it is the last instant that the firmware
+    /// controls.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         let mut transmits = self.chip.take_transmits();
         transmits.extend(self.emission.take_commands());
         transmits
     }
 
-    /// Takes the recorded bus traffic since the last call; empty unless watched.
+    /// Takes the bus traffic recorded since the last call; empty where no traffic is recorded.
     pub fn take_crossings(&mut self) -> Vec<(u64, Crossing)> {
         self.crossings.as_mut().map(std::mem::take).unwrap_or_default()
     }
@@ -213,8 +214,8 @@ fn note(crossings: &mut Option<Vec<(u64, Crossing)>>, at: u64, crossing: Crossin
     }
 }
 
-/// Records the interrupt output's edges. The output falls within the byte that clears it, so an edge may lie before the
-/// chip's present.
+/// Records the edges of the chip's interrupt output. The output falls within the byte that clears the interrupt, so an
+/// edge may be earlier than the chip's present time.
 fn note_irq(chip: &mut Chip, crossings: &mut Option<Vec<(u64, Crossing)>>) {
     if chip.has_irq_edges() {
         for edge in chip.take_irq_edges() {

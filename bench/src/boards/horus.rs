@@ -13,33 +13,34 @@ use emulator_node::{Board, Input};
 /// The front end's wires on the HORUS side.
 const HORUS_FRONT_END: Wires =
     Wires { sck: pin('A', 5), mosi: pin('A', 7), miso: pin('A', 6), cs: pin('D', 14), irq: pin('A', 3) };
-/// The pin on which the 10 ms timer shows its ticks: it falls with each.
+/// The pin on which the 10 ms timer shows its ticks: the pin falls at each tick.
 const TICK: Pin = pin('B', 10);
 
-/// The pairs of pins that carry HORUS's state inputs: one is high while relay, motor cut or emergency measure is
-/// active, the other while it is not.
+/// The pairs of pins of HORUS's state inputs: one pin of a pair is high while relay, motor cut or emergency measure is
+/// active, the other while it is inactive.
 const INPUT_PINS: [[Pin; 2]; INPUTS] =
     [[pin('E', 2), pin('E', 4)], [pin('E', 5), pin('E', 6)], [pin('D', 3), pin('D', 4)]];
 
 /// One state input.
 #[derive(Clone, Copy, Debug)]
 struct StateInput {
-    /// The levels of its two pins.
+    /// The levels of the input's two pins: first the one that is high while the input is active.
     levels: (bool, bool),
-    /// The instant of the next change-over and the interval between change-overs, ns.
+    /// The next instant at which both pins of a chattering input change over, and the interval between such instants,
+    /// ns.
     chatters: Option<(u64, u64)>,
 }
 
-/// A change of the two pins of an input.
+/// A change of the levels of a state input's two pins.
 #[derive(Clone, Copy, Debug)]
 pub struct InputChange {
     /// The instant of the change, ns.
     pub at: u64,
     /// The input's index, from 0.
     pub input: usize,
-    /// The level of the pin that is high while the input is active.
+    /// The new level of the pin that is high while the input is active.
     pub active: bool,
-    /// The level of the other pin.
+    /// The new level of the pin that is high while the input is inactive.
     pub inactive: bool,
 }
 
@@ -50,19 +51,20 @@ pub struct Horus {
     pub front_end: FrontEnd,
     /// The receivers' interfaces.
     pub receivers: Receivers,
-    /// Whether the part has seen the lines at rest, which are high.
+    /// Whether the part has received the levels of the idle lines, which are high.
     powered: bool,
     /// The level of the pin TICK.
     tick: bool,
     ticks: Vec<u64>,
     inputs: [StateInput; INPUTS],
     input_changes: Vec<InputChange>,
-    /// Inputs whose pin levels were not passed to the part yet.
+    /// Inputs whose pin levels have not been passed to the part yet.
     untold: Vec<usize>,
 }
 
 impl Horus {
-    /// The board with `receivers` receivers, none of which sends yet.
+    /// The board with `receivers` receivers that have sent nothing yet. With `watched` the traffic of its front end is
+    /// recorded.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
         Self {
@@ -77,7 +79,7 @@ impl Horus {
         }
     }
 
-    /// Sets input `input` to this fault from `at` (ns) on; `None` makes it inactive.
+    /// Puts state input `input` into the state `says` from `at` (ns) on; `None` makes the input inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -93,13 +95,14 @@ impl Horus {
         self.untold.push(input);
     }
 
-    /// Takes the changes of the inputs' pins since the last call.
+    /// Takes the changes of the state inputs' pins since the last call.
     pub fn take_input_changes(&mut self) -> Vec<InputChange> {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Passes `bytes` of receiver `index` (from 0) to its interface at `at` (ns). A UART begins to send them then, or
-    /// once its earlier bytes are sent, and that instant is returned; over a bus they can be read from then on.
+    /// Passes `bytes` of receiver `index` (from 0) to its interface at `at` (ns). A UART sends them at once, or when
+    /// its earlier bytes have been sent; the function returns that instant. On a bus the part can read the bytes from
+    /// `at` on.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);
@@ -118,7 +121,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // A pin that a reset releases shows no tick.
+            // A reset releases the pin TICK, which is no tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

@@ -1,4 +1,4 @@
-//! Supply, reset and crystal of a board, and what a [`PowerFault`] does to them.
+//! Supply, reset and crystal of a board, and the effects of a [`PowerFault`] on them.
 
 use cortex_m4::Cost;
 use emulator_node::{Board, FromOutside, Node};
@@ -9,8 +9,8 @@ use super::{Dpr, Horus};
 use crate::faults::PowerFault;
 use crate::faults::power::RAILS_UV;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). The data sheet promises nothing below it; the
-/// model switches the chip off there.
+/// The lowest supply of a front end, µV (DS13541, operating conditions). Below this voltage the data sheet promises
+/// nothing; the model switches the chip off.
 const FRONT_END_UV: u32 = 2_400_000;
 
 /// A board whose front end has a supply that can fail.
@@ -18,13 +18,13 @@ pub trait Powered: Board {
     /// The front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Read access to its front end's chip.
+    /// Read access to the chip of the board's front end.
     fn chip(&self) -> &Chip;
 
-    /// Makes its crystal work, or dead, from now on.
+    /// Makes the board's crystal work (`works`) or fail from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether its firmware can only wait for the watchdog after a reset.
+    /// Whether the firmware of `part` can do nothing but wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
@@ -36,7 +36,7 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// Without its crystal the DPR runs on its internal oscillator.
+    /// The DPR runs on its internal oscillator where its crystal does not start, so its firmware always starts.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
@@ -69,7 +69,7 @@ impl Powered for Dpr {
 }
 
 impl PowerFault {
-    /// Begins the fault on `node`'s board now.
+    /// Begins the fault of supply or reset on `node`'s board now.
     pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(_) => {
@@ -78,7 +78,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // Its voltages arrive one by one.
+            // A sagging supply has no step at its beginning: its voltages come one by one.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -94,7 +94,7 @@ impl PowerFault {
                 node.power_on(seed);
             }
             Self::CrystalDead => B::crystal(node, true),
-            // Without the board's supply the front end has none either.
+            // The front end has no supply while the board has none.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
             Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
             Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}
@@ -102,7 +102,7 @@ impl PowerFault {
     }
 }
 
-/// Sets a board's supply to `microvolts` from now on; see [`Node::supply`].
+/// Sets the supply of `node`'s board to `microvolts` from now on; see [`Node::supply`].
 pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
     node.supply(microvolts, seed);
     supply_front_end(node, microvolts >= FRONT_END_UV);

@@ -1,4 +1,4 @@
-//! The AHB-AP of a Cortex-M4: a MEM-AP (ADI C2) whose accesses are the bus's (TRM 8).
+//! The AHB-AP of a Cortex-M4: a MEM-AP (ADI C2) whose accesses are accesses of the part's bus (TRM 8).
 //!
 //! | register | here |
 //! |---|---|
@@ -8,12 +8,12 @@
 
 use cortex_m4::Width;
 
-/// What the access port reaches.
+/// The bus that the access port reaches.
 pub(super) trait Target {
-    /// Reads; `None` where the bus answers with an error.
+    /// Reads at `address`; `None` where the bus answers with an error.
     fn read(&mut self, address: u32, width: Width) -> Option<u32>;
 
-    /// Writes; `false` where the bus answers with an error.
+    /// Writes at `address`; `false` where the bus answers with an error.
     fn write(&mut self, address: u32, width: Width, value: u32) -> bool;
 }
 
@@ -25,11 +25,11 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// TRM reset value: Prot bits at their reset values, accesses permitted, word size.
+/// The value of CSW after a reset (TRM): Prot bits at their reset values, accesses permitted, word size.
 const CSW_RESET: u32 = 0x4380_0042;
-/// MasterType, HPROT1, AddrInc, Size.
+/// The bits of CSW that can be written: MasterType, HPROT1, AddrInc, Size.
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
-/// The bits of TAR that its increment changes (ADI C2.2.2).
+/// The bits of TAR that its automatic increment changes (ADI C2.2.2).
 const INCREMENT: u32 = 0x3FF;
 
 /// How TAR changes after an access.
@@ -70,7 +70,7 @@ impl MemoryAp {
         }
     }
 
-    /// The number of bus accesses that one access of DRW makes: several where they are packed (ADI C2.2.7).
+    /// The number of bus accesses that one access of DRW makes: more than one where accesses are packed (ADI C2.2.7).
     const fn accesses(&self) -> u32 {
         match self.step() {
             Step::Packed => 4 / self.width().bytes(),
@@ -107,7 +107,7 @@ impl MemoryAp {
 
     pub(super) fn write(&mut self, register: u8, value: u32, target: &mut impl Target) -> bool {
         match register {
-            // An unsupported size is ignored (ADI C2.6.4).
+            // A write of an unsupported size to CSW leaves the size unchanged (ADI C2.6.4).
             CSW => {
                 let kept = if value & 7 > 2 { CSW_WRITABLE & !7 } else { CSW_WRITABLE };
                 self.csw = self.csw & !kept | value & kept;
@@ -139,7 +139,7 @@ const fn shift(address: u32, width: Width) -> u32 {
 mod tests {
     use super::*;
 
-    /// Four kilobytes at address 0; every other address answers with an error.
+    /// A memory of four kilobytes at address 0; every other address answers with an error.
     struct Memory(Vec<u8>);
 
     impl Target for Memory {

@@ -1,6 +1,7 @@
-//! The two boards of the link alone on a desk: each with its front end, outside any field, with nothing else connected.
+//! Either board of the link alone on a desk, with its front end, outside any field and with nothing else connected.
 //!
-//! Their cores use the pessimistic clock, because the bounds of the on-target suites must hold there.
+//! The boards' cores use the pessimistic clock, because the bounds of the test suites that run on the boards must hold
+//! on it.
 
 use cortex_m4::Pessimistic;
 use emulator_part::Part;
@@ -15,18 +16,19 @@ use emulator_node::Node;
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Desk {
-    /// nRF52840-DK, by default with a part of build code AAF0, whose debug port is locked when it is new.
+    /// The nRF52840-DK. By default its part has build code AAF0, whose debug port is locked when the part is new.
     Dpr,
     /// NUCLEO-F429ZI.
     Horus,
 }
 
-/// Switches on a board whose part holds `kept` from before, or is new, and returns its debug port.
+/// Switches a board on and returns its debug port. The board's part holds `kept` from before, or is new.
 ///
-/// `kept` is what [`Wire::kept`] returned, [`kept_bytes`] bytes long; the result is `None` for another length.
+/// `kept` is the result of an earlier [`Wire::kept`] and has [`kept_bytes`] bytes; for another length the function
+/// returns `None`.
 #[must_use]
 pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
-    // The expansion boards supply the chip from the 5 V of their header.
+    // The expansion boards supply the front end's chip from the 5 V of their header.
     let chip = Chip::new(Config { vdd_mv: 5000, ..Config::default() });
     Some(match desk {
         Desk::Dpr => {
@@ -41,7 +43,7 @@ pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
     })
 }
 
-/// The number of bytes that a board's part keeps without its supply.
+/// The number of bytes that the part of a board keeps without its supply.
 #[must_use]
 pub fn kept_bytes(desk: Desk) -> usize {
     let kept = match desk {

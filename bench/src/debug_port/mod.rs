@@ -2,7 +2,7 @@
 //!
 //! The sources are ARM's *Debug Interface Architecture Specification ADIv5.0 to ADIv5.2* (IHI 0031, "ADI" below), the
 //! ARMv7-M Architecture Reference Manual (chapter C1), the Cortex-M4 Technical Reference Manual (100166, "TRM") and the
-//! parts' manuals. No tool that uses such ports was a source, because the model is there to check those tools.
+//! parts' manuals. No debug tool was a source, because the model is there to check such tools.
 //!
 //! | covered | by |
 //! |---|---|
@@ -22,8 +22,8 @@
 //! | the DWT's comparators and the AHB-AP at a reset that resets debug components | they stay; no tool here sets any |
 //! | the time of the wires | [`DebugPort::pass`]: the driver of the port knows its clock and its own latency |
 //!
-//! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. On Cortex-M3 and M4 it is said to reach 4
-//! KiB (OpenOCD relies on 12 bits there); a tool that relies on them fails here.
+//! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. On Cortex-M3 and M4 the increment is said
+//! to reach 4 KiB, on which OpenOCD relies; with this model a tool that relies on it fails.
 
 mod access_port;
 mod desk;
@@ -43,23 +43,23 @@ pub use part::{Alone, Debugged, PinReset};
 pub enum Request {
     /// Read the debug port's register at this address: 0, 4, 8 or 0xC.
     ReadPort(u8),
-    /// Write that register.
+    /// Write the debug port's register at this address: 0, 4, 8 or 0xC.
     WritePort(u8, u32),
     /// Read the selected access port's register at this address of the selected bank. The answer comes with the next
-    /// such request, or with a read of RDBUFF.
+    /// read of an access port, or with a read of RDBUFF.
     ReadAccess(u8),
-    /// Write that register.
+    /// Write the selected access port's register at this address of the selected bank.
     WriteAccess(u8, u32),
 }
 
 /// The port's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// The transfer is done; for a read this is the word.
+    /// The transfer is done; the word is what a read returned.
     Ok(u32),
     /// A sticky flag is set, or a domain has no power: the request had no effect.
     Fault,
-    /// No one drives the line.
+    /// Neither port nor part drives the line.
     Nothing,
 }
 
@@ -74,7 +74,7 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Makes one transfer.
     fn transfer(&mut self, request: Request) -> Ack;
 
-    /// Pulls the reset pin low, or releases it.
+    /// Pulls the part's reset pin low, or releases it.
     fn reset_pin(&mut self, low: bool);
 
     /// Lets `ns` nanoseconds of virtual time pass on the board.
@@ -83,25 +83,25 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Virtual time since the board was switched on, in nanoseconds.
     fn now(&self) -> u64;
 
-    /// Takes the board's findings since the last call.
+    /// Takes the findings about the board's firmware since the last call.
     fn take_findings(&mut self) -> Vec<Finding>;
 
     /// Every restart of the part since the board was switched on.
     fn resets(&self) -> &[ResetAt];
 
-    /// The memory that the part keeps without its supply, one range after the other as [`Debugged::KEPT`] lists them.
+    /// The memory that the part keeps without its supply, one range after the other in the order of [`Debugged::KEPT`].
     fn kept(&self) -> Vec<u8>;
 
-    /// Makes a bit of flash keep its value whatever is programmed there. Returns whether the address is in flash.
+    /// Makes a bit of flash read `value` whatever is programmed there. Returns whether `address` is in flash.
     fn stick_flash(&mut self, address: u32, bit: u8, value: bool) -> bool;
 }
 
-/// The state of the protocol on the wires.
+/// The state of the debug port's protocol on its two wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
-    /// JTAG, in which an SWJ-DP comes up (ADI B5.2.1).
+    /// JTAG, the state in which an SWJ-DP is after power-on (ADI B5.2.1).
     Jtag,
-    /// SWD, waiting for a line reset after the selection or after a protocol error (ADI B4.2.5).
+    /// SWD, where the port waits for a line reset after the selection of SWD or a protocol error (ADI B4.2.5).
     Lost,
     /// After a line reset only DPIDR can be read (ADI B4.3.3).
     Reset,
@@ -109,7 +109,7 @@ enum Line {
     Open,
 }
 
-/// The number of successive ones that make a line reset (ADI B4.3.3).
+/// The number of successive one bits on SWDIO that make a line reset (ADI B4.3.3).
 const LINE_RESET: u32 = 50;
 /// The sequences that select SWD and JTAG, the lowest bit first (ADI B5.2.2).
 const TO_SWD: u16 = 0xE79E;
@@ -129,9 +129,10 @@ const DEBUG_POWER_REQUEST: u32 = 1 << 28;
 const DEBUG_POWER_ACK: u32 = 1 << 29;
 const SYSTEM_POWER_REQUEST: u32 = 1 << 30;
 const SYSTEM_POWER_ACK: u32 = 1 << 31;
-/// The bits that a write keeps: MASKLANE, TRNCNT, and the two power requests. These parts do not have CDBGRSTREQ.
+/// The bits of CTRL/STAT that a write sets: MASKLANE, TRNCNT, and the two power requests. These parts do not have
+/// CDBGRSTREQ.
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
-/// DLCR (ADI B2.2.3): the turnaround is one clock.
+/// The value of DLCR (ADI B2.2.3): the turnaround takes one clock.
 const DLCR: u32 = 0x40;
 
 /// A board with the debug port of its part.
@@ -139,18 +140,18 @@ const DLCR: u32 = 0x40;
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// The number of successive ones up to now, and the bits since the last line reset: their number, and the latest
-    /// sixteen.
+    /// The number of successive one bits up to now, the number of bits since the last line reset, and the latest
+    /// sixteen of them.
     ones: u32,
     since_reset: u32,
     latest: u16,
     control: u32,
     select: u32,
-    /// The results of the last AP read and of the last read of any kind.
+    /// The result of the last read of an access port, and that of the last read of any kind.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
-    /// The part is held in reset.
+    /// Whether the part is held in reset.
     held: bool,
     pin_low: bool,
     stuck: Option<(u32, u8, bool)>,
@@ -160,7 +161,7 @@ impl<B: Alone, C: Cost> DebugPort<B, C>
 where
     B::Part: Debugged,
 {
-    /// The port of the board `node`, with no debugger connected yet.
+    /// Returns the debug port of the board `node`, with no debugger connected yet.
     #[must_use]
     pub fn new(node: Node<B, C>) -> Self {
         Self {
@@ -200,7 +201,8 @@ where
             self.since_reset = 0;
             if self.line != Line::Jtag {
                 self.line = Line::Reset;
-                // Banks are as after power-up; flags and power requests stay (ADI B4.3.3).
+                // A line reset selects the banks that are selected after power-up, and leaves flags and power requests
+                // (ADI B4.3.3).
                 self.select &= !0xF;
             }
         }
@@ -223,7 +225,8 @@ where
             }
         }
         self.line = Line::Open;
-        // With a sticky flag set the port answers only these requests (ADI B4.2.4).
+        // While a sticky flag is set, the port answers only reads of DPIDR and CTRL/STAT and writes of ABORT (ADI
+        // B4.2.4).
         let always =
             matches!(request, Request::ReadPort(0) | Request::WritePort(0, _)) || request == Request::ReadPort(4);
         if self.control & STICKY != 0 && !always {
@@ -273,7 +276,7 @@ where
         }
     }
 
-    /// The value of CTRL/STAT. A requested domain has power at once.
+    /// The value of CTRL/STAT. A power domain has power as soon as it is requested.
     fn status(&self) -> u32 {
         let acknowledged = |request, ack| if self.control & request != 0 { ack } else { 0 };
         self.control
@@ -299,7 +302,7 @@ where
         }
     }
 
-    /// The whole address of an access port's register.
+    /// The whole address of an access port's register, with the bank that SELECT selects.
     const fn access_register(&self, address: u8) -> u8 {
         (self.select & 0xF0) as u8 | address & 0xC
     }
@@ -308,8 +311,8 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; `None` where the transaction failed. An absent register reads zero
-    /// (ADI B2.2.11).
+    /// Reads a register of the selected access port; `None` where the access failed. An absent register reads zero (ADI
+    /// B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -349,21 +352,22 @@ where
         self.reset_debug();
     }
 
-    /// Resets the debug registers that this reset of the part resets to their values after power-on. The core has not
-    /// run an instruction yet.
+    /// Gives the debug registers that the last reset of the part resets their values after power-on. The core has not
+    /// executed an instruction since that reset.
     fn reset_debug(&mut self) {
-        /// The writes: DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        /// The writes that reset the debug registers: DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2,
+        /// C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
-                // These registers always exist.
+                // The debug registers always exist, so a write to them succeeds.
                 let _ = self.node.access_port_write(address, Width::Word, value);
             }
         }
     }
 
-    /// Whether the core answers at `address`: a part that is held in reset answers only in its private space, which has
-    /// its debug registers.
+    /// Whether the core answers at `address`. While the part is held in reset, the core answers only in its private
+    /// peripheral space, which has its debug registers.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }
@@ -375,7 +379,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // The byte was just read from there.
+            // The write succeeds, because the byte at the same address was just read.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }
@@ -410,7 +414,7 @@ where
     }
 
     fn transfer(&mut self, request: Request) -> Ack {
-        // A transfer ends a run of ones, so it is no line reset.
+        // A transfer ends a sequence of one bits, so the sequence is no line reset.
         self.ones = 0;
         self.since_reset = u32::MAX;
         self.answer(request)
@@ -429,7 +433,7 @@ where
     }
 
     fn pass(&mut self, ns: u64) {
-        // A part that is held in reset does not run; its time stands still.
+        // The time of a part that is held in reset stands still, because the part does not run.
         if self.held {
             return;
         }

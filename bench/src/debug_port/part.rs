@@ -1,4 +1,4 @@
-//! A part's additions to the debug port of its core.
+//! What a part adds to the debug port of its core, and what its resets do to it.
 
 use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
@@ -7,7 +7,7 @@ use stm32f429::Stm32f429;
 use crate::boards::{Dpr, Horus};
 use emulator_node::{Bare, Board};
 
-/// What a write to one of the part's own access ports did to its reset.
+/// What a write to one of the part's own access ports did to the part's reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinReset {
     /// The reset is unchanged.
@@ -20,20 +20,20 @@ pub enum PinReset {
 
 /// A part with a debug port.
 pub trait Debugged: Part {
-    /// The memory that it keeps without its supply, flash first: address and size of each range.
+    /// The memory that the part keeps without its supply, flash first: address and size of each range.
     const KEPT: &'static [(u32, usize)];
 
-    /// Whether a debugger reaches the AHB-AP.
+    /// Whether a debugger reaches the part's AHB-AP.
     fn is_open(&self) -> bool {
         true
     }
 
-    /// Whether it has a reset pin now.
+    /// Whether the part has a reset pin now.
     fn has_reset_pin(&self) -> bool {
         true
     }
 
-    /// Whether a reset for this cause also resets the core's debug registers. ARMv7-M C1.6.5 promises it only of a
+    /// Whether a reset for this cause also resets the core's debug registers. ARMv7-M C1.6.5 promises that only of a
     /// power-on reset.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
@@ -45,7 +45,7 @@ pub trait Debugged: Part {
         0
     }
 
-    /// Writes such a register at the part's cycle `at`.
+    /// Writes a register of an access port beside the AHB-AP at the part's cycle `at`.
     fn write_port(&mut self, ap: u8, register: u8, value: u32, at: u64) -> PinReset {
         let _ = (ap, register, value, at);
         PinReset::Unchanged
@@ -64,18 +64,19 @@ impl Debugged for Nrf52840 {
         self.access_port_open()
     }
 
-    /// The pin that UICR.PSELRESET selects, if both of its words agree and are not disconnected (PS 4.5, 5.3.7).
+    /// Whether UICR.PSELRESET selects a reset pin: both of its words must agree and be connected (PS 4.5, 5.3.7).
     fn has_reset_pin(&self) -> bool {
         let words = self.memory(0x1000_1200, 8).unwrap_or_default();
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
     }
 
-    /// All resets but soft ones, which include a lock-up's (PS 5.3.7.8, *Reset behavior*: "Debug").
+    /// Every reset of the nRF52840 but a soft one or a lock-up's resets the debug registers (PS 5.3.7.8, *Reset
+    /// behavior*: "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }
 
-    /// CTRL-AP is access port 1 (PS 4.8.1).
+    /// The nRF52840's access port 1 is CTRL-AP (PS 4.8.1).
     fn read_port(&self, ap: u8, register: u8) -> u32 {
         if ap == 1 { self.ctrl_ap_read(register) } else { 0 }
     }
@@ -97,13 +98,13 @@ impl Debugged for Nrf52840 {
 }
 
 impl Debugged for Stm32f429 {
-    /// Flash and the option bytes of its first bank (RM0090 3.9).
+    /// The memory that an STM32F429 keeps: its flash, and the option bytes of the first bank (RM0090 3.9).
     const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
-/// A board whose debug port works with no other board around.
+/// A board whose debug port works without any other board of the link.
 pub trait Alone: Board {
-    /// Discards what leaves the board.
+    /// Discards the signals that leave the board.
     fn forget_outgoing(&mut self) {}
 }
 

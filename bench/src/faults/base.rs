@@ -6,13 +6,13 @@ use profile::Layout;
 /// A fault of the base station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseFault {
-    /// It shows every object of a profile as valid, whether it is or not.
+    /// The base station shows every object of a profile as valid, even an invalid one.
     ShowsAll,
-    /// It does not show this object: 0 for Reported-Position, n for GPSn.
+    /// The base station does not show this object: 0 for Reported-Position, n for GPSn.
     Hides(usize),
-    /// It shows every object as new.
+    /// The base station shows every object as new.
     Young,
-    /// It raises no alarm.
+    /// The base station raises no alarm.
     Calm,
 }
 

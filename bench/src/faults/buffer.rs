@@ -1,7 +1,7 @@
 //! Faulty bits in the DPR's buffers, into which frames are received and from which images are read.
 //!
-//! A random word picks the bit when the fault begins, uniformly over all buffers of a kind. The image's symbols give
-//! the buffers' addresses.
+//! A random word picks the faulty bit when the fault begins, uniformly over all buffers of a kind. The symbols of the
+//! program give the buffers' addresses.
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
@@ -29,12 +29,12 @@ impl Buffers {
     }
 }
 
-/// A fault of a bit of the DPR's buffers. The word picks the bit.
+/// A fault of a bit of the DPR's buffers. The word in each variant picks the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferFault {
-    /// The bit flips once.
+    /// The picked bit flips once, when the episode begins.
     Flips(Buffers, u64),
-    /// The bit reads this value until the episode's end, whatever is written.
+    /// The picked bit reads this value until the episode's end, even after a write of the other value.
     Stuck(Buffers, bool, u64),
 }
 
@@ -50,7 +50,7 @@ impl BufferFault {
         }
     }
 
-    /// The kind of buffer that holds the bit.
+    /// The kind of buffer that holds the faulty bit.
     #[must_use]
     pub const fn memory(self) -> Memory {
         match self {
@@ -59,7 +59,7 @@ impl BufferFault {
         }
     }
 
-    /// Whether the fault lasts: a flip takes place as the episode begins.
+    /// Whether the fault lasts as long as its episode; a flip takes place when the episode begins.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Stuck(..))
@@ -69,7 +69,8 @@ impl BufferFault {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the image has no such buffers, [`Error::NotMemory`] where they are not in RAM.
+    /// [`Error::NoSymbol`] where the program has no buffers of this kind, [`Error::NotMemory`] where they are not in
+    /// RAM.
     pub fn begin<B: Board, C: Cost>(self, node: &mut Node<B, C>) -> Result<(), Error> {
         match self {
             Self::Flips(buffers, word) => {
@@ -85,7 +86,7 @@ impl BufferFault {
         }
     }
 
-    /// Ends the fault on `node` now: the bit keeps its value until the next write.
+    /// Ends the fault on `node` now: a stuck bit keeps its value until the next write.
     pub fn end<B: Board, C: Cost>(self, node: &mut Node<B, C>) {
         if self.lasts() {
             node.input(|part, _, _| part.stick(None));
@@ -93,7 +94,7 @@ impl BufferFault {
     }
 }
 
-/// The byte's address, and the bit in it, that `word` picks of all `buffers`.
+/// The byte's address, and the number of the bit in it, that `word` picks from all of `buffers`.
 fn place<B: Board, C: Cost>(node: &Node<B, C>, buffers: Buffers, word: u64) -> Result<(u32, u8), Error> {
     let symbol = buffers.variable();
     let missing = || Error::NoSymbol { firmware: node.firmware().name().to_owned(), symbol: symbol.to_owned() };

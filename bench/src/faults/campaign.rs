@@ -1,8 +1,8 @@
 //! Campaigns of upsets: each upset is tried on its own copy of a bench, and its effect is classed.
 //!
-//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it makes copies: one without
-//! an upset, the reference, and one for each trial, with one upset. The judge's verdicts on trial and reference, and
-//! what the flight controller has read in both, give the trial's class.
+//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it copies the subject: one
+//! copy, the reference, has no upset, and each trial's copy has one upset. The judge's verdicts on trial and reference,
+//! and the bytes that the flight controller has read in both, give the trial's class.
 //!
 //! | class | what the flight controller read |
 //! |---|---|
@@ -19,16 +19,16 @@ use super::{Board, Kind, Rng, Targets, Upset, name_of};
 
 /// A bench that upsets are tried on.
 pub trait Subject: Clone + Send {
-    /// Runs to `at` (virtual ns).
+    /// Runs the bench to `at` (virtual ns).
     fn run_to(&mut self, at: u64);
 
-    /// The memory that `board`'s firmware uses now.
+    /// The memory that the firmware of `board` uses now.
     fn targets(&self, board: Board) -> Targets;
 
     /// Applies `upset` to `board` now.
     fn upset(&mut self, board: Board, upset: Upset);
 
-    /// Runs this subject for `for_ns` from now, on this thread alone, and returns the outcome.
+    /// Runs this copy for `for_ns` from now, on this thread alone, and returns the outcome.
     fn outcome(self, for_ns: u64) -> RunOutcome;
 }
 
@@ -37,24 +37,24 @@ pub trait Subject: Clone + Send {
 pub struct RunOutcome {
     /// The judge's verdict.
     pub verdict: Verdict,
-    /// A digest of all bytes that the flight controller has read, and of their instants.
+    /// A digest of all bytes that the flight controller has read, and of the instants at which it read them.
     pub read_digest: u64,
 }
 
 /// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// The kinds of upset, in turn; other kinds are left out.
+    /// The kinds of upset that the trials have in turn. A kind that is no upset is left out.
     pub kinds: Vec<Kind>,
-    /// The boards, in turn.
+    /// The boards that take turns at being upset.
     pub boards: Vec<Board>,
     /// The number of trials.
     pub count: usize,
-    /// The number of trials that share an instant and its reference; at least 1.
+    /// The number of trials that share an instant and the reference of that instant; at least 1.
     pub per_instant: usize,
-    /// The range of the instants, virtual ns.
+    /// The range from which the instants of the upsets are drawn, virtual ns.
     pub between: (u64, u64),
-    /// The time for which each copy runs from its upset on, ns.
+    /// The time for which each copy runs after its upset, ns.
     pub for_ns: u64,
     /// The seed of the instants and upsets.
     pub seed: u64,
@@ -63,9 +63,9 @@ pub struct Options {
 /// The class of an upset's effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// The flight controller saw no difference.
+    /// The flight controller read the same bytes as without the upset.
     Masked,
-    /// It saw a difference, but nothing invalid was shown as valid.
+    /// The flight controller read other bytes, but nothing invalid was shown as valid.
     Detected,
     /// Something invalid was shown as valid.
     Dangerous,
@@ -85,7 +85,8 @@ impl Class {
         }
     }
 
-    /// The class of a trial that ended in `outcome`, where the same copy without an upset ended in `reference`.
+    /// Returns the class of a trial that ended in `outcome`, where the reference of the same instant ended in
+    /// `reference`.
     #[must_use]
     pub fn of(reference: &RunOutcome, outcome: &RunOutcome) -> Self {
         let of_outcome = &outcome.verdict.violations;
@@ -103,9 +104,10 @@ impl Class {
     }
 }
 
-/// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station. The
-/// judge does not report whether an object with wrong contents was shown, so such an object counts. Flags of
-/// Link-Status, HORUS's state, a timestamp and an uplink count too, because a reader acts on them as on a position.
+/// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
+/// Where the judge finds wrong contents of an object, it does not report whether the object was shown, so such a
+/// violation counts. Wrong flags of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count
+/// too, because a reader acts on them as on a position.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -138,26 +140,26 @@ pub const fn is_dangerous(violation: Violation) -> bool {
 /// One upset and its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trial {
-    /// Its number in its campaign, from 1; together with the campaign's seed it identifies the trial.
+    /// The trial's number in its campaign, from 1. Together with the campaign's seed it identifies the trial.
     pub number: usize,
     /// The campaign's seed.
     pub seed: u64,
     /// The upset's instant, virtual ns.
     pub at: u64,
-    /// The board.
+    /// The board that is upset.
     pub board: Board,
     /// The upset.
     pub upset: Upset,
     /// The class of its effect.
     pub class: Class,
-    /// The violations that the reference does not have.
+    /// The violations of the trial that the reference does not have.
     pub violations: Vec<Violation>,
 }
 
 /// The trials of a campaign.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
-    /// The trials in order of their instants.
+    /// The campaign's trials, in order of their instants.
     pub trials: Vec<Trial>,
 }
 
@@ -175,7 +177,7 @@ impl Campaign {
         let (from, to) = options.between;
         let mut rng = Rng::new(options.seed);
         for instant in 0..instants {
-            // One random instant is drawn in each of several equal parts of the run.
+            // The run is divided into equal parts, and each part gets one random instant.
             let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
             let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
             subject.run_to(at);
@@ -186,7 +188,7 @@ impl Campaign {
                 Some((board, Upset::drawn(kind, &mut rng, &subject.targets(board))?))
             });
             let upsets: Vec<(Board, Upset)> = drawn.collect();
-            // Copies do not depend on each other, so that each runs on a thread of its own.
+            // Copies do not depend on each other, so each copy runs on its own thread.
             let copies = std::iter::once(None).chain(upsets.iter().copied().map(Some)).map(|upset| {
                 let mut copy = subject.clone();
                 if let Some((board, upset)) = upset {
@@ -214,7 +216,7 @@ impl Campaign {
         Self { trials }
     }
 
-    /// The number of upsets of `kind` on `board` that are of `class`.
+    /// The number of trials with an upset of `kind` on `board` whose effect is of `class`.
     #[must_use]
     pub fn count(&self, board: Board, kind: Kind, class: Class) -> usize {
         let is_one = |trial: &&Trial| trial.board == board && trial.upset.kind() == kind && trial.class == class;
@@ -263,8 +265,8 @@ mod tests {
     const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
     const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
 
-    /// A bench with one upset. The lowest bits of the upset's place decide whether nothing changes, other bytes are
-    /// read, or an old object is shown.
+    /// A test double of a bench, with at most one upset. The lowest bits of the upset's address choose its effect:
+    /// none, other bytes read, or an old object shown.
     #[derive(Clone, Debug, Default)]
     struct Bench<'a> {
         now: u64,
@@ -301,7 +303,7 @@ mod tests {
             if let Some(outcomes) = self.outcomes {
                 outcomes.fetch_add(1, Ordering::Relaxed);
             }
-            // The bench has this violation with and without an upset.
+            // This test bench has a violation in every copy, with and without an upset.
             let always = (Violation::ShownStale, 2);
             match self.upset {
                 Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),
@@ -389,7 +391,7 @@ mod tests {
         assert!(instants.is_sorted());
         instants.dedup();
         assert_eq!(instants.len(), 25);
-        // Each instant lies in its own part of 320 ns and has one reference.
+        // The instants lie in parts of 320 ns, one in each part, and each has one reference.
         for (nth, at) in instants.iter().enumerate() {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");

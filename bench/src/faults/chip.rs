@@ -1,7 +1,7 @@
 //! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] carries them out. Apart from the named fault the chip works: it accepts the
-//! board's writes, it has its field and its frames, and its state is unchanged when the fault is over.
+//! [`crate::boards::front_end::FrontEnd`] applies these faults. Apart from the named fault the chip works: it accepts
+//! the board's writes, its field and its frames continue, and its state is the same when the fault ends.
 
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
@@ -9,13 +9,13 @@ use st25r3916_model::{Chip, Space, Withheld};
 /// A fault of either board's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// The interrupt line stays low; the interrupt bits can be read.
+    /// The chip's interrupt line stays low, while its interrupt bits can be read.
     IrqLow,
-    /// The interrupt line stays high, whatever is read.
+    /// The chip's interrupt line stays high, even after the interrupt bits are read.
     IrqHigh,
-    /// The chip's interrupt logic hangs: no interrupt bit is set.
+    /// The chip's interrupt logic hangs, so no interrupt bit is set.
     NoInterrupts,
-    /// The chip never reports a frame's end: I_rxs without I_rxe at the listener, no I_txe at the poller.
+    /// The chip never reports the end of a frame: the listener sets I_rxs without I_rxe, the poller sets no I_txe.
     NoFrameEnds,
     /// Every bit that the board reads from the chip is 1.
     ReadsOnes,
@@ -24,7 +24,7 @@ pub enum ChipFault {
 }
 
 impl ChipFault {
-    /// Each of them.
+    /// All faults of a front end's chip.
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
@@ -52,23 +52,24 @@ impl ChipFault {
     }
 }
 
-/// The longest time from the flip of a register's bit to the link's recovery, ns: the flip is reported or has no
-/// effect. With the bring-up that may follow, valid data are back within 1.5 s.
+/// The longest time from the flip of a bit of the chip's registers to the link's recovery, ns: by then the board has
+/// reported the flip, or the flip has no effect. After a new start of the chip, if there is one, valid data are shown
+/// within 1.5 s.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RegisterBit {
-    /// Whether the register is in space B.
+    /// Whether the register is in register space B of the chip.
     pub in_space_b: bool,
-    /// Its address.
+    /// The register's address.
     pub address: u8,
     /// The bit's number, 0 to 7.
     pub bit: u8,
 }
 
 impl RegisterBit {
-    /// Every bit that `chip` stores, in spaces A and B, in order.
+    /// Every bit that `chip` stores in register spaces A and B, in order.
     #[must_use]
     pub fn all_of(chip: &Chip) -> Vec<Self> {
         let addresses = [false, true].into_iter().flat_map(|in_space_b| (0..64).map(move |it| (in_space_b, it)));
@@ -98,19 +99,19 @@ impl ChipFaults {
         self.present.push(fault);
     }
 
-    /// Ends `fault`, if it is present.
+    /// Ends `fault`, if `fault` is present.
     pub fn end(&mut self, fault: ChipFault) {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
         }
     }
 
-    /// The latest of the present faults that `of` accepts.
+    /// The result of `of` for the latest of the present faults for which it returns one.
     fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
 
-    /// The interrupt line's level, where the chip drives `level`.
+    /// The level that the interrupt line has while the chip drives `level`.
     #[must_use]
     pub fn irq(&self, level: bool) -> bool {
         let stuck = self.last(|fault| match fault {
@@ -121,7 +122,7 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// The byte that the board reads, where the chip drives `answer`; `None` where the line is not driven.
+    /// The byte that the board reads while the chip drives `answer`; `None` where the line is not driven.
     #[must_use]
     pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
         let stuck = self.last(|fault| match fault {
@@ -132,7 +133,7 @@ impl ChipFaults {
         stuck.or(answer)
     }
 
-    /// The interrupts that the chip does not raise.
+    /// The interrupts that the present faults keep the chip from raising.
     #[must_use]
     pub fn withheld(&self) -> Withheld {
         let withheld = |fault| match fault {

@@ -1,9 +1,9 @@
 //! A flight controller's misuses of the SSI.
 //!
-//! The DPR must withstand all of them: no frame is lost, nothing else is disturbed, and the flight controller is served
-//! again when it reads by the rules of docs/design.md#ssi. Times are by the flight controller's own clock. Unless
-//! stated otherwise, a transaction has the set-up time, the bytes at 8 MHz, the hold time and the gap of that section
-//! in SPI mode 0, and MOSI carries zeros, which request nothing.
+//! The DPR must withstand all of these misuses: no frame is lost, nothing else is disturbed, and the flight controller
+//! is served again when it reads by the rules of docs/design.md#ssi. Times are by the flight controller's own clock.
+//! Unless stated otherwise, a transaction uses SPI mode 0 at 8 MHz with the set-up time, hold time and gap of that
+//! section, and MOSI carries zeros, which request nothing.
 
 use bench_judge::disturbance;
 use emulator_part::SpiMode;
@@ -11,50 +11,53 @@ use emulator_part::SpiMode;
 /// The flight controller's behaviour while an episode lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduct {
-    /// Selects, clocks one byte and deselects, then selects again after 1 µs instead of the gap of 10 µs: 200 000
-    /// transactions a second.
+    /// The flight controller selects the DPR, clocks one byte and deselects, then selects again after 1 µs instead of
+    /// the gap of 10 µs: 200 000 transactions a second.
     Hammers,
-    /// Selects and deselects without a clock, and keeps the gap: 77 000 transactions a second.
+    /// The flight controller selects and deselects the DPR without a clock, and keeps the gap: 77 000 transactions a
+    /// second.
     ZeroBytes,
-    /// Selects, and neither clocks nor deselects until the episode's end.
+    /// The flight controller selects the DPR, and neither clocks nor deselects until the episode's end.
     Hangs,
-    /// Selects and clocks noise until the episode's end: a million bytes a second.
+    /// The flight controller selects the DPR and clocks noise until the episode's end: a million bytes a second.
     RunsAway,
-    /// Reads 10 000 bytes in each transaction, in as many control cycles as that allows: one takes 10 ms.
+    /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms, in as many control cycles as
+    /// that allows.
     TenThousand,
-    /// Lets chip select fall for 1 µs and rise for 1 µs without a clock: 500 000 times a second.
+    /// Chip select falls for 1 µs and rises for 1 µs without a clock, 500 000 times a second.
     TogglesCsn,
-    /// Clocks noise with chip select high until the episode's end, a million bytes a second, so there is no
-    /// transaction.
+    /// The flight controller clocks noise with chip select high until the episode's end, a million bytes a second, so
+    /// there is no transaction.
     ClocksWithoutCsn,
-    /// Reads whole images back to back with only the gap between them: 3 460 transactions a second with three
+    /// The flight controller reads whole images with only the gap between them: 3 460 transactions a second with three
     /// receivers.
     BackToBack,
-    /// Reads the whole image once in each control cycle, but in this SPI mode.
+    /// The flight controller reads the whole image once in each control cycle, but in this SPI mode.
     OtherMode(SpiMode),
-    /// Reads the whole image once in each control cycle, with noise on MOSI throughout.
+    /// The flight controller reads the whole image once in each control cycle, with noise on MOSI throughout.
     RandomBytes,
-    /// Reads 96 bytes in each control cycle. At random it requests windows that do not exist, sends the first half of a
-    /// request, or sends noise for a request and an uplink object.
+    /// The flight controller reads 96 bytes in each control cycle. At random it requests windows that do not exist,
+    /// sends the first half of a request, or sends noise in place of a request and an uplink object.
     Lies,
-    /// Reads the whole image once in each control cycle, and sends the same intact uplink object again and again.
+    /// The flight controller reads the whole image once in each control cycle and sends the same intact uplink object
+    /// each time.
     ReplaysUplink,
-    /// Makes no transaction at all.
+    /// The flight controller makes no transaction at all.
     Silent,
-    /// Lets chip select fall and rise without a clock, with this period in ns, half of it low.
+    /// Chip select falls and rises without a clock, with this period in ns, and is low for half of it.
     Edges(u64),
-    /// Reads `bytes` bytes, possibly none, with the set-up and hold times, once in `period_ns`; where that is too
-    /// short, as soon as chip select has been high for 0.3 µs.
+    /// The flight controller reads `bytes` bytes, possibly none, with the set-up and hold times, once in `period_ns`.
+    /// If that period is too short, it begins each transaction when chip select has been high for 0.3 µs.
     Every {
         /// The time from the beginning of one transaction to that of the next, ns.
         period_ns: u64,
-        /// The number of bytes in each.
+        /// The number of bytes in each transaction.
         bytes: usize,
     },
 }
 
 impl Conduct {
-    /// All conducts but those with a rate, [`Self::Edges`] and [`Self::Every`].
+    /// All conducts but those that have a rate, [`Self::Edges`] and [`Self::Every`].
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,
@@ -98,7 +101,7 @@ impl Conduct {
         }
     }
 
-    /// The facts about it that the judge needs.
+    /// The properties of the conduct that determine what the judge excuses.
     #[must_use]
     pub const fn disturbs(self) -> disturbance::Conduct {
         match self {

@@ -1,8 +1,8 @@
 //! Faults of HORUS's front end, the poller, or of the wires to it.
 //!
-//! [`Emission`] lies between the chip and its antenna: it takes what the chip emits and returns what leaves the
-//! antenna. Neither chip nor firmware can observe it. [`FrontEndFault::SelectLate`] acts on the wire to the chip
-//! instead.
+//! [`Emission`] lies between the chip and its antenna: it takes the events that the chip emits and returns those that
+//! leave the antenna. Neither chip nor firmware can observe it. [`FrontEndFault::SelectLate`], by contrast, acts on the
+//! wire of chip select.
 
 use std::collections::VecDeque;
 
@@ -13,26 +13,27 @@ use super::Rng;
 /// A fault of HORUS's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontEndFault {
-    /// Its antenna is disconnected: neither carrier nor frame leaves it.
+    /// The antenna is disconnected: neither carrier nor frame leaves it.
     NoCarrier,
-    /// Its modulator is dead: it emits a carrier, but no frame.
+    /// The chip's modulator is dead: the antenna emits a carrier, but no frame.
     Mute,
     /// The second half of each frame is missing.
     BreaksOff,
-    /// The last byte of each payload is missing, as if the chip had been set to a length that is less by one: the
-    /// frame's own length and CRC fit what is sent.
+    /// The last byte of each payload is missing, as if the firmware had set a length that is less by one: the frame's
+    /// own length and CRC fit the shorter payload.
     Shortened,
-    /// Each frame is sent once more without a command, this many ns after it has ended.
+    /// Each frame is sent a second time without a command, this many ns after its end.
     FrameAgain(u64),
-    /// The chip gets each transmit command once more, this many ns after the frame has ended, with the same frame.
+    /// The chip gets each transmit command a second time, this many ns after the frame's end, and sends the same frame
+    /// again.
     CommandAgain(u64),
-    /// Each frame begins late by a uniformly drawn delay of up to this many ns.
+    /// Each frame begins late by a uniformly drawn delay of at most this many ns.
     Scatters(u64),
-    /// Each rise of chip select reaches the chip late by a uniformly drawn delay of up to this many ns.
+    /// Each rise of chip select reaches the chip late by a uniformly drawn delay of at most this many ns.
     SelectLate(u64),
 }
 
-/// The time from a repeated command to its frame, ns: the mean of what recordings show.
+/// The time from a repeated transmit command to its frame, ns: the mean of the times that recordings show.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {
@@ -52,7 +53,8 @@ impl FrontEndFault {
     }
 }
 
-/// Removes the last byte of payload from a frame of `whole` bytes, whose first byte already gives a length less by one.
+/// Removes the last byte of payload from a frame of `whole` bytes. The first byte of the frame already gives a length
+/// that is less by one.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
@@ -63,36 +65,36 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 #[derive(Clone, Debug)]
 struct Sending {
     start: FrameStart,
-    /// The delay with which it leaves the antenna, ns.
+    /// The delay with which the frame leaves the antenna, ns.
     late: u64,
-    /// Whether the chip's own end of the frame no longer reaches the antenna.
+    /// Whether the antenna has ended the frame, so that the frame's end at the chip has no effect.
     ended: bool,
     /// Whether the whole frame is lost.
     lost: bool,
-    /// The frame's whole length, bytes, if it is to lose its last byte of payload once all bytes are there.
+    /// The frame's whole length, bytes, if its last byte of payload is to be removed when all bytes are there.
     shortened: Option<usize>,
 }
 
-/// The part of a chip's emission that leaves the antenna. See the [module](self).
+/// The part of a chip's emission that leaves the antenna. The [module](self) describes it.
 #[derive(Clone, Debug)]
 pub struct Emission {
     noise: Rng,
     faults: Vec<FrontEndFault>,
     sending: Option<Sending>,
-    /// Events that will leave the antenna and their instants, in order of time.
+    /// Events that will leave the antenna with their instants (ns), in order of time.
     leaving: VecDeque<(u64, AirEvent)>,
-    /// Transmit commands that the firmware did not give.
+    /// The instants of transmit commands that the chip got but the firmware did not give, ns.
     commands: Vec<u64>,
 }
 
 impl Emission {
-    /// A sound front end. `seed` decides everything random.
+    /// Returns the emission of a sound front end. `seed` determines all random values.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { noise: Rng::new(seed), faults: vec![], sending: None, leaving: VecDeque::new(), commands: vec![] }
     }
 
-    /// Begins `fault` at `now` (ns), beside any present faults. `carrier` is whether the chip's carrier is on.
+    /// Begins `fault` at `now` (ns), beside any present faults. `carrier` is true if the chip's carrier is on.
     pub fn begin(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
         if fault == FrontEndFault::NoCarrier {
             if carrier && !self.has(fault) {
@@ -106,7 +108,7 @@ impl Emission {
         self.faults.push(fault);
     }
 
-    /// Ends `fault` at `now` (ns), if it is present. `carrier` is whether the chip's carrier is on.
+    /// Ends `fault` at `now` (ns), if it is present. `carrier` is true if the chip's carrier is on.
     pub fn end(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
         let Some(place) = self.faults.iter().position(|other| *other == fault) else { return };
         self.faults.remove(place);
@@ -124,7 +126,7 @@ impl Emission {
         self.leaving.insert(place, (at, event));
     }
 
-    /// The delay of a rise of chip select, ns.
+    /// Draws the delay of a rise of chip select, ns.
     pub fn select_late(&mut self) -> u64 {
         let Self { faults, noise, .. } = self;
         let late = |fault: &FrontEndFault| if let FrontEndFault::SelectLate(ns) = fault { noise.below(*ns) } else { 0 };
@@ -177,13 +179,13 @@ impl Emission {
             .sum();
         let data = &mut start.chunk.data;
         let mut bits = None;
-        // LEN counts itself and the payload but neither of the two bytes of CRC.
+        // LEN counts itself and the payload but not the two bytes of CRC.
         let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
         let mut shortened = None;
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // The chip loads the remaining bytes while it sends.
+            // The chip loads the frame's remaining bytes while it sends, so they may be missing here.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -195,7 +197,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // The factor converts attoseconds; a bit is about 2.4 µs long.
+            // The two divisions convert the bit's duration from attoseconds to nanoseconds; a bit is about 2.4 µs long.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -228,13 +230,13 @@ impl Emission {
         self.leaving.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Takes an event that leaves the antenna at `now` (ns) or before.
+    /// Takes an event that leaves the antenna at `now` (ns) or earlier.
     pub fn take(&mut self, now: u64) -> Option<(u64, AirEvent)> {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// Takes the transmit commands since the last call that the firmware did not give, each with its instant (ns); some
-    /// may lie ahead.
+    /// Takes the instants (ns) of transmit commands since the last call that the firmware did not give; some may be in
+    /// the future.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }
@@ -247,7 +249,7 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    /// A bit at 424 kbit/s takes 2.36 µs; 2 µs keeps the instants round.
+    /// The duration of a bit in these tests, ns. At 424 kbit/s a bit takes 2.36 µs; 2 µs keeps the instants round.
     const BIT_NS: u64 = 2_000;
 
     fn frame() -> FrameStart {
@@ -268,8 +270,8 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// The events that leave the antenna until `until` if a frame begins at 1 ms and the front end has `faults` from 0
-    /// on.
+    /// The events that leave the antenna until `until`, and the repeated commands, if a frame begins at 1 ms and the
+    /// front end has `faults` from 0 on.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

@@ -1,8 +1,8 @@
 //! Injected faults and their instants.
 //!
-//! [`Faults`] is the one type for them, in tests and in `cargo xtask sim --faults`: a list of [`Episode`]s, each a
-//! [`Fault`] from one instant to another, and the damage done to the images before the run. Tests write episodes by
-//! hand; [`Faults::drawn`] draws them from a seed.
+//! [`Faults`] is the one type for injected faults, in tests and in `cargo xtask sim --faults`: a list of [`Episode`]s,
+//! each a [`Fault`] from one instant to another, and the damage done to the programs before the run. Tests write
+//! episodes by hand; [`Faults::drawn`] draws them from a seed.
 //!
 //! | file | what it disturbs | where it acts |
 //! |---|---|---|
@@ -21,8 +21,8 @@
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
-//! [`plan`] draws episodes of these from a seed. Upsets are not drawn into a run: [`campaign`] tries each on a copy of
-//! the bench.
+//! [`plan`] draws episodes of these faults from a seed. Upsets are not drawn into a run: [`campaign`] tries each of
+//! them on a copy of the bench.
 //!
 //! # Where to add a fault
 //!
@@ -70,7 +70,7 @@ pub use wires::{WireFault, Wires};
 
 use crate::trace::{self, vectors};
 
-/// A fault that lasts as long as an [`Episode`], or that occurs at its beginning.
+/// A fault that lasts as long as its [`Episode`], or that occurs at the episode's beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// A fault of the air between the antennas.
@@ -83,9 +83,9 @@ pub enum Fault {
     FrontEnd(FrontEndFault),
     /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
-    /// A bit of a register of a board's front-end chip flips at the episode's beginning. The number indexes the bits
-    /// that the chip has ([`RegisterBit::all_of`]), modulo their count. The episode ends when the firmware must have
-    /// detected it.
+    /// A bit of a register of a board's front-end chip flips at the episode's beginning. The number is the index of the
+    /// bit among those that the chip has ([`RegisterBit::all_of`]), modulo their count. The episode ends when the
+    /// firmware must have detected the flip.
     Flip(Board, u64),
     /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
@@ -97,18 +97,19 @@ pub enum Fault {
     Power(Board, PowerFault),
     /// A board hangs from the episode's beginning on: its core executes nothing more and takes no interrupt, whatever
     /// it was doing, while its peripherals, DMA, timers and the chips beside it continue
-    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog, which is no longer fed, ends it: the bench
-    /// restarts nothing.
+    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog, which the core no longer feeds, ends the hang:
+    /// the bench restarts nothing.
     Hang(Board),
-    /// A task of a board is dead, given by its place in the firmware's table of tasks ([`tasks_of`]): its interrupt is
-    /// off in the interrupt controller, and the rest runs. The board's own watchdog ends it, because the task no longer
-    /// checks in. A board that has not enabled its interrupts yet, hangs or has no supply is not affected.
+    /// A task of a board is dead: its interrupt is off in the interrupt controller, and the other tasks run. The number
+    /// is the task's index in the firmware's table of tasks ([`tasks_of`]). The board's own watchdog ends the fault,
+    /// because the task no longer checks in. The fault has no effect on a board that has not enabled its interrupts
+    /// yet, hangs or has no supply.
     DeadTask(Board, u8),
     /// An upset of a bit of a board.
     Upset(Board, Upset),
     /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Damage to a board's image, which is mended at the episode's end.
+    /// Damage to a board's program, which is mended at the episode's end.
     Image(Board, ImageFault),
 }
 
@@ -138,7 +139,7 @@ impl Fault {
         }
     }
 
-    /// The disturbance that the judge must know of.
+    /// The disturbance of the link by this fault, from which the judge takes what it excuses.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match *self {
@@ -160,7 +161,7 @@ impl Fault {
         }
     }
 
-    /// Whether it acts on HORUS's side, which runs ahead of the DPR's.
+    /// Whether the fault acts on HORUS's side of the link, which the bench runs ahead of the DPR's side.
     #[must_use]
     pub fn is_upstream(&self) -> bool {
         match self {
@@ -196,7 +197,7 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-/// The number of the interrupt whose handler is the task at place `task` of [`tasks_of`]; `None` if there is no such
+/// The number of the interrupt whose handler is the task at index `task` of [`tasks_of`]; `None` if there is no such
 /// task.
 #[must_use]
 pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
@@ -208,15 +209,16 @@ pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
     vectors::exception(board, vector)?.checked_sub(FIRST_INTERRUPT)
 }
 
-/// The exception number of interrupt 0, ARMv7-M ARM table B1-4.
+/// The number of the exception that is interrupt 0, ARMv7-M ARM table B1-4.
 const FIRST_INTERRUPT: u16 = 16;
 
 /// A fault and its duration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// The instant at which it begins, virtual ns.
+    /// The instant at which the episode begins, virtual ns.
     pub at: u64,
-    /// The instant at which its cause ends, ns: [`Episode::at`] for a fault without a duration, `u64::MAX` for never.
+    /// The instant at which the fault's cause ends, ns: [`Episode::at`] for a fault without a duration, `u64::MAX` for
+    /// never.
     pub until: u64,
     /// The fault.
     pub fault: Fault,
@@ -225,7 +227,7 @@ pub struct Episode {
 /// All faults of a run. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// The episodes in order of their beginnings.
+    /// The episodes of the run, in order of their beginnings.
     episodes: Vec<Episode>,
 }
 
@@ -236,13 +238,13 @@ impl Faults {
         Self::default()
     }
 
-    /// A run with this fault of the air from beginning to end.
+    /// The faults of a run with these faults of the air from beginning to end.
     #[must_use]
     pub fn of_air(faults: AirFaults) -> Self {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
     }
 
-    /// Adds an episode and returns the whole.
+    /// Adds an episode and returns the faults with it.
     #[must_use]
     pub fn with(mut self, at: u64, until: u64, fault: Fault) -> Self {
         self.add(Episode { at, until, fault });
@@ -255,13 +257,13 @@ impl Faults {
         self.episodes.insert(place, episode);
     }
 
-    /// The episodes, in order of their beginnings.
+    /// The episodes of the run, in order of their beginnings.
     #[must_use]
     pub fn episodes(&self) -> &[Episode] {
         &self.episodes
     }
 
-    /// The beginnings and ends on HORUS's side (`upstream`) or on the DPR's.
+    /// The beginnings and ends of the episodes on HORUS's side of the link (`upstream`) or on the DPR's side.
     #[must_use]
     pub fn timeline(&self, upstream: bool) -> Timeline {
         let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
@@ -286,7 +288,7 @@ impl Faults {
 pub enum Turn {
     /// The episode begins.
     Begins(Episode),
-    /// The voltage of the side's supply changes, in an episode in which it sags.
+    /// The voltage of the board's supply changes, in an episode in which the supply sags.
     Supply {
         /// The new voltage, µV.
         microvolts: u32,
@@ -310,7 +312,7 @@ impl Timeline {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// Adds the turns of `other`.
+    /// Adds the beginnings and ends of another side's episodes, `other`.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);
@@ -318,7 +320,7 @@ impl Timeline {
         }
     }
 
-    /// Takes a turn at `now` (ns) or before.
+    /// Takes a beginning, change or end that is due at `now` (ns) or earlier.
     pub fn take(&mut self, now: u64) -> Option<Turn> {
         self.turns.pop_front_if(|(at, _)| *at <= now).map(|(_, turn)| turn)
     }

@@ -1,7 +1,7 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind has its own random numbers, so another kind leaves the episodes of the others unchanged. The faults of a
-//! kind come in rounds: each round has all of them, in a random order.
+//! Every kind of fault has its own random numbers, so a further kind leaves the episodes of the others unchanged. The
+//! faults of a kind come in rounds: each round has all of them, in a random order.
 
 use std::fmt;
 use std::str::FromStr;
@@ -30,36 +30,38 @@ const MS: u64 = 1_000_000;
 /// The duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// The duration of a receiver's drift, ns: it ends a few tens of metres off.
+/// The duration of a receiver's drift, ns: at its end the receiver's position is wrong by a few tens of metres.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// The duration of a jump of one receiver or of all, ns: some are shorter and some longer than a common jump is held
-/// back.
+/// The duration of a jump of one receiver or of all receivers, ns. The range includes jumps that are shorter, and jumps
+/// that are longer, than the time for which the voter holds a common jump back.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
-/// The longest time between the two boards' losses of supply, restarts or hangs, ns, where both fail together.
+/// The longest time between the failures of the two boards, ns, where both lose their supply, restart or hang together.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
-/// The time after the beginning of a hang from which [`GAP`] counts, ns: it covers the slowest watchdog (190 ms,
-/// HORUS's) and the board's start.
+/// The time after the beginning of a hang from which [`GAP`] counts, ns: it covers the slowest watchdog, which is
+/// HORUS's with 190 ms, and the board's start.
 pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 
-/// The like of [`HANG_LENGTH`] for a board with a dead task, ns: the watchdog is fed at most once more, a cycle later.
+/// The time after the beginning of a dead task from which [`GAP`] counts, ns. It is longer than [`HANG_LENGTH`],
+/// because the watchdog may be fed once more, a cycle later.
 pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
 
-/// The like of [`HANG_LENGTH`] for a board that hangs while it starts, ns: HORUS first feeds its watchdog after up to
-/// 964 ms.
+/// The time after the beginning of a hang from which [`GAP`] counts, ns, for a board that hangs while it starts: HORUS
+/// feeds its watchdog for the first time after up to 964 ms.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
-/// The time after a start of known instant in which no hang of that board is drawn, ns. Its firmware may not have
-/// started its watchdog yet, so that nothing would ever end the hang, as on silicon (docs/design.md#start-and-supply).
+/// The time after a board's start, if its instant is known, in which no hang of that board is drawn, ns. In that time
+/// the firmware may not have started its watchdog yet, so nothing would end the hang, as on silicon
+/// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// The latest beginning of a hang after a reset, for a board that hangs while it starts, ns: both firmwares have
-/// started by then.
+/// The latest beginning of a hang after a reset, ns, where a board is to hang while it starts: both firmwares have
+/// finished their start by then.
 pub const STARTS: u64 = 20_000_000;
 
-/// The number of shapes of each board's sagging supply in a round.
+/// The number of different courses of voltage in a round for each board's sagging supply.
 const SAGS: usize = 3;
 
 /// A kind of fault that `--faults` can draw.
@@ -79,13 +81,13 @@ pub enum Kind {
     Flash,
     /// Bits of registers.
     Registers,
-    /// Bits of the DPR's receive and image buffers, which flip or stick during the run.
+    /// Bits of the DPR's receive and image buffers, which flip or are stuck during the run.
     Buffers,
     /// The state inputs of HORUS.
     Inputs,
-    /// Hanging boards and dead tasks, until the watchdogs restart their boards.
+    /// Boards that hang and dead tasks, until the watchdogs restart the boards.
     Hang,
-    /// Bits of the registers of either front end's chip.
+    /// Bits of the registers of either front end's chip, which flip during the run.
     Chips,
 }
 
@@ -123,7 +125,7 @@ impl Kind {
         }
     }
 
-    /// Whether it is an upset, which is tried on a copy of the bench and never drawn into a run.
+    /// Whether the kind is an upset, which is tried on a copy of the bench and never drawn into a run.
     #[must_use]
     pub const fn is_upset(self) -> bool {
         matches!(self, Self::Ram | Self::Flash | Self::Registers)
@@ -150,14 +152,15 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that belong together, each with its delay after the first one's beginning (ns).
+/// Faults that belong together, each with its delay (ns) after the beginning of the first.
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
-    /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Each kind has at most
-    /// one episode at a time, except supplies of both boards that fail together and receivers that are wrong together.
-    /// Otherwise at most one receiver is faulty, though another may still be excluded for an earlier fault. Upsets of
-    /// RAM, flash and registers are not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
+    /// Returns faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Each kind has
+    /// at most one episode at a time, except where the supplies of both boards fail together and where receivers are
+    /// wrong together. Otherwise at most one receiver is faulty at a time, though the voter may still exclude another
+    /// for an earlier fault. Upsets of RAM, flash and registers are not drawn into a run: each is tried on a copy of
+    /// the bench ([`super::Campaign`]).
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -166,7 +169,7 @@ impl Faults {
             let mut rng = Rng::stream(seed, kind as u64);
             let mut round: Vec<Draw> = vec![];
             let mut free_at = FIRST_AT;
-            // The first episode may begin at once.
+            // The first episode may begin at once, without a gap before it.
             let mut gap = (0, GAP.1);
             loop {
                 if round.is_empty() {
@@ -203,8 +206,8 @@ impl Faults {
 }
 
 impl Faults {
-    /// Removes hangs that begin after a start that an episode causes and before the board's watchdog runs, because they
-    /// would never end.
+    /// Removes each hang that begins after a start of its board, caused by another episode, and before the board's
+    /// watchdog runs, because nothing would end such a hang.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
@@ -251,7 +254,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     }
 }
 
-/// One round of `kind`, with every fault of it once.
+/// One round of faults of `kind`, with every fault of that kind once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -281,24 +284,23 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     }
 }
 
-/// Every fault of the air, so strong that an episode of average length shows it.
+/// Every fault of the air, each so strong that an episode of average length has visible effects.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits, so about one frame in three survives.
+        // With this bit error rate about one frame in three survives, because a frame has about 2000 bits.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A carrier without a frame looks like a silent HORUS.
+        // A carrier without a frame looks to the DPR like a silent HORUS.
         AirFaults { lost: 1.0, ..none },
-        // The DPR cannot tell a frozen frame from a frozen HORUS.
+        // For the DPR a frame that is repeated all the time looks like a HORUS that is frozen.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
-        // The bursts reach up to twice the length that the objects' CRCs always detect.
+        // The bursts are at most 64 bits long, twice the length that the objects' CRCs always detect.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A cycle's frame takes half of the cycle on the air, so its repetition comes before the next frame or collides
-        // with it.
+        // A frame is on the air for half of a cycle, so its repetition comes before the next frame or collides with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
-        // The delay ranges from less than a cycle to several cycles.
+        // The delay of a frame ranges from less than a cycle to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
@@ -320,7 +322,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // u-blox receivers start at this rate when they have lost their configuration.
+        // u-blox receivers send at this bit rate when they have lost their configuration.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -330,19 +332,19 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-        // The offset exceeds the 30 m and 50 m within which receivers may agree.
+        // The offset exceeds the 30 m and 50 m within which receivers may count as agreeing.
         ReceiverFault::Offset { north: 40, east: -30, up: 0 },
         ReceiverFault::Offset { north: 0, east: 0, up: 120 },
         ReceiverFault::Drifts { mm_s: 20_000 },
         ReceiverFault::FrozenPosition,
         ReceiverFault::Flat,
-        // The change exceeds the 10 degrees and 2 m/s² within which receivers may agree.
+        // The changes exceed the 10 degrees and 2 m/s² within which receivers may count as agreeing.
         ReceiverFault::Turned { degrees: 180 },
         ReceiverFault::Pushed { cm_s2: 500 },
         ReceiverFault::Understates,
         ReceiverFault::TimeJumps(5_000),
         ReceiverFault::TimeJumps(-5_000),
-        // NAV-PVT of protocols before version 15 has 84 bytes.
+        // In protocol versions before 15, NAV-PVT has 84 bytes, 8 less than now.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
         ReceiverFault::LosesSettings,
@@ -352,8 +354,8 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// Faults of several receivers together: all jump to the same place or height, or one has a wrong height while the
-/// others measure none.
+/// Faults of several receivers together: all jump to the same wrong place or height, or one has a wrong height while
+/// the others measure no height.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
     let lone = rng.below(gps as u64) as usize;
@@ -372,8 +374,8 @@ fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Faults of the DPR's buffers: for each kind of buffer, as many flips as there are buffers, and one bit each that is
-/// stuck at zero and at one for a while.
+/// Faults of the DPR's buffers. For each kind of buffer, as many bits flip as there are buffers, and one bit is stuck
+/// at zero and one at one for a while.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -390,9 +392,9 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
 /// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Every fault of either board's supply and reset, some shapes of a sagging supply, and faults of both boards together
-/// in either order: without their supplies, and restarted for any two reasons. The last is a DPR that is restarted
-/// while its crystal is dead.
+/// Every fault of either board's supply and reset, some sagging supplies, and faults of both boards together in either
+/// order: both lose their supply, and both restart for any two reasons. The last fault is a restart of the DPR while
+/// its crystal is dead.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
     let dead = Fault::Power(Board::Dpr, PowerFault::CrystalDead);
@@ -418,7 +420,8 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Hangs of each board, of both in either order and of each while it starts, and a dead task of each.
+/// Hangs of each board alone, of both boards in either order and of each board while it starts, and a dead task of each
+/// board.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -426,7 +429,7 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of them begin in the first 10 µs, the others at any instant.
+        // Half of the hangs begin in the first 10 µs after the board's start, the others at any instant of the start.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
@@ -624,7 +627,7 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // A board has restarted and has started its watchdog before its next hang.
+        // Before its next hang, a board has restarted and has started its watchdog.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -649,7 +652,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // The last of several starts counts.
+        // Where a board starts several times, the last start counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
@@ -673,7 +676,8 @@ mod tests {
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
     }
 
-    /// A kind's number seeds its draws: published figures hold as long as the kinds keep their numbers.
+    /// The number of a kind is part of the seed of its draws: published figures stay valid only if the kinds keep their
+    /// numbers.
     #[test]
     fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);

@@ -1,6 +1,6 @@
-//! The faults' only source of randomness, which is seeded and the same on every machine.
+//! The only source of random numbers for the faults. It is seeded, and its numbers are the same on every machine.
 
-/// SplitMix64 (Steele, Lea, Flood 2014), with one 64-bit state, is good enough to choose faults.
+/// The generator SplitMix64 (Steele, Lea, Flood 2014). It has one 64-bit state and is good enough to draw faults.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rng(u64);
 
@@ -11,7 +11,7 @@ impl Rng {
         Self(seed)
     }
 
-    /// A generator seeded with `seed` in stream `stream`: the streams of one seed are independent.
+    /// A generator seeded with `seed` in stream `stream`. The streams of one seed are independent.
     #[must_use]
     pub fn stream(seed: u64, stream: u64) -> Self {
         let mut of_stream = Self(stream);

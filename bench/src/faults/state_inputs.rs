@@ -3,24 +3,24 @@
 /// The number of inputs, each a pair of pins.
 pub const INPUTS: usize = 3;
 
-/// Their names, the least severe first.
+/// The names of the state inputs, the least severe first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
-/// The level of an input while an episode lasts; otherwise it is inactive.
+/// The levels of a state input's pins while an episode lasts; at other times the input is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
-    /// It is active, which is not a fault in itself.
+    /// The input is active, which is not a fault in itself.
     Active,
-    /// Both pins are high: a broken wire, which the pull-ups hold.
+    /// Both pins of the input are high, held by the pull-ups, as with a broken wire.
     BothHigh,
-    /// Both pins are low: a short to ground.
+    /// Both pins of the input are low, as after a short to ground.
     BothLow,
-    /// The contact chatters: both pins change over at this interval, ns.
+    /// The contact chatters: both pins of the input change over at this interval, ns.
     Chatters(u64),
 }
 
 impl InputFault {
-    /// All faults. One contact chatters faster than a cycle, one slower.
+    /// All faults of a state input. One contact chatters faster than once a cycle, one slower.
     pub const ALL: [Self; 5] =
         [Self::Active, Self::BothHigh, Self::BothLow, Self::Chatters(3_700_000), Self::Chatters(13_000_000)];
 
@@ -36,8 +36,8 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// The levels of the two pins at its beginning: first the pin that is high while the input is active, then the
-    /// other.
+    /// The levels of the input's two pins at the fault's beginning: first the pin that is high while the input is
+    /// active, then the other.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

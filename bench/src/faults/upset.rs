@@ -8,7 +8,7 @@ use cortex_m4::Cost;
 use super::{Kind, Rng};
 use emulator_node::{Board, Error, Node};
 
-/// The place of an upset.
+/// The bit that an upset flips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Upset {
     /// A bit of RAM.
@@ -45,7 +45,7 @@ impl Upset {
         }
     }
 
-    /// The kind of memory that holds the bit.
+    /// The kind of memory that holds the upset bit.
     #[must_use]
     pub const fn memory(&self) -> Memory {
         match self {
@@ -65,7 +65,8 @@ impl Upset {
         }
     }
 
-    /// A uniformly drawn upset of `kind` among `targets`; `None` where `kind` is not a kind of upset or has no targets.
+    /// A uniformly drawn upset of `kind` among `targets`; `None` where `kind` is no kind of upset or `targets` has
+    /// nothing of it.
     pub fn drawn(kind: Kind, rng: &mut Rng, targets: &Targets) -> Option<Self> {
         match kind {
             Kind::Ram => {
@@ -78,7 +79,7 @@ impl Upset {
             }
             Kind::Registers => {
                 let number = rng.below(16) as u8;
-                // Hardware lacks the bits that are always zero: two of SP, one of PC (ARMv7-M ARM B1.4.1).
+                // Hardware does not have the bits that are always zero: two of SP and one of PC (ARMv7-M ARM B1.4.1).
                 let least = match number {
                     13 => 2,
                     15 => 1,
@@ -132,7 +133,7 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// A random byte's address and a bit of it.
+/// The address of a random byte in `ranges`, and the number of a bit in it.
 fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     let bytes: u64 = ranges.iter().map(|range| u64::from(range.end.saturating_sub(range.start))).sum();
     let mut nth = rng.below(bytes);
@@ -147,12 +148,12 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     None
 }
 
-/// The memory that a firmware uses: an upset elsewhere has no effect.
+/// The memory that a firmware uses. An upset of other memory would have no effect.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Targets {
-    /// Statics, which include the buffers of the DMA controllers, and the stack in use.
+    /// The ranges of RAM: statics, which include the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
-    /// The image, its CRC included.
+    /// The ranges of flash: the program with its CRC.
     pub flash: Vec<Range<u32>>,
 }
 
@@ -161,14 +162,15 @@ impl Targets {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the image lacks a symbol that cortex-m-rt's linker script defines, or that of its CRC.
+    /// [`Error::NoSymbol`] where the program lacks a symbol that cortex-m-rt's linker script defines, or that of its
+    /// CRC.
     pub fn of<B: Board, C: Cost>(node: &Node<B, C>) -> Result<Self, Error> {
         let address = |symbol| node.address_of(symbol).map(|address| u32::try_from(address).unwrap_or(u32::MAX));
         let mut ram = vec![];
         for (start, end) in [("__sdata", "__edata"), ("__sbss", "__ebss"), ("__suninit", "__euninit")] {
             ram.push(address(start)?..address(end)?);
         }
-        // The stack grows down from its start.
+        // The stack grows down from the address `_stack_start`.
         ram.push(node.register(13)..address("_stack_start")?);
         ram.retain(|range| !range.is_empty());
         let flash = std::iter::once(address("__vector_table")?..address("__program_crc")? + 4).collect();
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
     use emulator_node::{Bare, Firmware};
 
-    /// A board whose image is a vector table and a branch to itself.
+    /// A board whose program is a vector table and a branch to itself.
     fn node() -> Node<Bare<Stm32f429>> {
         let table: Vec<u8> = [0x2000_1000_u32, 0x0800_0009].iter().flat_map(|word| word.to_le_bytes()).collect();
         let image = Firmware::raw("idle", vec![(0x0800_0000, table), (0x0800_0008, vec![0xFE, 0xE7])]);

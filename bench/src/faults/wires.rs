@@ -1,8 +1,9 @@
 //! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] takes what one end sends and returns what the other end receives. It acts where the bench passes the
-//! signals on: MISO before the flight controller sees a transaction, FRESH and TICK before they are logged, the radio
-//! before the base station receives it. For the antenna it only decides whether it answers.
+//! [`Wires`] takes the signal that one end of a wire sends and returns what the other end receives. It acts where the
+//! bench passes the signals on: MISO before the flight controller reads a transaction, FRESH and TICK before they are
+//! logged, the radio before the base station receives it. For the listener's antenna it only determines whether the
+//! antenna answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -13,80 +14,83 @@ use profile::{Layout, LinkStatus, ReportedValues, Uplink, crc};
 
 use super::{ReceiverFault, Rng};
 
-/// A fault of a wire.
+/// A fault of a wire between the boards and the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WireFault {
     /// FRESH stays low, whatever the DPR drives.
     FreshStuck,
-    /// FRESH shows another pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse of the DPR's.
+    /// FRESH has an additional pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse of the DPR's.
     FreshGlitch,
-    /// Every edge of FRESH arrives this many ns late.
+    /// Every edge of FRESH arrives later by this many ns.
     FreshLate(u64),
     /// TICK stays low, whatever HORUS drives.
     TickStuck,
-    /// TICK shows another tick, [`GLITCH_AFTER_NS`] after each tick of HORUS's.
+    /// TICK has an additional tick, [`GLITCH_AFTER_NS`] after each tick of HORUS's.
     TickGlitch,
-    /// HORUS's state inputs are missing from the log.
+    /// The changes of HORUS's state inputs are missing from the log.
     InputsUnseen,
     /// One bit of each transaction's MISO is inverted.
     MisoBit {
-        /// The byte's index in the transaction, from 0; shorter transactions are left alone.
+        /// The byte's index in the transaction, from 0; in a shorter transaction no bit is inverted.
         byte: usize,
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// A transaction repeats the bytes of the latest one that ended at least this long before. Where that one was
-    /// shorter, or does not exist, it reads what the DPR sends.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before. Bytes that the earlier
+    /// transaction does not have are what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// From this byte on, MISO repeats the transaction before, where that had the bytes.
+    /// From this byte on, MISO repeats the bytes of the transaction before, as far as that had any.
     MisoSplice {
-        /// The index of the first such byte, from 0.
+        /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
     },
-    /// GPS1 and GPS2 are read in each other's places, where a transaction reads both.
+    /// GPS1 and GPS2 are exchanged in the bytes that the flight controller reads, where a transaction has both.
     MisoSwap,
-    /// One object's place reads 0x00, like that of an object that was not received.
+    /// The bytes of one object read 0x00, like those of an object that was not received.
     MisoVacant {
-        /// The object: 0 for Reported-Position, n for GPSn.
+        /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the last one that ended before the fault began, where it had the bytes: an isolator or
-    /// a bridge in the line hangs and repeats its contents.
+    /// Every transaction repeats the last one that ended before the fault began, as far as that had bytes: an isolator
+    /// or a bridge in the line hangs and repeats its contents.
     MisoFrozen,
-    /// Bits of one object, or of Link-Status, are inverted and its CRC is made to fit, where a transaction reads all of
-    /// it. A line cannot do that, but a bridge that generates frames of its own can.
+    /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, where a transaction reads
+    /// the whole object. A line cannot do that, but a bridge that generates frames of its own can.
     MisoForged {
-        /// The object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
+        /// The changed object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
-        /// The index of the byte in it, from 0, before its CRC.
+        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
-    /// The like of [`WireFault::MisoForged`] for what follows the image in the map.
+    /// Bits of one object behind the image in the map are inverted and its CRC is corrected, as with
+    /// [`WireFault::MisoForged`].
     MisoForgedPort {
-        /// The object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight controller.
+        /// The changed object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight
+        /// controller.
         object: usize,
-        /// The index of the byte in it, from 0, before its CRC.
+        /// The index in the object of the byte whose bits are inverted, from 0, before the CRC.
         byte: usize,
         /// The inverted bits.
         bits: u8,
     },
     /// Every byte reads 0xFF.
     MisoOnes,
-    /// The listener's antenna answers each frame that it receives, although its front end has no such command: its load
-    /// modulator works by itself.
+    /// The listener's antenna answers each frame that it receives, although its front end has no command for that: the
+    /// front end's load modulator works without a command.
     AntennaAnswers,
-    /// The radio to the base station carries nothing.
+    /// The radio to the base station transmits nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, a different one each time.
+    /// One bit of each profile on the radio is inverted, another bit each time.
     RadioBit,
-    /// The second half of each profile on the radio is that of the profile before.
+    /// The second half of each profile on the radio is the second half of the profile before.
     RadioMix,
-    /// Every receiver has this fault, as if the satellites had it; the log does not attribute it to the receivers.
+    /// Every receiver has this fault, as if the satellites caused it; the log does not attribute the fault to the
+    /// receivers.
     Sky(ReceiverFault),
     /// The flight controller keeps flying by the last position, whatever its client reports.
     ClientKeeps,
@@ -98,16 +102,16 @@ pub enum WireFault {
     ClientMute,
 }
 
-/// The delay of an additional pulse after a genuine one, ns: it lies in the silence between two publications.
+/// The delay of an additional pulse or tick after a genuine one, ns: it lies between two publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// The length of an additional pulse of FRESH, ns.
 pub const GLITCH_NS: u64 = 2_000;
 
-/// The longest time that a replay may reach back, ns.
+/// The greatest age of a transaction that MISO can repeat, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// The most transactions that are kept: a flight controller that hammers makes 200 000 a second.
+/// The most transactions that are kept for repetition: a flight controller that hammers makes 200 000 a second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
@@ -165,21 +169,21 @@ impl WireFault {
         }
     }
 
-    /// Whether the wire is on HORUS's side.
+    /// Whether the wire is on HORUS's side of the link.
     #[must_use]
     pub const fn is_upstream(self) -> bool {
         matches!(self, Self::TickStuck | Self::TickGlitch | Self::InputsUnseen | Self::Sky(_))
     }
 }
 
-/// The bytes that the DPR sent in a transaction, and the instant at which it ended (ns).
+/// The bytes that the DPR sent in a transaction, and the instant at which the transaction ended (ns).
 #[derive(Clone, Debug)]
 struct Sent {
     ended: u64,
     miso: Vec<u8>,
 }
 
-/// The wires with their present faults. See the [module](self).
+/// The wires between the boards and the world, with their present faults. The [module](self) describes them.
 #[derive(Clone, Debug)]
 pub struct Wires {
     layout: Layout,
@@ -187,18 +191,18 @@ pub struct Wires {
     faults: Vec<WireFault>,
     /// The last position that the flight controller flew by.
     flown: Option<ReportedValues>,
-    /// The level of FRESH at its far end.
+    /// The level of FRESH at the far end of the wire.
     fresh: bool,
     /// The transactions that the DPR sent on MISO, the latest last.
     sent: VecDeque<Sent>,
-    /// The last transaction when MISO froze.
+    /// The transaction that MISO repeats since it froze.
     frozen: Option<Sent>,
     /// The last frame on the radio.
     radio: Vec<u8>,
 }
 
 impl Wires {
-    /// Sound wires around a DPR whose image has this layout. `seed` decides everything random.
+    /// Returns wires without faults around a DPR whose image has this layout. `seed` determines all random values.
     #[must_use]
     pub const fn new(layout: Layout, seed: u64) -> Self {
         Self {
@@ -217,8 +221,8 @@ impl Wires {
     ///
     /// # Panics
     ///
-    /// Panics if a replay reaches back farther than [`HISTORY_NS`], or a bit's number exceeds 7: the bench is set up
-    /// wrongly.
+    /// Panics if a fault repeats a transaction older than [`HISTORY_NS`], or if a bit's number exceeds 7: the bench is
+    /// set up wrongly.
     pub fn begin(&mut self, fault: WireFault) {
         match fault {
             WireFault::MisoReplay { age_ns } => assert!(age_ns <= HISTORY_NS, "a replay of {age_ns} ns ago"),
@@ -236,8 +240,8 @@ impl Wires {
         }
     }
 
-    /// Takes a transaction that ended at `at` (ns) in which the DPR sent `miso`, whose first byte is that at `offset`
-    /// of the image. Changes `miso` to what the flight controller receives.
+    /// Takes a transaction that ended at `at` (ns). In it the DPR sent `miso`, whose first byte is that at `offset` of
+    /// the image. Changes `miso` to the bytes that the flight controller receives.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -262,7 +266,7 @@ impl Wires {
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
                 WireFault::MisoForged { object, byte, bits } => {
-                    // Link-Status is at the image's start.
+                    // The bytes of Link-Status are at the image's start.
                     let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
                     forge(offset, miso, place, (byte, bits));
                 }
@@ -280,7 +284,7 @@ impl Wires {
         }
     }
 
-    /// Exchanges the places of GPS1 and GPS2.
+    /// Exchanges GPS1 and GPS2 in `miso`, whose first byte is that at `offset` of the image.
     fn swap(&self, offset: usize, miso: &mut [u8]) {
         let (Some(one), Some(two)) = (self.layout.in_image(1), self.layout.in_image(2)) else { return };
         let Some(start) = one.start.checked_sub(offset) else { return };
@@ -290,13 +294,14 @@ impl Wires {
     }
 
     /// Takes a level of the DPR's FRESH at `at` (ns). Returns the resulting levels at the far end, each with its
-    /// instant (ns), in order of time; some may lie ahead.
+    /// instant (ns), in order of time; some may be in the future.
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A pulse under way when the wire breaks is completed, and one under way when it is mended is not visible.
+        // A pulse that has begun when the wire breaks is completed. A pulse that has begun when the wire is mended does
+        // not appear.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -308,15 +313,15 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// Takes a rise of HORUS's TICK at `at` (ns). Returns the instants of the resulting rises at its far end, in order
-    /// of time; some may lie ahead.
+    /// Takes a rise of HORUS's TICK at `at` (ns). Returns the instants of the resulting rises at the far end, in order
+    /// of time; some may be in the future.
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
         seen.into_iter().chain(glitch)
     }
 
-    /// Changes the client's `report` to what the flight controller uses.
+    /// Changes the client's `report` to the report that the flight controller uses.
     pub fn report(&mut self, report: Report) -> Report {
         let has = |fault| self.faults.contains(&fault);
         let age_us = if has(WireFault::ClientYoung) { 0 } else { report.age_us };
@@ -335,20 +340,20 @@ impl Wires {
         !self.faults.contains(&WireFault::ClientMute)
     }
 
-    /// Whether HORUS's state inputs are visible.
+    /// Whether the log gets the changes of HORUS's state inputs.
     #[must_use]
     pub fn shows_inputs(&self) -> bool {
         !self.faults.contains(&WireFault::InputsUnseen)
     }
 
-    /// Whether the listener's antenna answers what it receives.
+    /// Whether the listener's antenna answers the frames that it receives.
     #[must_use]
     pub fn answers(&self) -> bool {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// Takes `bytes` that the flight controller sent to the base station: a whole frame, or none. Changes them to what
-    /// the base station receives; it receives nothing if the result is `false`.
+    /// Takes `bytes` that the flight controller sent to the base station: a whole frame, or none. Changes them to the
+    /// bytes that the base station receives; it receives nothing if the result is `false`.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;
@@ -375,14 +380,14 @@ impl Wires {
     }
 }
 
-/// Replaces the bytes of `miso` from `from` on by those of `old`, where it has them.
+/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, as far as that has any.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place` and makes its CRC fit, where `miso`, which begins with the map's
-/// byte `offset`, has all of it.
+/// Inverts `bits` of a byte of the object at `place` and corrects the object's CRC, if `miso`, which begins with the
+/// map's byte `offset`, has the whole object.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
     let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };

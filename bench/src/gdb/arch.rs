@@ -1,9 +1,9 @@
 //! The registers of a Cortex-M4 with FPU in gdb's order.
 //!
-//! `gdbstub_arch` has no M-profile core, so the description is given here. It has the features that gdb knows by name
-//! ("Debugging with GDB", appendix G.5.3, ARM Features): `org.gnu.gdb.arm.m-profile` (r0 to pc, xPSR),
-//! `org.gnu.gdb.arm.m-system` (MSP and PSP, and also the masks and CONTROL, as in OpenOCD's `src/target/armv7m.c`) and
-//! `org.gnu.gdb.arm.vfp` (d0 to d15 and FPSCR; gdb derives s0 to s31 itself).
+//! `gdbstub_arch` has no M-profile core, so this module describes the registers. The description has the features that
+//! gdb recognises by name ("Debugging with GDB", appendix G.5.3, ARM Features): `org.gnu.gdb.arm.m-profile` (r0 to pc,
+//! xPSR), `org.gnu.gdb.arm.m-system` (MSP and PSP, and also the masks and CONTROL, as in OpenOCD's
+//! `src/target/armv7m.c`) and `org.gnu.gdb.arm.vfp` (d0 to d15 and FPSCR; gdb derives s0 to s31 from these).
 
 use std::num::NonZeroUsize;
 
@@ -11,7 +11,7 @@ use cortex_m4::Register;
 use gdbstub::arch::{Arch, RegId, Registers};
 use gdbstub_arch::arm::ArmBreakpointKind;
 
-/// The number of 32-bit registers before the first double: 0 to 15, xPSR, and six of the system.
+/// The number of 32-bit registers before the first double register: 0 to 15, xPSR, and six system registers.
 const FIRST_DOUBLE: usize = 23;
 /// d0 to d15.
 const DOUBLES: usize = 16;
@@ -33,7 +33,7 @@ impl Arch for CortexM4 {
     }
 }
 
-/// A register, by its index in the description.
+/// A register, given by its index in the description for gdb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Number(usize);
 
@@ -48,12 +48,12 @@ impl RegId for Number {
 }
 
 impl Number {
-    /// All registers, in the description's order.
+    /// All registers, in the order of the description for gdb.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         (0..=FPSCR).map(Self)
     }
 
-    /// The core's registers of which it consists, the lower half of a double first.
+    /// The core's registers that make up this register of gdb; for a double, the lower half comes first.
     pub(super) fn of_core(self) -> (Register, Option<Register>) {
         let small = |number: usize| u8::try_from(number).unwrap_or(0);
         let single = match self.0 {
@@ -80,7 +80,7 @@ const fn is_double(id: usize) -> bool {
     id >= FIRST_DOUBLE && id < FPSCR
 }
 
-/// All registers in the description's order: one word each, two for a double.
+/// All registers in the description's order: one word for each, two words for a double.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct CoreRegisters {
     /// The words.

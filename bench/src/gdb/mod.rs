@@ -2,9 +2,9 @@
 //!
 //! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
 //! on one board ([`emulator_node::Target::run_connected`]). The debugger uses gdb's remote protocol over any connection
-//! (`gdbstub` reads and writes it). A real board would notice a debugger; this one does not: a halted board halts the
-//! world ([`emulator_node::Halt`]), so no frame, no transaction and no watchdog passes meanwhile, and inspection leaves
-//! the run's report unchanged, byte for byte.
+//! (`gdbstub` reads and writes it). On real hardware the rest of the link would continue while a debugger halts one
+//! board. Here a halted board halts the whole bench ([`emulator_node::Halt`]), so no frame, no transaction and no
+//! watchdog passes meanwhile, and inspection leaves the run's report unchanged, byte for byte.
 //!
 //! | gdb | here |
 //! |---|---|
@@ -20,11 +20,11 @@
 //! | `monitor help` | virtual time, pins, reset, and faults of the link |
 //!
 //! A firmware that runs alone halts with SIGSEGV where it ends in a HardFault, in an exception without a handler or in
-//! a lock-up, so that the user sees the place. After that, or when it exits by itself, the run continues to its
+//! a lock-up, so that the user sees the instruction. After that, or when the firmware exits, the run continues to its
 //! ordinary end, and gdb gets the exit status of `cargo xtask run`.
 //!
-//! `load`'s erase (writes change flash directly, without a flash controller), reverse execution, and more than one
-//! board at a time are left out.
+//! Three things are left out: the erase of gdb's `load` (writes change flash directly, without a flash controller),
+//! reverse execution, and more than one board at a time.
 
 mod arch;
 mod monitor;
@@ -52,12 +52,13 @@ use world::{Link, Solo, World};
 pub enum Ended<O = sim::Outcome> {
     /// The run came to its end.
     Finished(Box<O>),
-    /// The debugger ended it at this instant, virtual ns.
+    /// The debugger ended the run at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Runs the link to its end with the debugger on `connection` at the board called `side`, which begins halted at
-/// power-on. An error of the connection is passed to `lost`; the run then continues without a debugger.
+/// Runs the link to its end with the debugger on `connection` at the board called `side`. The board is halted at
+/// power-on until the debugger lets it run. An error of the connection is passed to `lost`; the run then continues
+/// without a debugger.
 ///
 /// # Errors
 ///
@@ -112,16 +113,17 @@ pub struct Alone<'a> {
     pub connected: Connected,
     /// The limits of the run.
     pub limits: Limits,
-    /// Whether it is meant to run for ever: gdb then gets a success where the limit of virtual time ends it.
+    /// Whether the firmware is meant to run for ever. If so, gdb gets a success where the limit of virtual time ends
+    /// the run.
     pub runs_on: bool,
 }
 
-/// Runs one firmware alone on one board to its end, with the debugger on `connection`. It begins halted at power-on.
-/// Its events are passed to `event`, also when it halts. An error of the connection is passed to `lost`, and the run
-/// then continues without a debugger.
+/// Runs one firmware alone on one board to its end, with the debugger on `connection`. The board is halted at power-on
+/// until the debugger lets it run. The board's events are passed to `event`, also when it halts. An error of the
+/// connection is passed to `lost`, and the run then continues without a debugger.
 ///
 /// The outcome is that of [`Target::run_connected`], however often the board was halted, unless the debugger changed a
-/// register, memory or a pin meanwhile.
+/// register, memory or a pin.
 ///
 /// # Errors
 ///
@@ -191,11 +193,11 @@ where
 enum Left<W> {
     /// The run is over.
     Over(W),
-    /// The debugger ended it at this instant, virtual ns.
+    /// The debugger ended the run at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Serves the debugger on `connection` at the board of `world` until it leaves, then runs to the end.
+/// Serves the debugger on `connection` at the board of `world` until the debugger leaves, then runs to the end.
 fn attended<W: World, T>(world: W, connection: T, lost: &mut dyn FnMut(String)) -> Result<Left<W>, W::Error>
 where
     T: ConnectionExt,
@@ -220,7 +222,7 @@ where
     Ok(Left::Over(debuggee.world))
 }
 
-/// The event loop, which waits for the board and for gdb while the board runs.
+/// The event loop of the gdb server: while the board runs, it waits for the board to halt and for gdb.
 struct Loop<W, T>(PhantomData<(W, T)>);
 
 impl<W: World, T: ConnectionExt> BlockingEventLoop for Loop<W, T> {

@@ -23,20 +23,21 @@ use super::arch::{CoreRegisters, CortexM4, Number};
 use super::world::{Debuggable, World};
 use emulator_node::{Halt, Resume};
 
-/// EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
+/// The error number EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
 
-/// One board of a run, and the run around it.
+/// One board of a run as the debugger's target, with the run around the board.
 pub(super) struct Debuggee<W> {
     pub(super) world: W,
-    /// Breakpoints that gdb calls software (`Z0`) and hardware (`Z1`) ones; the core implements both.
+    /// Breakpoints that gdb calls software breakpoints (`Z0`) and hardware breakpoints (`Z1`); the core's own
+    /// breakpoints implement both.
     software: BTreeSet<u32>,
     hardware: BTreeSet<u32>,
     watchpoints: Vec<Watchpoint>,
 }
 
 impl<W: World> Debuggee<W> {
-    /// The board of `world`, halted.
+    /// Returns the board of `world` that has the debugger, halted.
     pub(super) fn new(mut world: W) -> Self {
         world.node().halt();
         Self { world, software: BTreeSet::new(), hardware: BTreeSet::new(), watchpoints: Vec::new() }
@@ -47,7 +48,7 @@ impl<W: World> Debuggee<W> {
         self.world.node()
     }
 
-    /// Runs for a while. Returns why the board has stopped, if it has, or that the run is over.
+    /// Runs for a while. Returns the reason why the board has stopped, if it has, or that the run is over.
     pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, W::Error> {
         self.world.go()?;
         Ok(match self.node().halted() {
@@ -57,14 +58,14 @@ impl<W: World> Debuggee<W> {
         })
     }
 
-    /// Halts the board where it is.
+    /// Halts the board at the instruction that it has reached.
     pub(super) fn interrupt(&mut self) -> SingleThreadStopReason<u32> {
         self.node().halt();
         let why = self.node().halted().unwrap_or(Halt::Asked);
         self.reason(why)
     }
 
-    /// Removes the debugger: the board goes on without any breakpoint.
+    /// Removes the debugger: the board continues without any breakpoint.
     pub(super) fn release(&mut self) {
         self.node().halt_at_end(false);
         for address in std::mem::take(&mut self.software).into_iter().chain(std::mem::take(&mut self.hardware)) {
@@ -89,7 +90,7 @@ impl<W: World> Debuggee<W> {
                     (true, false) => WatchKind::Read,
                     (false, _) => WatchKind::Write,
                 },
-                // gdb expects an address that it watches, and a wider access may begin before that.
+                // gdb expects an address that it watches, but a wider access may begin at a lower address.
                 addr: watched.address.max(watched.watchpoint.address),
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,
@@ -104,7 +105,7 @@ impl<W: World> Debuggee<W> {
         (node.register(low), high.map(|high| node.register(high)))
     }
 
-    /// Writes a register if that changes it, because even a write of the same value may have effects.
+    /// Writes a register if its value differs, because even a write of the same value may have effects.
     fn write_number(&mut self, number: Number, words: (u32, Option<u32>)) {
         let (low, high) = number.of_core();
         for (register, value) in [(Some(low), Some(words.0)), (high, words.1)] {
@@ -274,7 +275,7 @@ impl<W: World> HwBreakpoint for Debuggee<W> {
     }
 }
 
-/// Converts gdb's watchpoint to the core's.
+/// Converts a watchpoint of gdb to one of the core.
 fn watchpoint(address: u32, length: u32, kind: WatchKind) -> Watchpoint {
     let reads = matches!(kind, WatchKind::Read | WatchKind::ReadWrite);
     let writes = matches!(kind, WatchKind::Write | WatchKind::ReadWrite);

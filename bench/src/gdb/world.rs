@@ -11,7 +11,7 @@ use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
 use crate::sim::{self, Debugged, Observer};
 use emulator_node::{self as node, Event, FromOutside, Halt, Node, Resume, Running};
 
-/// A node of either board.
+/// A node of either board, as a debugger uses it.
 pub(super) trait Debuggable {
     fn register(&self, register: Register) -> u32;
     fn set_register(&mut self, register: Register, value: u32);
@@ -109,7 +109,7 @@ impl<B: node::Board, C: Cost> Debuggable for Node<B, C> {
 
 /// A run with a debugger at one of its boards.
 pub(super) trait World {
-    /// The reason why it cannot continue.
+    /// The reason why the run cannot continue.
     type Error: std::fmt::Display;
 
     /// The board with the debugger.
@@ -118,7 +118,7 @@ pub(super) trait World {
     /// The node of the board with the debugger.
     fn node(&mut self) -> &mut dyn Debuggable;
 
-    /// Runs until the board halts, for at most 10 ms of virtual time, or to the end.
+    /// Runs until the board halts, for at most 10 ms of virtual time, or to the end of the run.
     fn go(&mut self) -> Result<(), Self::Error>;
 
     fn is_over(&self) -> bool;
@@ -129,16 +129,16 @@ pub(super) trait World {
     /// The end of the run, virtual ns.
     fn end(&self) -> u64;
 
-    /// The instant that all of the run has reached, virtual ns.
+    /// The instant that all boards of the run have reached, virtual ns.
     fn now(&mut self) -> u64;
 
     /// Pulls and releases the board's reset pin.
     fn pull_reset(&mut self);
 
-    /// The line of `monitor help` for `monitor faults`.
+    /// The line of `monitor help` that describes `monitor faults`.
     const FAULTS_HELP: &'static str;
 
-    /// Adds faults of these kinds from now on. Returns the text for the user.
+    /// Adds faults of the kinds in `list` from now on. Returns the text for the user.
     fn faults(&mut self, list: &str) -> String;
 }
 
@@ -191,7 +191,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// The reset is injected as a fault, so that the log names it.
+    /// The reset is injected as a fault, so that it is in the event log.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
@@ -237,7 +237,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
 pub(super) struct Solo<'a, P: Part, C: Cost> {
     pub(super) run: Running<P, C>,
     pub(super) side: Side,
-    /// Whether the firmware is meant to run for ever.
+    /// Whether the firmware is meant to run for ever, so that the limit of virtual time is a success.
     pub(super) runs_on: bool,
     pub(super) event: &'a mut dyn FnMut(Event<'_>),
 }

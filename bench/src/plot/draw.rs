@@ -1,6 +1,6 @@
 //! Draws four panels: ground track, height, distance from the true position, and time from sample to readable.
 //!
-//! Coordinates are whole pixels and text stays text, so that the same numbers give the same file.
+//! Coordinates are whole pixels and text stays text, so the same numbers give the same file on every machine.
 
 use std::ops::Range;
 
@@ -19,22 +19,23 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The most points of a line that are drawn, which is more than its width in pixels.
+/// The most points that are drawn of a line: more than its width in pixels.
 const MOST_POINTS: usize = 2_000;
-/// The least length of an axis of metres, m.
+/// The least length of an axis that shows metres, m.
 const LEAST_M: f64 = 20.0;
 
 /// One cycle's numbers for the picture.
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
-    /// The positions of the objects, Reported-Position first.
+    /// The positions in the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     pub(super) said: [Option<Place>; 1 + profile::MAX_RECEIVERS],
     pub(super) excluded: u8,
     pub(super) latency_ms: Option<f64>,
 }
 
-/// Colours of Okabe and Ito, which colour-blind readers can distinguish: Reported-Position, GPS1 to GPS5.
+/// The colours of Reported-Position and GPS1 to GPS5: those of Okabe and Ito, which colour-blind readers can
+/// distinguish.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),
@@ -46,7 +47,7 @@ const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
 const TRUTH: RGBColor = RGBColor(0x99, 0x99, 0x99);
 const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
-/// Draws the picture of these cycles.
+/// Draws the picture of `cycles`, with the heading `title`, as an SVG document.
 pub(super) fn svg(title: &str, receivers: usize, cycles: &[Drawn]) -> Result<String, Error> {
     let mut text = String::new();
     {
@@ -71,7 +72,7 @@ fn along(one: Place, other: Place) -> f64 {
     (one[0] - other[0]).hypot(one[1] - other[1])
 }
 
-/// The range that holds all of `values`, with a margin, and is at least `least` wide.
+/// A range that holds all of `values`, with a margin, and is at least `least` wide.
 fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -84,7 +85,7 @@ fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// A line from point to point, split where a point is missing.
+/// The pieces into which a line from point to point is split where a point is missing.
 fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![vec![]];
     for point in points {
@@ -98,7 +99,7 @@ fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64
     pieces
 }
 
-/// Every cycle, or one in several if there are many.
+/// Every cycle, or every n-th of them if there are more than can be drawn.
 fn thinned(cycles: &[Drawn]) -> impl Iterator<Item = &Drawn> {
     cycles.iter().step_by(cycles.len().div_ceil(MOST_POINTS).max(1))
 }
@@ -125,8 +126,8 @@ fn name(object: usize) -> String {
     if object == 0 { "Reported-Position".to_owned() } else { format!("GPS{object}") }
 }
 
-/// The objects with their styles: receivers thin and in colour, Reported-Position bold and last, so that it lies on
-/// top.
+/// The objects with their styles. Receivers are thin and in colour; Reported-Position is bold and comes last, so that
+/// it lies on top.
 fn objects(receivers: usize) -> impl Iterator<Item = (usize, ShapeStyle)> {
     (1..=receivers).chain([0]).map(|object| (object, COLOURS[object].stroke_width(if object == 0 { 3 } else { 1 })))
 }
@@ -169,7 +170,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // Both axes have the same scale; about this much is left for the chart.
+    // Both axes have the same scale; this is about the size that is left for the chart.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -187,7 +188,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     legend(&mut chart)
 }
 
-/// Draws a number of each object over time, with the times shaded in which a receiver was excluded.
+/// Draws one number of each object over time and shades the times in which a receiver was excluded.
 fn over_time(
     area: &Panel<'_>,
     title: &str,
@@ -197,7 +198,7 @@ fn over_time(
 ) -> Result<(), Error> {
     let of = |cycle: &Drawn, object: usize| cycle.said[object].map(|said| value(said, cycle.truth));
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
-    // The aircraft's true position sets the range; a receiver that is far outside is drawn at the edge.
+    // The aircraft's true position determines the range; a receiver that is far outside is drawn at the edge.
     let shown = cycles.iter().flat_map(|cycle| {
         let truth = cycle.truth.map(|truth| value(truth, Some(truth)));
         let said = (0..=receivers).filter(|object| *object == 0 || cycle.truth.is_none());
@@ -227,7 +228,7 @@ fn over_time(
     legend(&mut chart)
 }
 
-/// The intervals in which a receiver was excluded, s.
+/// The intervals in which the voter excluded `receiver`, s.
 fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     let mut spans: Vec<Range<f64>> = vec![];
     let mut was = false;
@@ -243,7 +244,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the longest of each group of cycles, so that no long one is hidden.
+/// Draws the time to readable of each group of cycles by the group's longest, so that no long one is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

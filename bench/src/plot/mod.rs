@@ -1,7 +1,7 @@
 //! A run's flight as a picture: the aircraft's true position, the positions of each receiver and of HORUS, the excluded
 //! receivers, and the time that each cycle took to become readable.
 //!
-//! [`History`] takes the event log and keeps a few numbers of each cycle; [`History::svg`] draws them.
+//! [`History`] takes the event log and keeps a few numbers of each cycle; [`History::svg`] draws these numbers.
 
 mod draw;
 
@@ -10,24 +10,24 @@ use bench_judge::{Event, What};
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use profile::{GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
-/// The longest time from a frame's end to FRESH, ns: a later rise belongs to another cycle.
+/// The longest time from a frame's end to the rise of FRESH, ns: a later rise belongs to another cycle.
 const READABLE_WITHIN: u64 = 5_000_000;
 
-/// A position north, east and up of the picture's origin, m.
+/// A position relative to the picture's origin: metres north, east and up.
 type Place = [f64; 3];
 
-/// The values sent in the cycle of a tick.
+/// The values that HORUS sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     /// The tick's instant, ns.
     tick: u64,
-    /// The instant at which its last frame so far ended, ns.
+    /// The instant at which the last frame of the cycle so far ended, ns.
     ended: u64,
-    /// The objects' positions, Reported-Position first; `None` where not valid.
+    /// The positions of the cycle's objects, Reported-Position first; `None` for a position that is not valid.
     positions: [Option<Geodetic>; 1 + MAX_RECEIVERS],
-    /// The excluded receivers, bit 0 GPS1.
+    /// The receivers that the voter excluded: bit 0 is GPS1.
     excluded: u8,
-    /// The time from the tick to FRESH, ns.
+    /// The time from the tick to the rise of FRESH, ns.
     latency: Option<u64>,
 }
 
@@ -41,7 +41,7 @@ pub struct History {
 }
 
 impl History {
-    /// An empty history. `title` stands above the picture.
+    /// An empty history. `title` is the heading of the picture.
     #[must_use]
     pub fn new(layout: Layout, title: String) -> Self {
         Self { layout, ticks: [None; 2], cycles: vec![], title }
@@ -74,11 +74,12 @@ impl History {
         }
     }
 
-    /// Draws the picture as an SVG document. `flight` has the true positions, unless a recording was played.
+    /// Draws the picture as an SVG document. `flight` has the aircraft's true positions; it is `None` if a recording
+    /// was played.
     ///
     /// # Errors
     ///
-    /// An error of the drawing library; none is expected, because it draws into a string.
+    /// The drawing library reports an error; none is expected, because it draws into a string.
     pub fn svg(&self, flight: Option<&Flight>) -> Result<String, Box<dyn std::error::Error>> {
         let position = |cycle: &Cycle| cycle.positions.iter().flatten().next().copied();
         let origin = flight

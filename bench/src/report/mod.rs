@@ -1,8 +1,9 @@
 //! The figures and violations of a run of the link.
 //!
-//! Everything here is a function of the images, the seed and the flags, so two runs give the same bytes, except for
-//! [`Speed`], which is the host's. Times are virtual nanoseconds. Figures that contain processor time hold for the
-//! run's clock ([`Report::clock`]): on the fast one they are estimates, the other two bound what silicon takes.
+//! The report is a function of the programs, the seed and the flags, so two runs give the same bytes, except for
+//! [`Speed`], which is that of the host. Times are virtual nanoseconds. Figures that contain processor time hold for
+//! the run's clock ([`Report::clock`]): on the fast clock they are estimates, the other two clocks bound what silicon
+//! takes.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +12,7 @@ use serde::Serialize;
 
 use crate::faults::{Campaign, Class, name_of};
 
-/// The host's speed, which is the only part of a report that differs between runs.
+/// The speed of the host, which is the only part of a report that differs between runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Speed {
     /// Virtual time over wall time.
@@ -23,15 +24,15 @@ pub struct Speed {
 pub struct Horus {
     /// The number of frames whose preamble went on the air.
     pub frames_sent: u64,
-    /// The time between the first frames of two successive cycles.
+    /// The time between the first frames of two successive cycles, ns.
     pub period_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, which is chip select
-    /// rising after its byte. Its jitter is the firmware's.
+    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns: the rise of chip
+    /// select after the command's byte. The jitter of this time is the firmware's.
     pub tick_to_command_ns: Option<Span>,
-    /// The time from the same tick to the first preamble bit of the cycle's first frame. Its jitter is the firmware's
-    /// plus the scatter with which the front end starts.
+    /// The time from the 10 ms timer's tick to the first preamble bit of the cycle's first frame, ns. The jitter of
+    /// this time is the firmware's and the scatter with which the front end starts.
     pub tick_to_air_ns: Option<Span>,
-    /// The fraction of the time in which the core was awake.
+    /// The fraction of the time in which HORUS's core was awake.
     pub load: f64,
 }
 
@@ -40,7 +41,7 @@ pub struct Horus {
 pub struct Air {
     /// The bit rate of the last frame, bit/s.
     pub bit_rate: u64,
-    /// The time from the first preamble bit to the last bit of the longest frame.
+    /// The time from the first preamble bit to the last bit of the longest frame, ns.
     pub air_time_ns: u64,
     /// The number of frames that arrived whole.
     pub frames_delivered: u64,
@@ -50,31 +51,33 @@ pub struct Air {
     pub frames_lost: u64,
 }
 
-/// The receiving side, from the DPR's own counters.
+/// The figures of the receiving side, as the DPR's own counters have them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
-    /// The start of the DPR from which on the next five count: its last, ns.
+    /// The instant of the DPR's last start, ns, from which on the next five numbers count.
     pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
-    /// The number of objects that did not.
+    /// The number of objects that did not pass CRC, identifier or freshness.
     pub objects_rejected: u64,
-    /// The number of expirations of the missed-frame deadline.
+    /// The number of times that the DPR's deadline for the next frame passed.
     pub frames_missed: u64,
     /// The number of receive buffers scrubbed.
     pub scrubs: u64,
     /// The number of scrubs that found a stuck bit.
     pub scrub_faults: u64,
-    /// The fraction of the time in which the core was awake.
+    /// The fraction of the time in which the DPR's core was awake.
     pub load: f64,
 }
 
-/// The age of data when they become readable.
+/// The age of the data when the flight controller can read them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Latency {
-    /// The time from the tick that stamps the objects until the next SSI transaction gets the image that holds them.
+    /// The time from the tick whose timestamp the objects carry until the next SSI transaction would get the image that
+    /// holds them, ns.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from the cycle's last bit on the air until then.
+    /// The time from the cycle's last bit on the air until the next SSI transaction would get the image of that cycle,
+    /// ns.
     pub last_bit_to_readable: Option<Max>,
 }
 
@@ -85,42 +88,42 @@ pub struct Ssi {
     pub transactions: u64,
     /// The number of transactions that brought a new profile.
     pub fresh: u64,
-    /// The number of transactions that brought the last profile again.
+    /// The number of transactions that brought the profile of an earlier transaction again.
     pub repeated: u64,
     /// The number of transactions that met the DPR busy and read 0xFF throughout.
     pub busy: u64,
     /// The number of transactions in which an object marked valid failed its CRC.
     pub bad_crc: u64,
-    /// The time from CSN rising until the DPR can serve the next transaction.
+    /// The time from the rise of CSN until the DPR can serve the next transaction, ns.
     pub ready_ns: Option<Max>,
 }
 
-/// Reported-Position at the flight controller.
+/// The figures of Reported-Position as the flight controller reads it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Reported {
     /// The number of HORUS's cycles whose Reported-Position was read and had a valid position.
     pub valid_cycles: u64,
     /// The instant at which chip select fell for the first transaction after the last valid position, ns; `None` if the
-    /// last transaction brought a valid one, or none ever did.
+    /// last transaction brought a valid position, or no transaction ever did.
     pub invalid_since_ns: Option<u64>,
     /// For each receiver, the instant at which the last byte of its last valid position arrived at HORUS, ns; `None` if
-    /// it sent none.
+    /// the receiver sent no valid position.
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
-/// The voter's figures, over the profiles that HORUS sent.
+/// The figures of HORUS's voter, over all profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
-    /// The number of cycles by the number of receivers that agree.
+    /// The number of cycles for each number of receivers that agree.
     pub agree: BTreeMap<u64, u64>,
     /// The number of cycles in which fewer receivers agree than are fitted.
     pub degraded: u64,
-    /// The number of cycles without a position.
+    /// The number of cycles in which the voter had no position.
     pub none: u64,
-    /// The largest horizontal error of Reported-Position against the flight, m; `None` if there was no position, or a
-    /// recording was played.
+    /// The largest horizontal error of Reported-Position against the aircraft's true position, m; `None` if there was
+    /// no position, or a recording was played.
     pub max_error_m: Option<f64>,
-    /// The first thousand exclusions, in order of their beginnings.
+    /// The voter's first thousand exclusions of a receiver, in order of their beginnings.
     pub exclusions: Vec<Exclusion>,
 }
 
@@ -130,12 +133,12 @@ impl From<bench_judge::Voter> for Voter {
     }
 }
 
-/// The base station, at the far end of the radio.
+/// The figures of the base station, at the far end of the radio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Base {
     /// The number of profiles received.
     pub profiles: u64,
-    /// The number of objects that failed a CRC there.
+    /// The number of objects whose CRC failed at the base station.
     pub bad_crc: u64,
 }
 
@@ -153,9 +156,9 @@ pub struct UpsetClasses {
 /// The outcomes of upsets.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Upsets {
-    /// The classes by board and kind, such as `dpr ram`.
+    /// The numbers of upsets in each class, by board and kind of memory, such as `dpr ram`.
     pub classes: BTreeMap<String, UpsetClasses>,
-    /// The dangerous ones as text: instant, place and violation. The run's seed reproduces them.
+    /// The dangerous upsets as text: instant, address or register, and violation. The run's seed reproduces them.
     pub dangerous: Vec<String>,
 }
 
@@ -181,7 +184,8 @@ impl From<&Campaign> for Upsets {
 pub struct Report {
     /// The seed of everything random.
     pub seed: u64,
-    /// The cost of the cores' time: `fast`, `optimistic` or `pessimistic`. The last two bound what silicon takes.
+    /// The clock, by which the cores' instructions take time: `fast`, `optimistic` or `pessimistic`. The last two bound
+    /// what silicon takes.
     pub clock: &'static str,
     /// The length of the run.
     pub virtual_seconds: f64,
@@ -195,11 +199,11 @@ pub struct Report {
     pub air: Air,
     /// The receiving side.
     pub dpr: Dpr,
-    /// The age of data when they become readable.
+    /// The age of the data when the flight controller can read them.
     pub latency_ns: Latency,
     /// The flight controller's port.
     pub ssi: Ssi,
-    /// Reported-Position at the flight controller.
+    /// The figures of Reported-Position as the flight controller reads it.
     pub reported: Reported,
     /// HORUS's voter.
     pub voter: Voter,

@@ -17,7 +17,7 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-/// The log's cause of a restart of a part.
+/// The cause that the log names for a restart of a part.
 const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
@@ -30,7 +30,7 @@ const fn cause(reset: Reset) -> Cause {
     }
 }
 
-/// A fault that cannot be injected must not look like one that was.
+/// The finding that a fault could not be injected, so that the log does not show it as injected.
 fn no_task(board: Side, task: u8) -> What {
     What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
@@ -42,13 +42,14 @@ pub(super) struct BoardEvents {
     events: Vec<Event>,
     /// The number of the node's restarts that are in the log.
     restarts: usize,
-    /// The part has warned its firmware of its supply since it last started, so the firmware has to stop.
+    /// Whether the part has warned its firmware of a falling supply since its last start, so that the firmware has to
+    /// stop.
     warned: bool,
-    /// The part last started without the crystal that its firmware needs.
+    /// Whether the part last started without the crystal that its firmware needs.
     without_crystal: bool,
-    /// The number of its findings that are in the log.
+    /// The number of the node's findings that are in the log.
     findings: usize,
-    /// The original contents that are restored at the end of an episode which damaged the image.
+    /// The original contents of memory, which are restored at the end of an episode that damaged the program.
     repairs: Vec<(Fault, Repair)>,
 }
 
@@ -72,7 +73,7 @@ impl BoardEvents {
         std::mem::take(&mut self.events)
     }
 
-    /// Records unexpected restarts, and findings, since the last call.
+    /// Records unexpected restarts and findings since the last call.
     pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
         self.note_warning(node);
@@ -109,8 +110,8 @@ impl BoardEvents {
         self.restarts = node.resets().len();
     }
 
-    /// Records a hang: a firmware that was warned of its supply must stop until its watchdog, or the supply, restarts
-    /// it, and the judge treats that as a hang.
+    /// Records a hang where the part warned its firmware of the supply. The firmware must then stop until its watchdog,
+    /// or the supply, restarts it, and the judge treats that as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
             self.note(node.now(), What::Hung { board: self.side });
@@ -120,10 +121,11 @@ impl BoardEvents {
         }
     }
 
-    /// Begins or ends an episode of this board's supply, bits or image.
+    /// Begins or ends an episode of a fault of this board: its supply, its core, its front end's chip, its memory or
+    /// its program.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // Restarts before the episode were unexpected.
+        // Restarts before this episode were not caused by it, so they are recorded as unexpected.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -131,7 +133,8 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // A start would revive the task.
+                        // The interrupt was not enabled. The fault is not injected, because the board's next start
+                        // would enable the interrupt.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -143,7 +146,7 @@ impl BoardEvents {
                         power.begin(node);
                         self.note_crystal(now, *power, false);
                     }
-                    // A board without a supply cannot hang, and one that hangs already started earlier.
+                    // A board without a supply cannot hang, and the hang of a board that already hangs began earlier.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
                         self.note(now, What::Hung { board: self.side });
@@ -172,8 +175,8 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // The end of a crystal's fault resets the board, because the firmware may still be waiting for the
-                    // crystal and would go on.
+                    // The end of a crystal's fault resets the board. Otherwise the firmware, which may still be waiting
+                    // for the crystal, would continue its start.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }
@@ -196,7 +199,7 @@ impl BoardEvents {
         self.note_warning(node);
     }
 
-    /// Records the beginning or end of an episode of the crystal.
+    /// Records the beginning or end of a crystal's fault.
     fn note_crystal(&mut self, now: u64, fault: PowerFault, works: bool) {
         if fault == PowerFault::CrystalDead {
             self.note(now, What::Crystal { board: self.side, works });
@@ -214,7 +217,7 @@ impl BoardEvents {
         }
     }
 
-    /// A fault that cannot be injected must not look like one that was.
+    /// Records that a fault could not be injected, so that the log does not show it as injected.
     fn refused(&mut self, now: u64, error: &emulator_node::Error) {
         let text = format!("a fault could not be injected: {error}");
         self.note(now, What::Finding { board: self.side, fault: false, text });

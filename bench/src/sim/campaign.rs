@@ -1,4 +1,4 @@
-//! Implements [`Subject`] for the bench, so that a campaign can inject upsets into it.
+//! Implements [`Subject`] for the bench, so that a campaign can inject upsets into the bench's boards.
 
 use bench_judge::What;
 use cortex_m4::Cost;
@@ -17,7 +17,7 @@ impl<C: Cost> Subject for Bench<C> {
             Board::Horus => Targets::of(self.horus()),
             Board::Dpr => Targets::of(self.dpr()),
         };
-        // The memory in use is unknown in an image without these symbols.
+        // A program without these symbols does not tell which memory it uses, so it has no targets.
         targets.unwrap_or_default()
     }
 

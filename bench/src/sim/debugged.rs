@@ -1,4 +1,4 @@
-//! The whole link with a debugger at one board: the same run as [`super::run`], which halts where the board does.
+//! Runs the whole link with a debugger at one board: the same run as [`super::run`], which halts when the board halts.
 
 use cortex_m4::Cost;
 use st25r3916_model::AirEvent;
@@ -9,7 +9,7 @@ use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
 /// A run of the link whose boards may be halted. Its outcome is that of [`super::run`] with the same setup, byte for
-/// byte, however often it was halted, unless the debugger changed a register or memory.
+/// byte, however often the run was halted, unless the debugger changed a register or memory.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -18,8 +18,8 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// The bench at power-on. It runs on one thread whatever the setup says, because a halted board also halts the
-    /// other.
+    /// Returns the bench at power-on. It runs on one thread whatever the setup says, because a halted board also halts
+    /// the other board.
     ///
     /// # Errors
     ///
@@ -31,7 +31,7 @@ impl<C: Cost> Debugged<C> {
         Ok(Self { bench, course, kept, end: setup.duration_ns })
     }
 
-    /// Runs until a board halts, for another 10 ms of virtual time, or to the end.
+    /// Runs until a board halts, for at most another 10 ms of virtual time, or to the end of the run.
     ///
     /// # Errors
     ///
@@ -49,7 +49,7 @@ impl<C: Cost> Debugged<C> {
         Ok(way)
     }
 
-    /// Whether the run has come to its end.
+    /// Whether the run is over.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.course.is_over()
@@ -71,8 +71,8 @@ impl<C: Cost> Debugged<C> {
         &mut self.bench.relay.b
     }
 
-    /// The instant that both boards have reached, ns. HORUS may be up to 2 ms ahead of the DPR, which receives nothing
-    /// of it before its time.
+    /// The instant that both boards have reached, ns. HORUS may be ahead of the DPR by up to 2 ms, but nothing that
+    /// HORUS sends reaches the DPR before its time.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.bench.now()
@@ -83,7 +83,7 @@ impl<C: Cost> Debugged<C> {
         self.bench.add_faults(faults);
     }
 
-    /// The outcome of the run, which must be over.
+    /// Returns the outcome of the run, which must be over.
     ///
     /// # Errors
     ///

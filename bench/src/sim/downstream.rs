@@ -1,5 +1,5 @@
 //! The DPR's surroundings: the air, the flight controller, the base station, and their faults. This module also keeps
-//! the event log.
+//! the event log of the run.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -31,10 +31,10 @@ use emulator_node::{Downstream, LogLine, Node};
 /// The longest interval between two records of the base station's display in the log, ns.
 const STATION_EVERY: u64 = 100_000_000;
 
-/// An observation of the DPR's pins and its SPIS.
+/// A change of the wire FRESH, an event of the DPR's SPIS, or a restart of its part.
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The part restarted: its SPIS has no buffers until the firmware gives it some.
+    /// The part restarted. Its SPIS has no buffers until the firmware hands it some.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
@@ -44,8 +44,8 @@ enum Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     air: Air,
-    /// The instant up to which the air has all inputs, ns: the poller's emissions are passed on up to a millisecond
-    /// ahead.
+    /// The instant up to which the air has all inputs, ns. The poller's emissions are passed on up to a millisecond
+    /// ahead of the DPR.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
@@ -53,31 +53,31 @@ pub(super) struct Link {
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// The present faults of the air: the last one acts.
+    /// The present faults of the air, each with the instant (ns) at which it began. Only the last one has an effect.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// The instant at which FRESH rose, while the image that a transaction would read is not known yet.
+    /// The instant at which FRESH rose, as long as the image that the next transaction would read is not known.
     announced: Option<u64>,
-    /// The instant since which HORUS has a transaction with a receiver under way, ns: its bytes are logged when it is
-    /// over.
+    /// The instant since which HORUS has had a transaction with a receiver under way, ns. The bytes of that transaction
+    /// are logged when it is over.
     untold_since: u64,
-    /// The bytes that a transaction would read now, while the SPIS has the buffers and none is under way.
+    /// The bytes that a transaction would read now; `None` while the SPIS has no buffers or a transaction is under way.
     offer: Option<Vec<u8>>,
-    /// The instant of the last record of the base station's display, ns, and the alarms that held then.
+    /// The instant at which the base station's display was last recorded, ns, and the alarms at that instant.
     station: (u64, Alarms),
-    /// The number of the DPR's restarts that were recorded.
+    /// The number of the DPR's restarts that have been recorded.
     restarts: usize,
     /// Whether a transaction is under way.
     selected: bool,
-    /// The instant at which the last one ended, ns.
+    /// The instant at which the last transaction ended, ns.
     deselected: u64,
-    /// The marks for a trace, while there is one.
+    /// The marks of the wires for the trace; `None` if there is no trace.
     trace: Option<Vec<Mark>>,
-    /// The DPR's tasks, while there is a trace.
+    /// The watch on the DPR's tasks; `None` if there is no trace.
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// The log lines of HORUS, which runs ahead.
+    /// Log lines of HORUS that the DPR's side has not reached yet, because HORUS runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
@@ -129,7 +129,7 @@ impl Link {
         }
     }
 
-    /// Takes what HORUS had logged by `now`.
+    /// Takes the log lines that HORUS had written by `now`.
     pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
@@ -139,7 +139,7 @@ impl Link {
         self.recorder.header()
     }
 
-    /// The violations in the part of the run that is judged already.
+    /// The violations in the part of the run that has been judged.
     pub(super) fn findings(&self) -> &Findings {
         self.recorder.findings()
     }
@@ -149,12 +149,12 @@ impl Link {
         self.air.counters()
     }
 
-    /// The statistics of the flight controller.
+    /// The totals of the flight controller's transactions.
     pub(super) fn stats(&self) -> Stats {
         self.flight_controller.stats()
     }
 
-    /// Both boards have passed `reached` (ns), so everything before it is judged.
+    /// Judges everything before `reached` (ns), which both boards have passed.
     pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -163,8 +163,8 @@ impl Link {
         self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
     }
 
-    /// Records the base station's display at `now` (ns), if that is due or its alarms have changed. It has taken what
-    /// arrived at that instant.
+    /// Records the base station's display at `now` (ns), if a record is due or the alarms have changed. The base
+    /// station has already taken the profiles that arrived at that instant.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -199,7 +199,7 @@ impl Link {
         self.flight_controller.take_images()
     }
 
-    /// Takes what the flight controller has read of Port-Status and the base station's uplink since the last call.
+    /// Takes Port-Status and the base station's uplink as the flight controller has read them since the last call.
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
@@ -251,7 +251,7 @@ impl Link {
 
     // ---- the air
 
-    /// Records what the poller emitted and passes it through the air to the listener.
+    /// Records the event that the poller emitted and passes it through the air to the listener.
     fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -285,7 +285,7 @@ impl Link {
         self.note_air();
     }
 
-    /// Advances the air to `to` (ns) and passes on frames that it holds back or repeats. The poller has emitted
+    /// Advances the air to `to` (ns) and passes on the frames that the air delays or repeats. The poller has emitted
     /// everything before that instant.
     fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
@@ -298,7 +298,7 @@ impl Link {
         self.note_air();
     }
 
-    /// Records the air's events of frames and faults since the last call.
+    /// Records the events of frames and faults that the air has produced since the last call.
     fn note_air(&mut self) {
         for frame in self.air.take_sent() {
             if let Some(sweeping) = &mut self.sweeping
@@ -327,7 +327,7 @@ impl Link {
         }
     }
 
-    /// Places the transactions that a sweep makes around the end of a frame that began at `at`.
+    /// Places the transactions that a sweep makes around the end of a frame that began at `at` and has this LEN.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -343,7 +343,7 @@ impl Link {
 
     // ---- the DPR
 
-    /// Records an event for the phase that is being swept.
+    /// Records an event of the wires or the SPIS in the present phase of a sweep.
     fn note_phase(&mut self, at: u64, event: PhaseEvent) {
         if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
             let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
@@ -362,8 +362,8 @@ impl Link {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // An image is put in before FRESH announces it, and is readable only after that: at equal instants FRESH comes
-        // first.
+        // An image is handed to the SPIS before FRESH announces it, and is readable only after that. At equal instants
+        // the rise of FRESH is therefore handled first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
         for (at, what) in seen {
@@ -404,12 +404,12 @@ impl Link {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // A rise at the end of a transaction was handled during it.
+            // A rise of FRESH at the instant at which a transaction ended came while that transaction was under way.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
-                // The DPR raises FRESH while it has the buffers. A rise while the SPIS has them announces what it
-                // offers.
+                // Usually FRESH rises while the DPR has the buffers. If the SPIS has them, the rise announces the image
+                // that the SPIS offers.
                 self.offered(self.offer.clone());
             }
         } else {
@@ -417,7 +417,8 @@ impl Link {
         }
     }
 
-    /// Records the image that a transaction would have read after FRESH rose, if it rose, once it is known.
+    /// Records the last rise of FRESH, if it is not recorded yet, with the image that a transaction would have read
+    /// after it.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
@@ -426,7 +427,8 @@ impl Link {
 
     // ---- the flight controller and the base station
 
-    /// Records what a finished transaction of the flight controller brought, and forwards it.
+    /// Records the bytes that a finished transaction of the flight controller brought, and forwards the profile in
+    /// them.
     fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
@@ -454,7 +456,7 @@ impl Link {
         }
     }
 
-    /// Begins or ends an episode on the DPR's side.
+    /// Begins or ends an episode of a fault on the DPR's side.
     fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
@@ -515,10 +517,10 @@ impl Link {
         }
     }
 
-    /// Begins, changes or ends a fault of the board itself.
+    /// Begins, changes or ends an episode of a fault of the board itself.
     fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // A board without a supply offers nothing. A restart is recorded separately.
+        // A board without a supply offers no image. A restart is recorded elsewhere.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;
@@ -526,7 +528,7 @@ impl Link {
     }
 }
 
-/// Records that the DPR's antenna sees a carrier, or no longer sees one.
+/// Records that the carrier at the DPR's antenna has begun or ended.
 fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
     match event {
         AirEvent::FieldOn => recorder.note(at, What::FieldHeard { on: true }),
@@ -609,7 +611,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
     }
 }
 
-/// The final counters and loads of a run.
+/// The counters of both firmwares and the loads of both cores at the end of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

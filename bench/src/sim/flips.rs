@@ -1,8 +1,8 @@
-//! Flips every bit of every register of both front ends once, each on a copy of one running bench.
+//! Flips every bit of every register of both front ends once, each on a separate copy of a running bench.
 //!
-//! A bench runs until the link has been up for a while. For each bit a copy of it flips the bit and runs for
-//! [`FOR_NS`]. The result has the time in which the flight controller read no valid and new data, and the content of
-//! Link-Status meanwhile. Both parts are tried, each in its own bench.
+//! The bench runs until the link has been up for a while. For each bit a copy of the bench flips the bit and runs for
+//! [`FOR_NS`]. The result has the time in which the flight controller read no valid and new data, and what Link-Status
+//! reported in that time. Both parts, the ST25R3916 and the ST25R3916B, are tried, each in its own bench.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,43 +18,43 @@ use crate::faults::chip::FLIP_MENDED;
 use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
 use emulator_node::{Clock, Threads};
 
-/// The longest time from a flip to valid data, ns.
+/// The longest time from a flip of a register's bit until the flight controller reads valid data again, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
-/// The time that the bench has run when bits begin to flip, ns.
+/// The time for which the bench has run when the first bit is flipped, ns.
 const WARM: u64 = 600_000_000;
-/// The time that each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
+/// The time for which each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// The longest time between two readings of new data in a working link, ns: two cycles, and the control cycle of the
-/// flight controller.
+/// The longest time between two readings of new data in a working link, ns: two cycles of HORUS and a control cycle of
+/// the flight controller, with some margin.
 const GAP: u64 = 35_000_000;
 
 /// The outcome of a flip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Flip {
-    /// The part: `ST25R3916` or `ST25R3916B`.
+    /// The type of the front end's chip: `ST25R3916` or `ST25R3916B`.
     pub part: &'static str,
-    /// The board of the front end.
+    /// The board of the front end whose bit is flipped.
     pub board: Board,
     /// The bit.
     pub bit: RegisterBit,
-    /// The time from the flip until valid and new data were read again for good, ns: 0 if they never ceased; `None` if
-    /// they were missing at the end.
+    /// The time after the flip from which on the flight controller read valid and new data again until the end, ns: 0
+    /// if such data were never missing, `None` if they were missing at the end.
     pub back_after: Option<u64>,
-    /// The numbers of readings without valid and new data that reported the link down, the front end faulty, and
-    /// neither.
+    /// The numbers of readings without valid and new data in which Link-Status reported the link down, the front end
+    /// faulty, and neither.
     pub said: [u32; 3],
-    /// Invalid data that were shown as valid, as text.
+    /// Invalid data that were shown as valid, described as text.
     pub dangerous: Vec<String>,
 }
 
 impl Flip {
-    /// Whether the link was back in time, and nothing invalid was shown as valid.
+    /// Whether valid data were read again in time, and nothing invalid was shown as valid.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
     }
 
-    /// Whether valid and new data were no longer read, and no reading reported a cause.
+    /// Whether valid and new data were missing while no reading reported a cause.
     #[must_use]
     pub fn unsaid(&self) -> bool {
         self.back_after != Some(0) && self.said[..2] == [0, 0]
@@ -106,7 +106,7 @@ impl fmt::Display for Flips {
     }
 }
 
-/// Flips every bit of both parts' registers whose index `takes` accepts; `each` gets every outcome.
+/// Flips every bit of both parts' registers whose index `takes` accepts; `each` is called with every outcome.
 ///
 /// # Errors
 ///
@@ -154,7 +154,7 @@ fn of_part<C: Cost>(
                 continue;
             }
             let mut copy = bench.clone();
-            // Each bit flips at another phase of the cycle; a few flips meet a frame.
+            // Each bit is flipped at another phase of the cycle; a few flips coincide with a frame.
             let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
             copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
             copy.keep_log();
@@ -170,11 +170,13 @@ fn of_part<C: Cost>(
     }
 }
 
-/// Evaluates what was read from `at` to `end` (ns): the time until valid and new data were read again for good, and
-/// what Link-Status reported before that.
+/// Evaluates the events from `at` to `end` (ns). Returns the time until valid and new data were read again for good,
+/// and the numbers of readings before that in which Link-Status reported the link down, a faulty front end, and
+/// neither.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // `last` is the latest reading of new data; `back` is the recovery after a gap.
+    // `last` is the instant of the latest reading of new data; `back` is the time from the flip to the recovery after a
+    // gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

@@ -1,12 +1,13 @@
-//! The whole link in virtual time: both images, the air, the receivers, the flight controller and the base station.
+//! Runs the whole link in virtual time: both programs, the air, the receivers, the flight controller and the base
+//! station.
 //!
-//! Nothing here changes a firmware to make the link work. The two ELF files run as they would on the boards; this
-//! module adds what is connected to the boards' pins and antennas. It reads from their RAM (the log, the telemetry
-//! counters) what a debug probe would read.
+//! The bench changes nothing in a firmware to make the link work. The two ELF files run as they would on the boards;
+//! this module adds what is connected to the boards' pins and antennas. From the boards' RAM it reads only the log and
+//! the counters of the telemetry, which a debug probe would read too.
 //!
-//! The connection between the boards is one-way and takes no time: the poller's chip emits, the listener's receives. So
-//! HORUS may run ahead on a thread of its own, the DPR never does, and both are exact. [`Bench`] holds all of it as
-//! plain data.
+//! The connection between the boards is one-way and takes no time: the poller's chip emits, and the listener's chip
+//! receives. HORUS may therefore run ahead on a thread of its own, while the DPR never runs ahead of HORUS, and the
+//! results of both are exact. [`Bench`] holds the whole bench as plain data.
 
 mod board_events;
 mod campaign;
@@ -50,14 +51,14 @@ use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
 
-/// The interval at which the caller gets progress and the log, virtual ns.
+/// The interval at which the caller gets the run's progress and the log lines, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// The shortest time from the end of a piece to the beginning of a fault that an [`Observer`] adds, ns: a board ends a
-/// piece with a whole instruction, which may lie after its end.
+/// The shortest time from the end of a piece of the run to the beginning of a fault that an [`Observer`] adds, ns. A
+/// board completes its last instruction, so it may be past the end of the piece.
 pub const AHEAD_NS: u64 = 100_000;
 
-/// The two images.
+/// The two firmwares' ELF files.
 #[derive(Clone, Debug)]
 pub struct Images {
     /// The HORUS side's ELF file.
@@ -66,7 +67,7 @@ pub struct Images {
     pub dpr: PathBuf,
 }
 
-/// The memory that both boards' parts kept from before they were switched on, from [`crate::debug_port::Wire::kept`].
+/// The memory that both boards' parts had kept before they were switched on, from [`crate::debug_port::Wire::kept`].
 #[derive(Clone, Debug)]
 pub struct Flashed {
     /// The HORUS side's memory.
@@ -75,39 +76,40 @@ pub struct Flashed {
     pub dpr: Vec<u8>,
 }
 
-/// Errors of the crystals, parts per billion; positive values are fast.
+/// The errors of the crystals' rates, parts per billion; positive values are fast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crystals {
-    /// The error on the HORUS board, of the microcontroller's and the front end's crystal.
+    /// The error on the HORUS board, for the crystals of the microcontroller and of the front end.
     pub horus_ppb: i64,
-    /// The error on the DPR board, of the microcontroller's and the front end's crystal.
+    /// The error on the DPR board, for the crystals of the microcontroller and of the front end.
     pub dpr_ppb: i64,
-    /// The error of the flight controller's crystal.
+    /// The error on the side of the flight controller, for its crystal.
     pub flight_controller_ppb: i64,
 }
 
 /// The setup of a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The two images, built for this number of receivers.
+    /// The two ELF files, built for this number of receivers.
     pub images: Images,
-    /// The contents of the boards' flash, if any. It must hold these images, which are then not loaded.
+    /// The contents of the boards' flash, if given. It must already hold the programs of these ELF files, which are
+    /// then not loaded.
     pub flashed: Option<Flashed>,
     /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
     /// The length of the run, virtual ns.
     pub duration_ns: u64,
-    /// The cost of processor time.
+    /// The clock of the bench, which determines how long the cores' instructions take.
     pub clock: Clock,
     /// The number of threads, which does not change the outcome.
     pub threads: Threads,
-    /// Seed of everything random.
+    /// The seed from which all random values follow.
     pub seed: u64,
     /// For each receiver in turn, a recorded log to play instead of the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
-    /// The number of solutions a second of every generated receiver, which then refuses another period.
+    /// The number of solutions a second of every generated receiver, which then refuses any other period.
     pub receiver_hz: Option<u32>,
-    /// Every generated receiver starts with its factory settings.
+    /// Whether every generated receiver starts with its factory settings.
     pub factory_settings: bool,
     /// The crystals' errors.
     pub crystals: Crystals,
@@ -115,12 +117,14 @@ pub struct Setup {
     pub front_ends: FrontEndConfig,
     /// The injected faults.
     pub faults: Faults,
-    /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
-    /// cycle. Otherwise it only reads images.
+    /// Whether the flight controller writes uplinks and commands and now and then reads the whole map, where it keeps
+    /// its own control cycle. Otherwise it only reads images.
     pub writes: bool,
-    /// The base station's uplinks come by radio ([`Observer::uplink`]); otherwise the flight controller generates them.
+    /// Whether the base station's uplinks come by radio ([`Observer::uplink`]); otherwise the flight controller
+    /// generates them.
     pub relays: bool,
-    /// A sweep of transactions through every phase to a frame's end, in place of the flight controller's own cycle.
+    /// A sweep of transactions through every phase relative to a frame's end, instead of the flight controller's own
+    /// control cycle.
     pub sweep: Option<Sweep>,
     /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
@@ -131,8 +135,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A run without faults: fast clock, both threads, seed 1, the generated flight, crystals with ordinary
-    /// differences.
+    /// The setup of a run without faults: fast clock, both threads, seed 1, the generated flight, crystals with
+    /// ordinary errors.
     #[must_use]
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
@@ -159,46 +163,49 @@ impl Setup {
     }
 }
 
-/// The observer of a run. Each of its functions may take any time, and it may end the run early; neither changes what
-/// the run does until then.
+/// The observer of a run. Each of its functions may take any time, and it may end the run early. Neither changes the
+/// results of the run up to then.
 pub trait Observer {
-    /// The run has come this far, in virtual nanoseconds.
+    /// The run has reached the instant `virtual_ns`.
     fn progress(&mut self, virtual_ns: u64);
 
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read a whole, undamaged image in a transaction that was over at `virtual_ns`. It is
-    /// called before the [`progress`](Self::progress) that has reached that instant, in order of time.
+    /// The flight controller has read a whole, undamaged image in a transaction that ended at `virtual_ns`. The
+    /// function is called in order of time, before the call of [`progress`](Self::progress) for that instant.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
 
     /// The flight controller has read Port-Status and, after it, the base station's uplink: 128 bytes, of which
-    /// Port-Status is intact. It is called like [`image`](Self::image), in runs whose [`Setup::writes`] is set.
+    /// Port-Status is intact. The function is called like [`image`](Self::image), in runs whose [`Setup::writes`] is
+    /// set.
     fn port(&mut self, virtual_ns: u64, port: &[u8]) {
         let _ = (virtual_ns, port);
     }
 
-    /// Returns the base station's uplink that has arrived by radio, if any: the flight controller writes it in its next
-    /// transaction. It is called after each [`progress`](Self::progress).
+    /// Returns an uplink of the base station that has arrived by radio, if any. The flight controller writes it in its
+    /// next transaction. The function is called after each [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// The interval at which the run can end early, virtual ns: a multiple of 10 ms. The default is never.
+    /// The length of a piece of the run, after each of which the run can end early, virtual ns: a multiple of 10 ms.
+    /// The default never ends it early.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
 
-    /// Whether the run ends here; called after each piece.
+    /// Whether the run ends here; called after each piece of the run.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// Returns faults to add to those of the setup; called after each piece, which ended at `virtual_ns`. No episode
-    /// may begin before [`AHEAD_NS`] after that. The judge gets them like those of the setup.
+    /// Returns faults to add to those of the setup. The function is called after each piece of the run, which ended at
+    /// `virtual_ns`. No episode may begin earlier than [`AHEAD_NS`] after that instant. The judge gets these faults
+    /// like those of the setup.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
@@ -214,13 +221,13 @@ impl Observer for () {
 /// The outcome of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The figures. The caller fills in [`crate::report::Speed`], because this crate reads no wall clock.
+    /// The figures of the run. The caller fills in [`crate::report::Speed`], because this crate reads no wall clock.
     pub report: Report,
     /// The judge's verdict on the event log.
     pub verdict: Verdict,
     /// The base station, with its history.
     pub base: BaseStation,
-    /// Every log line of both boards: board, line.
+    /// Every log line of both boards, each with its board.
     pub logs: Vec<(&'static str, String)>,
     /// The outcome of each phase of [`Setup::sweep`].
     pub phases: Vec<Phase>,
@@ -257,7 +264,7 @@ pub enum Error {
 }
 
 /// The whole bench: both boards, their front ends, the air, the receivers, the flight controller and the base station.
-/// A clone that runs on does exactly, byte for byte, what the original does.
+/// A clone that runs on gives exactly the same result, byte for byte, as the original.
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link, C>,
@@ -278,7 +285,7 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
-/// A board with this image, which is loaded or found in the memory that the part kept.
+/// A board with this program, which is loaded into its part or was found in the memory that the part had kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -307,7 +314,7 @@ impl<C: Cost> Bench<C> {
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
-        // The expansion boards supply the chip from the 5 V of their header.
+        // The expansion boards supply the front end's chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -356,8 +363,8 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and its
-    /// surroundings.
+    /// Runs the bench to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and
+    /// the DPR's surroundings.
     ///
     /// # Errors
     ///
@@ -374,7 +381,7 @@ impl<C: Cost> Bench<C> {
         })
     }
 
-    /// A trace of the bench, which begins here.
+    /// A trace of the bench's wires and tasks, which begins now.
     fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
         let Relay { a, b, upstream, downstream } = &mut self.relay;
         let horus = TaskWatch::new(trace::Board::Horus, a, horus_tx_fw::task::TASKS);
@@ -415,19 +422,19 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The violations in the part of the run that is judged already: all but the last few milliseconds.
+    /// The violations in the part of the run that has been judged: all but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// Adds faults to those of the setup; they must lie ahead of the instant that both boards have reached.
+    /// Adds faults to those of the setup. They must begin after the instant that both boards have reached.
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// The outcome of the run so far, which has reached `reached` (virtual ns).
+    /// The outcome of the run so far, up to `reached` (virtual ns).
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -451,7 +458,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // Digits beyond the fourth carry no information.
+    // Digits of the load beyond the fourth carry no information.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -535,7 +542,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
     kept.finish(bench, end)
 }
 
-/// The outputs of a run that are written as it goes: logs, trace, event log, picture.
+/// The outputs that are written while the run is in progress: logs, trace, event log, picture.
 struct Outputs {
     setup: Setup,
     trace: Option<Trace>,
@@ -667,14 +674,14 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// A front end as the link uses it: frames that its settings cannot send do not arrive, and frames that they cannot
-/// receive are lost.
+/// The settings of a front end for use on the link: frames that the given settings cannot send do not arrive, and
+/// frames that they cannot receive are lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// The receivers with their messages.
+/// The receivers of the run, each with the source of its messages.
 fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogError> {
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {

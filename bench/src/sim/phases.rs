@@ -1,17 +1,17 @@
-//! Places transactions around a frame's end, in every phase.
+//! Places transactions around a frame's end, in every phase relative to it.
 //!
 //! # Design
 //!
-//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an arbitrary instant.
-//! Some of these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes each of
-//! them happen. In every HORUS cycle it places transactions around the end of a frame, at a phase that advances by a
-//! fixed step and is relative to the frame's last bit at the antenna. Errors of crystals and the scatter of the front
-//! end therefore do not blur it.
+//! A flight controller's control cycle is not synchronous to HORUS, so each of its transactions meets the DPR's work at
+//! an arbitrary instant. Some coincidences last 100 ns: at a control cycle of 4 ms they occur once in minutes. A
+//! [`Sweep`] makes each of them occur. In every HORUS cycle it places transactions around the end of a frame, at a
+//! phase that advances by a fixed step and is relative to the frame's last bit at the antenna. Errors of crystals and
+//! the scatter of the front end therefore do not change the phase.
 //!
-//! The end of a frame is known at its beginning, because frames of one length take the same time. The first frame of
-//! each length is measured.
+//! The bench calculates the end of a frame at the frame's beginning, because frames of one length take the same time.
+//! It measures that time with the first frame of each length.
 //!
-//! A [`Phase`] holds the outcome of each phase; the judge judges a swept run like any other.
+//! A [`Phase`] holds what happened at one phase of the sweep; the judge judges a run with a sweep like any other run.
 
 use std::collections::BTreeMap;
 
@@ -21,47 +21,47 @@ use profile::{Layout, air};
 /// The edge of chip select by which a transaction is placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
-    /// The falling edge, its beginning.
+    /// The falling edge of chip select, at which the transaction begins.
     Falls,
-    /// The rising edge, its end.
+    /// The rising edge of chip select, at which the transaction ends.
     Rises,
 }
 
-/// A transaction relative to a phase.
+/// A transaction whose instant is relative to a phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Placement {
     /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// The time from the phase's instant to the edge, ns; negative values are before it.
+    /// The time from the phase's instant to the edge, ns; negative if the edge comes first.
     pub after_ns: i64,
     /// The number of bytes that are clocked; `None` for the whole image.
     pub bytes: Option<usize>,
 }
 
-/// The phases of a sweep and the transactions at each.
+/// The phases of a sweep and the transactions at each phase.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
-    /// The frame of a cycle around whose end they are placed, from 0.
+    /// The frame of a cycle around whose end the transactions are placed, from 0.
     pub frame: usize,
-    /// The first phase, ns after the frame's last bit.
+    /// The first phase, as a time after the frame's last bit, ns.
     pub from_ns: i64,
-    /// The last phase at most, ns after the frame's last bit.
+    /// The upper limit of the phases, as a time after the frame's last bit, ns.
     pub to_ns: i64,
     /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// The transactions of one cycle, in order of time. Several patterns take turns at each phase.
+    /// Patterns of transactions, each for one cycle and in order of time. Several patterns take turns at each phase.
     pub patterns: Vec<Vec<Placement>>,
 }
 
 impl Sweep {
-    /// The number of cycles that it takes.
+    /// The number of HORUS's cycles that the sweep takes.
     #[must_use]
     pub fn cycles(&self) -> u64 {
         let width = u64::try_from(self.to_ns - self.from_ns).unwrap_or(0);
         (width / self.step_ns + 1) * self.patterns.len() as u64
     }
 
-    /// The phase and the pattern of a cycle of the sweep; `None` once it is over.
+    /// The phase and the index of the pattern in this cycle of the sweep; `None` if the sweep is over.
     fn at(&self, cycle: u64) -> Option<(i64, usize)> {
         let patterns = self.patterns.len() as u64;
         let step = i64::try_from(cycle / patterns * self.step_ns).ok()?;
@@ -70,21 +70,21 @@ impl Sweep {
     }
 }
 
-/// The outcome of one phase.
+/// The events at one phase of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Phase {
-    /// The phase, ns after the frame's last bit.
+    /// The phase, as a time after the frame's last bit, ns.
     pub phase_ns: i64,
-    /// The index of the sweep's pattern that was placed there.
+    /// The index of the sweep's pattern of transactions that was placed at this phase.
     pub pattern: usize,
     /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// The events of the wires and the SPIS up to the next phase, each with its instant, ns after the frame's last bit.
-    /// Each kind is in order of time.
+    /// The events of the wires and the SPIS up to the next phase, each with its time after the frame's last bit, ns.
+    /// The events of each kind are in order of time.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// An event of the wires or the SPIS in a phase.
+/// An event of the wires or of the SPIS that belongs to a phase of the sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.
@@ -100,13 +100,13 @@ pub enum PhaseEvent {
 }
 
 impl Phase {
-    /// The instant of FRESH's first rise, ns after the frame's last bit; `None` if it did not rise.
+    /// The time from the frame's last bit to the first rise of FRESH, ns; `None` if FRESH did not rise.
     #[must_use]
     pub fn fresh_ns(&self) -> Option<i64> {
         self.events.iter().find(|(_, event)| *event == PhaseEvent::FreshRises).map(|(at, _)| *at)
     }
 
-    /// The longest time from chip select rising to readiness, ns.
+    /// The longest time from a rise of chip select until the SPIS was ready again, ns.
     #[must_use]
     pub fn ready_ns(&self) -> i64 {
         self.longest(PhaseEvent::Deselected, PhaseEvent::Spis(SpisEvent::Ready))
@@ -118,7 +118,7 @@ impl Phase {
         self.longest(PhaseEvent::Spis(SpisEvent::Held), PhaseEvent::Spis(SpisEvent::Released))
     }
 
-    /// The longest time between a `begin` and the next `end`, ns.
+    /// The longest time from an event `begin` to the next event `end`, ns.
     fn longest(&self, begin: PhaseEvent, end: PhaseEvent) -> i64 {
         let (mut since, mut longest) = (None, 0);
         for &(at, event) in &self.events {
@@ -134,12 +134,12 @@ impl Phase {
     }
 }
 
-/// A sweep under way.
+/// A sweep that is in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frame around which the sweep is made.
+    /// LEN of the frame around whose end the transactions are placed.
     target: u8,
     /// The time that a frame with this LEN is on the air, ns.
     durations: BTreeMap<u8, u64>,
@@ -147,11 +147,11 @@ pub(super) struct Sweeping {
 }
 
 impl Sweeping {
-    /// A sweep of the link with `receivers` receivers.
+    /// Returns the beginning of a sweep of the link with `receivers` receivers.
     ///
     /// # Panics
     ///
-    /// Panics if its cycles have no such frame.
+    /// Panics if the cycles of this link have no frame with the sweep's number.
     pub(super) fn new(sweep: Sweep, receivers: usize) -> Self {
         let frame = Layout::for_receivers(receivers).and_then(|layout| layout.frame(sweep.frame));
         let payload = frame.expect("a frame of the link's cycles").length();
@@ -164,8 +164,8 @@ impl Sweeping {
         self.durations.insert(len, took);
     }
 
-    /// The transactions to place around the end of a frame with this LEN that began at `at`. Each has the chip select's
-    /// edge, its instant, and the bytes.
+    /// The transactions to place around the end of a frame with this LEN that began at `at`. Each has an edge of chip
+    /// select, the edge's instant, and the number of bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };
@@ -179,7 +179,7 @@ impl Sweeping {
         placed.collect()
     }
 
-    /// The phase under way.
+    /// The phase of the sweep that is in progress.
     pub(super) fn phase(&mut self) -> Option<&mut Phase> {
         self.phases.last_mut()
     }

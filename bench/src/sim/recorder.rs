@@ -1,8 +1,8 @@
 //! Writes and judges the event log of a run.
 //!
-//! Boards and world deliver their events in pieces, the HORUS side ahead of the DPR's, so events wait here until no
-//! earlier one can come. Then they are judged in order of time and, if the log is kept, stored. The order depends only
-//! on instants and on the events, never on which thread came first.
+//! Boards and world deliver their events in pieces, and the HORUS side is ahead of the DPR's side, so events wait here
+//! until no earlier event can come. Then they are judged in order of time and, if the log is kept, stored. The order
+//! depends only on the instants and the events, never on which thread delivered them first.
 
 use std::sync::Arc;
 
@@ -14,17 +14,17 @@ use gnss_sim::Flight;
 pub(super) struct Recorder {
     header: Header,
     waiting: Vec<Event>,
-    /// The instant before which everything is in the log, ns.
+    /// The instant before which all events are in the log, ns.
     released: u64,
     judge: Judge,
-    /// The aircraft's true flight, which the log gets at each tick, unless a recording is played.
+    /// The aircraft's true flight, whose position goes into the log at each tick; `None` if a recording is played.
     flight: Option<Arc<Flight>>,
-    /// The events released since they were last taken, where the log is kept.
+    /// The events released since they were last taken; `None` if the log is not kept.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
-    /// An empty log. `keep` stores released events for [`Recorder::take_kept`].
+    /// Returns an empty log. With `keep` it stores the released events for [`Recorder::take_kept`].
     pub(super) fn new(header: Header, flight: Option<Arc<Flight>>, keep: bool) -> Self {
         let judge = Judge::new(&header);
         Self { header, waiting: vec![], released: 0, judge, flight, kept: keep.then(Vec::new) }
@@ -39,7 +39,8 @@ impl Recorder {
     ///
     /// # Panics
     ///
-    /// Panics if the log already holds later events: the bench would have judged another run than the one that ran.
+    /// Panics if the log already holds later events, because the judge would then have judged another run than the one
+    /// that took place.
     pub(super) fn note(&mut self, at: u64, what: What) {
         assert!(at >= self.released, "{what:?} at {at} ns is told when the log has come to {} ns", self.released);
         self.waiting.push(Event { at, what });
@@ -52,13 +53,13 @@ impl Recorder {
         }
     }
 
-    /// Releases the events before `before` (ns), because no earlier one can come, and judges them.
+    /// Releases the events before `before` (ns), because no earlier event can come, and judges them.
     pub(super) fn release(&mut self, before: u64) {
         if before <= self.released {
             return;
         }
         self.released = before;
-        // The sort is stable: events of one instant and one rank stay in the order of their arrival.
+        // The sort is stable, so events of one instant and one rank stay in the order in which they came.
         self.waiting.sort_by_key(|event| (event.at, event.what.rank()));
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {
@@ -78,7 +79,7 @@ impl Recorder {
         self.kept.get_or_insert_default();
     }
 
-    /// Takes the events released since the last call, where the log is kept.
+    /// Takes the events released since the last call; there are none if the log is not kept.
     pub(super) fn take_kept(&mut self) -> Vec<Event> {
         self.kept.as_mut().map(std::mem::take).unwrap_or_default()
     }
@@ -89,7 +90,7 @@ impl Recorder {
     }
 
     /// Ends the run at `end` (ns). Returns the verdict and the part of the log that was not taken yet. Events after
-    /// `end` are not part of the run; they occur because a board stops at its first instruction boundary after it.
+    /// `end` are not part of the run; they occur because a board completes its last instruction after that instant.
     pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
@@ -99,7 +100,7 @@ impl Recorder {
     }
 }
 
-/// The event with the aircraft's position at a tick at `at`, ns.
+/// The event that has the aircraft's true position at a tick at `at` (ns).
 fn aircraft(flight: &Flight, at: u64) -> Event {
     let place = flight.state(at as f64 / 1e9).position;
     let billionths = |degrees: f64| (degrees * 1e9).round() as i64;

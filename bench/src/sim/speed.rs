@@ -1,28 +1,28 @@
 //! Measures the speed of the bench.
 //!
-//! It is measured here and not by the caller, because generic code is compiled with the options of the crate that names
-//! its types: a caller that is not optimised would measure another bench than the one that [`super::run`] runs.
+//! The measurement is here and not in the caller, because generic code is compiled with the options of the crate that
+//! names its types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
 
 use std::time::Instant;
 
 use super::{Bench, Error, Setup};
 
-/// The number of runs. The shortest counts, because other work on this machine delayed it least.
+/// The number of runs. The shortest one counts, because other work on the machine delayed it least.
 const RUNS: usize = 3;
 
-/// The number of copies of the running bench. The shortest time counts.
+/// The number of copies of the running bench that are made. The shortest time of a copy counts.
 const COPIES: usize = 100;
 
 /// The cost of one virtual second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// The seconds of this machine for a virtual second.
+    /// The time that this machine takes for a virtual second, s.
     pub seconds: f64,
-    /// The number of instructions that HORUS's core executes in it.
+    /// The number of instructions that HORUS's core executes in a virtual second.
     pub horus: f64,
-    /// The number of instructions that the DPR's core executes in it.
+    /// The number of instructions that the DPR's core executes in a virtual second.
     pub dpr: f64,
-    /// The duration of a copy of the whole bench, s.
+    /// The time that a copy of the whole bench takes, s.
     pub copy: f64,
 }
 

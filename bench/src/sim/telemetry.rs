@@ -1,4 +1,5 @@
-//! Reads the firmwares' own counters from RAM as a debug probe does, as evidence beside what is observed from outside.
+//! Reads the firmwares' own counters from RAM, as a debug probe does. They are evidence beside what is observed at the
+//! pins.
 
 use std::mem::offset_of;
 
@@ -17,7 +18,7 @@ const HORUS: [(&str, usize); 3] = [
     ("rf_faults", offset_of!(HorusTelemetry, rf_faults)),
 ];
 
-/// The counter `offset` bytes into the telemetry called `symbol`; `None` in an image that has none.
+/// The counter that lies `offset` bytes into the telemetry called `symbol`; `None` in a program without such telemetry.
 #[must_use]
 pub fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize) -> Option<u32> {
     let mut word = [0; 4];
@@ -26,7 +27,7 @@ pub fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize
     Some(u32::from_le_bytes(word))
 }
 
-/// The DPR's counter called `name`; `None` in an image that has none.
+/// The DPR's counter called `name`; `None` in a program without telemetry.
 ///
 /// # Panics
 ///
@@ -37,7 +38,7 @@ pub fn of_dpr<C: Cost>(node: &Node<Dpr, C>, name: &str) -> Option<u32> {
     counter(node, "DPR_TELEMETRY", 4 * index)
 }
 
-/// Every counter that is evidence.
+/// Every counter of the firmwares that the judge gets as evidence.
 pub(super) fn counters<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let of_horus = |name: String, offset| {
         let value = counter(horus, "HORUS_TELEMETRY", offset);

@@ -23,24 +23,24 @@ use gnss_sim::Port;
 /// The time for which the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise one second; receivers
-/// take some tens of milliseconds.
+/// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise an answer within one
+/// second; real receivers take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
-/// The time after a change of its bit rate for which a receiver may ignore its input, ns: u-blox integration manuals,
+/// The time for which a receiver may ignore its input after a change of its bit rate, ns: u-blox integration manuals,
 /// "UART interfaces", "a short time delay of typically 100 ms".
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
 /// The time for which a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
 
-/// A receiver and its pending messages.
+/// A receiver and the messages that it will send.
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
-    /// The instant at which its next burst begins, ns; `u64::MAX` for never.
+    /// The instant at which the receiver's next burst begins, ns; `u64::MAX` for never.
     burst_at: u64,
-    /// Answers to its input, each with its instant (ns).
+    /// The receiver's answers to its input, each with its instant (ns).
     answers: VecDeque<(u64, Vec<u8>)>,
-    /// The instant before which it ignores its input, ns.
+    /// The instant before which the receiver ignores its input, ns.
     deaf_until: u64,
 }
 
@@ -50,12 +50,12 @@ impl Feed {
         Self { receiver, burst_at, answers: VecDeque::new(), deaf_until: 0 }
     }
 
-    /// The instant at which it next sends, ns.
+    /// The instant at which the receiver next sends, ns.
     fn next_at(&self) -> u64 {
         self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
     }
 
-    /// Takes its next message at `at` (ns) or before.
+    /// Takes the receiver's next message, if it is due at `at` (ns) or earlier.
     fn take(&mut self, at: u64) -> Option<Burst> {
         if self.next_at() > at {
             return None;
@@ -68,7 +68,7 @@ impl Feed {
         burst
     }
 
-    /// Passes on a byte from HORUS that has arrived by `at` (ns); `None` for an unreadable one.
+    /// Passes to the receiver a byte from HORUS that had arrived by `at` (ns); `None` for an unreadable byte.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
             return;
@@ -83,7 +83,7 @@ impl Feed {
         }
     }
 
-    /// Restarts it at `at` (ns) with its saved settings lost.
+    /// Restarts the receiver at `at` (ns) with its saved settings lost.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;
@@ -92,20 +92,20 @@ impl Feed {
     }
 }
 
-/// HORUS's surroundings.
+/// HORUS's surroundings: its receivers, the antenna of its front end, and their faults.
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each receiver as last logged: its dynamic model, and whether it outputs positions.
+    /// The settings of each receiver as last logged: its dynamic model, and whether it sends positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
     events: BoardEvents,
     wires: Wires,
     seed: u64,
-    /// The marks of the pin TICK, while there is a trace.
+    /// The marks of the pin TICK for the trace; empty if there is no trace.
     marks: Vec<Mark>,
-    /// HORUS's tasks, while there is a trace.
+    /// The watch on HORUS's tasks for the trace; `None` if there is no trace.
     tasks: Option<TaskWatch>,
 }
 
@@ -140,7 +140,7 @@ impl Receivers {
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
             self.events.note(at, What::Tick);
             if self.tasks.is_some() {
-                // The pin is high for a constant time before each tick.
+                // The pin TICK rises a constant time before each tick.
                 let rose = at.saturating_sub(TICK_PULSE_NS);
                 self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
             }
@@ -180,17 +180,17 @@ impl Receivers {
         }
     }
 
-    /// Passes what is on the lines to the board and into the log.
+    /// Passes the frames and bytes of `lines` to the board and into the log.
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
             if Port::OF[receiver] != Port::Uart1 {
-                // What is read of it, and when, the board tells.
+                // On a bus the bytes are only offered; the board reports later which of them the part read, and when.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // Frames at the usual rate are converted to the receiver's.
+            // Frames at the link's usual bit rate are converted to the receiver's bit rate.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
@@ -200,7 +200,7 @@ impl Receivers {
     }
 }
 
-/// Converts the well-formed frames in `frames` from the usual rate to `baud`.
+/// Converts the well-formed frames in `frames` from the link's usual bit rate to `baud`.
 fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     let at = |frame: UartFrame| {
         let byte = frame.data as u8;
@@ -209,20 +209,21 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// The longest time that a byte takes to cross a receiver's bus, ns: 29 µs on I2C. It is logged as of its beginning.
+/// The longest time that a byte takes on a receiver's bus, ns: 29 µs on I2C. The byte is logged with the instant of its
+/// beginning.
 const ON_THE_WAY: u64 = 100_000;
 
-/// The reports of the HORUS board, which runs ahead.
+/// The reports of the HORUS board, which runs ahead of the DPR.
 #[derive(Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,
     /// The traffic between the part and its front end; empty unless there is a trace.
     pub(super) crossings: Vec<(u64, Crossing)>,
-    /// The other marks for a trace: the pin TICK and the tasks.
+    /// The marks for a trace that are not of the front end: those of the pin TICK and of the tasks.
     pub(super) marks: Vec<Mark>,
-    /// The instant since which a transaction with a receiver may be under way, ns: its bytes are logged when it is
-    /// over, and its first becomes known only when it has crossed.
+    /// The instant since which a transaction with a receiver may be under way, ns. The bytes of a transaction are
+    /// logged when it is over, and the first byte is known only when it has been transferred.
     pub(super) untold_since: u64,
 }
 
@@ -292,7 +293,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     let now = node.now();
                     if begins {
                         self.events.injected(now, episode);
-                        // Episodes that begin at other instants have other random numbers.
+                        // Episodes that begin at different instants have different random numbers.
                         let seed = self.seed ^ episode.at;
                         node.board_mut(|board| board.receivers.begin_fault(now, receiver, fault, seed));
                     } else {
@@ -324,7 +325,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // Earlier ticks have crossed the wire as it was before.
+                    // Ticks before this change passed through the wire with its earlier faults.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -9,14 +9,14 @@ use super::fst::FstFile;
 use super::signals::{Id, Signals, Value};
 use super::vcd::VcdFile;
 
-/// A file being written, in the format of its name's ending.
+/// A trace file that is being written, in the format that its name's ending selects.
 pub(super) enum TraceFile {
     Vcd(VcdFile),
     Fst(Box<FstFile>),
 }
 
 impl TraceFile {
-    /// Creates the file with its list of signals.
+    /// Creates the trace file at `path`, and writes the list of signals into it.
     pub(super) fn create(path: &Path, signals: &Signals) -> Result<Self, Error> {
         let failed = |source| Error::Io { path: path.to_owned(), source };
         match path.extension().and_then(OsStr::to_str) {
@@ -40,7 +40,7 @@ impl TraceFile {
         Ok(())
     }
 
-    /// Begins the changes at `at` (ns), which must be later than every instant before.
+    /// Begins the changes at the instant `at` (ns), which must be later than every instant before.
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.time(at),
@@ -48,7 +48,7 @@ impl TraceFile {
         }
     }
 
-    /// Writes that signal `id`, `bits` wide, takes `value`.
+    /// Writes a change: signal `id`, which has `bits` bits, gets the value `value`.
     pub(super) fn change(&mut self, id: Id, bits: u32, value: Value) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.change(id, bits, value),

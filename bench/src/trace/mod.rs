@@ -1,9 +1,10 @@
-//! Writes the wires and the tasks of a run to a file for GTKWave, Surfer and sigrok.
+//! Writes the wires and the tasks of a run to a file for the viewers GTKWave, Surfer and sigrok.
 //!
 //! # Formats
 //!
-//! The file's ending selects the format. sigrok's importer only reads VCD, and only its one-bit wires; GTKWave and
-//! Surfer read both. For 10 s of the link with three receivers, `cargo xtask sim --seconds 10 --trace run.fst`:
+//! The ending of the file's name selects the format. sigrok imports only VCD, and only the one-bit wires in it; GTKWave
+//! and Surfer read both formats. The table is for 10 s of the link with three receivers, `cargo xtask sim --seconds 10
+//! --trace run.fst`:
 //!
 //! | ending | format | size |
 //! |---|---|---|
@@ -21,14 +22,14 @@
 //! | `dpr.tasks` | as `horus.tasks` |
 //! | `ssi` | the flight controller's SPI, FRESH, the age that the image's Link-Status carries |
 //!
-//! A task's signal is 1 from the entry of its handler to its end; where a more urgent task preempts it, it stays 1, and
-//! `..._running` has the number of the exception that runs. `..._idle` is thread mode with the core awake, `..._asleep`
-//! the core sleeping, and `..._other` stands for exceptions that are not in the firmware's table of tasks.
+//! A task's signal is 1 from the entry of its handler to its end. It stays 1 while a more urgent task preempts the
+//! task; `..._running` has the number of the exception that runs. `..._idle` is 1 in thread mode with the core awake,
+//! `..._asleep` while the core sleeps, and `..._other` in exceptions that are not in the firmware's table of tasks.
 //!
-//! The models exchange whole bytes, each at the end of its eighth clock; the clock edges and data bits of a byte are
-//! drawn back from there at the bus's clock rate. A byte's signal has its value from its first clock until the next
-//! byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive slightly out of order, because the
-//! boards run up to the scheduler's lookahead apart, so they wait in a window before they are written.
+//! The models exchange whole bytes, each at the end of its eighth clock. The trace draws the clock edges and data bits
+//! of a byte back from there at the bus's clock rate. A byte's signal has its value from the byte's first clock until
+//! the next byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive slightly out of order,
+//! because the boards run apart by up to the scheduler's lookahead, so they wait in a window before they are written.
 
 mod file;
 mod fst;
@@ -46,8 +47,7 @@ use signals::{BUSES, Id, Signals, Value};
 pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
 pub use tasks::TaskWatch;
 
-/// The age up to which an event may still be placed, ns: more than the longest byte and the greatest lookahead
-/// together.
+/// The age up to which an event may still come, ns: more than the longest byte and the greatest lookahead together.
 const WINDOW_NS: u64 = 200_000;
 
 /// The reason why a trace cannot be written.
@@ -68,14 +68,14 @@ pub enum Error {
         /// The operating system's error.
         source: io::Error,
     },
-    /// An event came after the trace had been written up to a later instant.
+    /// An event came after the trace had been written up to an instant later than the event's.
     #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
     Late {
         /// The signal.
         signal: String,
-        /// The instant at which it changed, ns.
+        /// The instant of the late event, ns.
         at: u64,
-        /// The instant up to which the trace is written, ns.
+        /// The instant up to which the trace had already been written, ns.
         written: u64,
     },
 }
@@ -83,27 +83,28 @@ pub enum Error {
 /// An event of a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
-    /// The wire took a level at the instant (ns).
+    /// A wire took this level at this instant (ns).
     Level(u64, Wire, bool),
-    /// The number took a value at the instant (ns), or ended.
+    /// A number took this value at this instant (ns), or has no value from then on.
     Word(u64, Word, Option<u64>),
-    /// A byte crossed the bus, controller to chip and back; its eighth clock ended at the instant (ns), at this rate in
-    /// Hz.
+    /// A byte was transferred on a bus in each direction: the instant (ns) at which its eighth clock ended, the byte to
+    /// the chip, the byte from the chip, and the clock rate in Hz.
     Byte(u64, Bus, u8, u8, u32),
-    /// A board's tasks changed at the instant (ns): [`TaskWatch`] makes these.
+    /// A signal about a board's tasks changed at this instant (ns): [`TaskWatch`] makes these events.
     Task(u64, Board, TaskSignal, u64),
 }
 
-/// A file being written.
+/// A trace whose file is being written.
 pub struct Trace {
     path: PathBuf,
     file: TraceFile,
     signals: Signals,
     /// The values of the signals at the last written instant.
     values: Vec<Value>,
-    /// Events not yet written, by time; the last of several on one signal at one instant counts.
+    /// Events that have not been written yet, by their instants. If several concern one signal at one instant, the last
+    /// one counts.
     waiting: BTreeMap<(u64, Id), Value>,
-    /// The instant before which everything is written, ns.
+    /// The instant before which all events are written, ns.
     written: u64,
     /// Whether the values at 0 ns are written.
     begun: bool,
@@ -123,7 +124,7 @@ impl Trace {
         Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
     }
 
-    /// Takes events.
+    /// Takes events of the trace, which may be slightly out of order.
     pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
         for mark in marks {
             match mark {
@@ -147,14 +148,14 @@ impl Trace {
         }
     }
 
-    /// Draws a byte that has crossed a bus: its eighth clock ended at `at` (ns), at `hz`.
+    /// Draws a byte that was transferred on a bus at the clock rate `hz`: its eighth clock ended at `at` (ns).
     fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
         let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
         let bit = |byte: u8, bit: u64| Some(u64::from(byte >> (7 - bit) & 1));
         for nth in 0..8 {
             let left = 2 * (8 - nth);
             let (low, high, fall) = (half(left), half(left - 1), half(left - 2));
-            // The clock has a low half, then a high half in mode 0, and the reverse in mode 1.
+            // In SPI mode 0 each clock has a low half, then a high half; in mode 1 it has a high half first.
             let (rise, fall) = if bus.changes_on_rise { (low, high) } else { (high, fall) };
             self.set(low, Signals::wire(bus.mosi), bit(mosi, nth));
             self.set(low, Signals::wire(bus.miso), bit(miso, nth));
@@ -165,7 +166,7 @@ impl Trace {
         self.set(half(16), Signals::word(bus.miso_byte), Some(u64::from(miso)));
     }
 
-    /// Writes the events that can no longer change: both boards have passed `now` (ns).
+    /// Writes the events before `now` (ns) that can no longer change, because both boards have passed that instant.
     ///
     /// # Errors
     ///
@@ -198,7 +199,7 @@ impl Trace {
         let Self { path, file, signals, values, written, begun, .. } = self;
         let failed = |source| Error::Io { path: path.clone(), source };
         if !std::mem::replace(begun, true) {
-            // Events at 0 ns belong to the state at the start.
+            // Events at 0 ns are written as the signals' values at the start.
             while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
                 let Id(place) = first.key().1;
                 values[place] = first.remove();

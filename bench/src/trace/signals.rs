@@ -24,7 +24,7 @@ pub enum Wire {
     HorusCs,
     /// HORUS: the front end's interrupt output.
     HorusIrq,
-    /// HORUS: the 10 ms timer begins its next cycle.
+    /// The 10 ms timer of HORUS begins its next cycle.
     HorusTick,
     /// The poller's carrier.
     Field,
@@ -52,10 +52,10 @@ pub enum Wire {
     Fresh,
 }
 
-/// A number of the trace, several bits wide.
+/// A signal of the trace that is a number of several bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// The byte to HORUS's front end, from its first clock on.
+    /// The byte to HORUS's front end, from the byte's first clock on.
     HorusMosiByte,
     /// The byte from HORUS's front end.
     HorusMisoByte,
@@ -69,11 +69,12 @@ pub enum Word {
     SsiMosiByte,
     /// The byte from the DPR.
     SsiMisoByte,
-    /// The age of Reported-Position in the image that was read last, in units of 100 µs, from its Link-Status.
+    /// The age of Reported-Position from Link-Status in the image that was read last, in units of 100 µs.
     LinkStatusAge,
 }
 
-/// The one-bit signals: group, name, level at the start. sigrok drops the groups, so the names alone must be unique.
+/// The one-bit signals, each with its group, its name and its level at the start. sigrok drops the groups, so the names
+/// alone must be unique.
 const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
@@ -95,7 +96,7 @@ const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::Fresh, "ssi", "ssi_fresh", false),
 ];
 
-/// A number: group, name, bits.
+/// The signals that are numbers, each with its group, its name and its width in bits.
 const WORDS: [(Word, &str, &str, u32); 8] = [
     (Word::HorusMosiByte, "horus", "horus_mosi_byte", 8),
     (Word::HorusMisoByte, "horus", "horus_miso_byte", 8),
@@ -116,7 +117,7 @@ pub struct Bus {
     pub(super) cs: Wire,
     pub(super) mosi_byte: Word,
     pub(super) miso_byte: Word,
-    /// Data changes on the clock's rising edge (mode 1) rather than before it (mode 0).
+    /// Whether data change on the clock's rising edge (mode 1) or before it (mode 0).
     pub(super) changes_on_rise: bool,
 }
 
@@ -154,19 +155,19 @@ pub const SSI: Bus = Bus {
 /// Every bus.
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
-/// A signal's index in the list of all.
+/// A signal's index in the list of all signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(pub(super) usize);
 
-/// A signal's value: a number, or none (high impedance, `z`).
+/// A signal's value: a number, or `None` for high impedance (`z`).
 pub(super) type Value = Option<u64>;
 
 /// A signal of the trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signal {
-    /// The groups, from the outermost inward.
+    /// The groups that contain the signal, from the outermost inward.
     pub(super) group: Vec<&'static str>,
-    /// The name in letters, digits and underscores, which every viewer accepts.
+    /// The signal's name, in letters, digits and underscores, which every viewer accepts.
     pub(super) name: String,
     pub(super) bits: u32,
     pub(super) start: Value,
@@ -175,20 +176,20 @@ pub(super) struct Signal {
 /// A task of a firmware.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Task {
-    /// Its name in the firmware's sources.
+    /// The task's name in the firmware's sources.
     pub name: &'static str,
-    /// Its interrupt vector, in the part's manual's terms.
+    /// The task's interrupt vector, as the part's manual names it.
     pub vector: &'static str,
-    /// The number of its exception in the image: 16 + n for interrupt n.
+    /// The number of the task's exception in the program: 16 + n for interrupt n.
     pub exception: u16,
 }
 
 /// One of a board's signals about its tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskSignal {
-    /// The task of this number in the board's list is active, whether it runs or a more urgent one preempts it.
+    /// The task with this number in the board's list is active, whether it runs or a more urgent task preempts it.
     Entered(usize),
-    /// An exception that is not in the list is active.
+    /// An exception that is not in the list of tasks is active.
     Other,
     /// No exception is active and the core is awake: thread mode.
     Idle,
@@ -202,12 +203,12 @@ pub enum TaskSignal {
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
-    /// Where each board's task signals begin, and the number of its tasks.
+    /// For each board, the index of its first task signal and the number of its tasks.
     boards: [(usize, usize); 2],
 }
 
 impl Signals {
-    /// The wires, the numbers, and each board's tasks.
+    /// The signals of a trace: the wires, the numbers, and the tasks of each board.
     pub(super) fn new(horus: &[Task], dpr: &[Task]) -> Self {
         let bit = |level: bool| Some(u64::from(level));
         let wires = WIRES.iter().map(|&(_, group, name, level)| Signal {
@@ -239,12 +240,12 @@ impl Signals {
         Self { all, boards }
     }
 
-    /// Every signal, at the index of its [`Id`].
+    /// All signals; each is at the index of its [`Id`].
     pub(super) fn all(&self) -> &[Signal] {
         &self.all
     }
 
-    /// Every signal, ordered by group; the groups within a group follow its own signals.
+    /// Every signal, ordered by group. A group's own signals come before the groups within it.
     pub(super) fn by_group(&self) -> Vec<(Id, &Signal)> {
         let mut groups: Vec<&'static str> = vec![];
         for signal in &self.all {
@@ -282,13 +283,13 @@ impl Signals {
 }
 
 impl fmt::Display for Task {
-    /// The task's name as a signal: `rf_irq_EXTI3`.
+    /// The task's name as that of a signal: `rf_irq_EXTI3`.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}_{}", self.name, self.vector)
     }
 }
 
-/// The digits of `value` in both formats, most significant first; `z` where nothing drives the signal.
+/// The digits of `value` as both file formats write them, most significant first; `z` where nothing drives the signal.
 pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     (0..bits).rev().map(move |bit| match value {
         Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
@@ -296,7 +297,7 @@ pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Calls `open` and `close` for the groups that lie between those of one signal and those of the next.
+/// Calls `close` for each group that ends and `open` for each group that begins between one signal and the next.
 pub(super) fn regroup<T>(
     to: &mut T,
     from: &[&'static str],

@@ -60,7 +60,7 @@ impl VcdFile {
             let value = digits(1, value).map(digit).next().unwrap_or(vcd::Value::X);
             return self.writer.change_scalar(self.codes[place], value);
         }
-        // Repeated leading digits are left out; a reader restores them (18.2.1).
+        // Repeated leading digits of a value are left out; the reader of the file restores them (18.2.1).
         let needed = value.map_or(1, |value| (u64::BITS - value.leading_zeros()).clamp(1, bits));
         self.writer.change_vector(self.codes[place], digits(needed, value).map(digit))
     }

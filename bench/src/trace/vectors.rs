@@ -1,9 +1,10 @@
-//! The interrupts of the two parts by name. An image alone does not identify them: the compiler merges handlers with
-//! the same code, and several vectors then lead to one function with several names.
+//! The interrupts of the two parts by name. A program alone does not identify them: the compiler merges handlers with
+//! the same code, so several vectors lead to one function that has several names.
 
 use super::Board;
 
-/// RM0090 table 63: the STM32F429's interrupts in the order of their numbers, with the names used in sources.
+/// The STM32F429's interrupts in the order of their numbers (RM0090 table 63), with the names that firmware sources
+/// use.
 const STM32F429: [&str; 91] = [
     "WWDG",
     "PVD",
@@ -98,7 +99,8 @@ const STM32F429: [&str; 91] = [
     "DMA2D",
 ];
 
-/// nRF52840 PS, "Instantiation": an interrupt's number is its peripheral's ID; empty where there is none.
+/// The nRF52840's interrupts in the order of their numbers (PS, "Instantiation"). An interrupt's number is the ID of
+/// its peripheral; the name is empty where there is none.
 const NRF52840: [&str; 48] = [
     "POWER_CLOCK",
     "RADIO",
@@ -150,7 +152,7 @@ const NRF52840: [&str; 48] = [
     "SPIM3",
 ];
 
-/// The exception number of `vector` in the board's part.
+/// The exception number of the interrupt called `vector` in the board's part.
 pub(crate) fn exception(board: Board, vector: &str) -> Option<u16> {
     let interrupts = match board {
         Board::Horus => &STM32F429[..],

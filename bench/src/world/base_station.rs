@@ -1,8 +1,8 @@
 //! The base station, the final receiver of the profiles.
 //!
 //! The crate [`base_station`], which a real base station also runs, judges, keeps and shows the profiles. This module
-//! adds the end of the radio link before it, and a history beside it, so that a test can compare what was shown, to the
-//! last bit, with what the receivers sent.
+//! adds the end of the radio link, and a history, so that a test can compare the shown positions with those that the
+//! receivers sent, to the last bit.
 
 use core::fmt;
 use std::collections::VecDeque;
@@ -12,47 +12,47 @@ use base_station::{Bundle, Drone, Intact};
 use profile::ssi::client::Shown;
 use profile::{Layout, MAX_RECEIVERS, Object};
 
-/// The number of profiles in the history, eleven minutes; older ones are dropped.
+/// The number of profiles in the history, which is eleven minutes; older profiles are dropped.
 pub const HISTORY: usize = 65_536;
 
-/// A position as it was shown. Unknown values are NaN.
+/// A position as the base station showed it. Unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// The latitude, degrees north.
+    /// The latitude of the position, degrees north.
     pub latitude: f64,
     /// The longitude, degrees east.
     pub longitude: f64,
     /// The height, metres above the ellipsoid.
     pub altitude: f64,
-    /// Whether its object's status marks the position as valid.
+    /// Whether the object's status marks the position as valid.
     pub valid: bool,
-    /// Whether its object's status marks the attitude as valid.
+    /// Whether the object's status marks the attitude as valid.
     pub oriented: bool,
 }
 
-/// One profile as it was shown.
+/// One profile as the base station showed it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Entry {
-    /// The instant at which its last byte arrived, ns.
+    /// The instant at which the profile's last byte arrived, ns.
     pub at_ns: u64,
     /// The timestamp, ms since HORUS start.
     pub timestamp: u32,
     /// Reported-Position, if that object was accepted.
     pub reported: Option<Position>,
-    /// GPS1 to GPS5, if accepted.
+    /// GPS1 to GPS5, each `None` if that object was not accepted.
     pub gps: [Option<Position>; MAX_RECEIVERS],
 }
 
-/// A profile that arrived.
+/// A profile that arrived at the base station.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Arrival {
-    /// Its bytes as they arrived.
+    /// The bytes of the profile as they arrived.
     pub profile: Vec<u8>,
     /// The objects that the base station treats as valid: bit 0 Reported-Position, bit n GPSn.
     pub shown: u8,
 }
 
-/// A base station. See the [module](self).
+/// A base station. The [module](self) describes it.
 #[derive(Debug, Clone)]
 pub struct BaseStation {
     layout: Layout,
@@ -84,7 +84,7 @@ impl BaseStation {
         }
     }
 
-    /// Takes bytes that arrived at `at_ns`. Returns the profiles that they completed.
+    /// Takes bytes that arrived at `at_ns`. Returns the profiles that these bytes completed.
     pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) -> Vec<Arrival> {
         let mut arrivals = vec![];
         self.arrived_ns = at_ns;
@@ -114,12 +114,12 @@ impl BaseStation {
         self.bad_frames
     }
 
-    /// The intact profiles, oldest first: every profile with an intact object, the last [`HISTORY`] of them.
+    /// The profiles with at least one intact object, oldest first: the last [`HISTORY`] of them.
     pub fn history(&self) -> impl DoubleEndedIterator<Item = &Entry> + ExactSizeIterator {
         self.history.iter()
     }
 
-    /// Takes a profile. Returns its valid objects: bit 0 Reported-Position, bit n GPSn.
+    /// Takes a profile. Returns the objects of it that are valid: bit 0 Reported-Position, bit n GPSn.
     fn profile(&mut self, at_ns: u64, bundle: &Bundle<'_>) -> u8 {
         let verdicts = self.drone.take_bundle(at_ns / 1_000, bundle);
         let mut shown = 0;
@@ -162,7 +162,8 @@ impl BaseStation {
     }
 }
 
-/// The state at the latest arrival as text: a line per object, the alarms, then the figures of the link.
+/// Prints the base station's state at the latest arrival: a line for each object, the alarms, then the figures of the
+/// link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {} bad frames", self.drone.words(self.arrived_ns / 1_000), self.bad_frames)

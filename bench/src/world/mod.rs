@@ -1,9 +1,10 @@
-//! The world around the two boards: the aircraft's flight controller, which reads the DPR over SSI, and the base
-//! station, to which it forwards.
+//! The world around the two boards: the aircraft's flight controller, which reads the DPR over the SSI, and the base
+//! station, to which the flight controller forwards what it read.
 //!
-//! Neither runs our firmware, so neither is emulated: they are state machines in virtual time that use the wire format,
-//! through `profile`, and are independent of the boards' design. The flight controller reads and writes over the SSI;
-//! the base station only receives. Both check what they receive for freshness and damage, as the real ones do.
+//! Neither of the two runs firmware of this project, so neither is emulated. They are state machines in virtual time
+//! that use the wire format through the crate `profile`, and are independent of the boards' design. The flight
+//! controller reads and writes over the SSI; the base station only receives. Both check what they receive for freshness
+//! and damage, as the real ones do.
 //!
 //! | file | what |
 //! |---|---|

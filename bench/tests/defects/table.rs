@@ -1,11 +1,11 @@
-//! Defects that a hurried change could leave in the sources. Each has a small change of one file, the run of `cargo
-//! xtask sim` that shows it, and the violation that results.
+//! Defects that a hurried change could leave in the sources. Each defect has a small change of one file, the run of
+//! `cargo xtask sim` that shows the defect, and the violation that results.
 //!
-//! `cargo xtask defects` applies all of them to a copy of the workspace at once, each as a choice at run time, and runs
-//! each separately (`xtask/src/defects.rs`). Where the new text contains the word `DEFECT`, that is the choice;
-//! otherwise the old text runs without the defect, and the new text with it.
+//! `cargo xtask defects` applies all defects to a copy of the workspace at once, each as a choice at run time, and runs
+//! each separately (`xtask/src/defects.rs`). If the new text contains the word `DEFECT`, that word is the choice;
+//! otherwise the program has both texts, and runs the new one if the defect is chosen.
 //!
-//! A new defect is a row here. Its old text must occur exactly once in its file, and in no `const fn`.
+//! A new defect needs a row in this table. Its old text must occur exactly once in its file, and not in a `const fn`.
 
 use bench_judge::Violation;
 
@@ -19,12 +19,12 @@ pub(crate) struct Edit {
     pub(crate) new: &'static str,
 }
 
-/// The result of the run.
+/// The result of a defect's run.
 pub(crate) enum Shows {
-    /// The run shows this violation, perhaps among others.
+    /// The run of a defect shows this violation, perhaps among others.
     By(Violation),
-    /// The run shows no violation, for this reason: it names a missing rule or, where no rule is possible, the test
-    /// that finds the defect.
+    /// The run shows no violation. The text gives the reason: a missing rule or, if no rule is possible, the test that
+    /// finds the defect.
     Not(&'static str),
 }
 
@@ -36,9 +36,9 @@ pub(crate) struct Defect {
     pub(crate) does: &'static str,
     /// The change.
     pub(crate) edit: Edit,
-    /// The arguments of `cargo xtask sim` for the run that shows it.
+    /// The arguments of `cargo xtask sim` for the run that shows the defect.
     pub(crate) run: &'static str,
-    /// The result of that run.
+    /// The result of the defect's run.
     pub(crate) shows: Shows,
 }
 
@@ -63,11 +63,11 @@ const ORDER: &str = "base-station/src/drone/order.rs";
 
 /// The only fault is the defect.
 const PLAIN: &str = "--seconds 6";
-/// The receivers have their factory settings.
+/// In this run the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
-/// Receivers and their lines fail.
+/// In this run receivers and their lines fail.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
-/// The same, with all receivers jumping at once.
+/// In this run receivers and their lines fail, and all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
 /// The air and the front ends fail.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";
@@ -99,7 +99,7 @@ const fn row(name: &'static str, does: &'static str, edit: Edit, run: &'static s
 use Shows::{By, Not};
 use Violation as V;
 
-/// All of them.
+/// All defects.
 #[rustfmt::skip]
 pub(crate) const DEFECTS: &[Defect] = &[
     // ---- HORUS: receivers

@@ -1,5 +1,5 @@
-//! A simple reader of a DPR board and a sender of frames, for tests that need neither the simulated flight controller
-//! nor HORUS.
+//! A simple reader of a DPR board, and a sender of frames to it, for tests that need neither the simulated flight
+//! controller nor HORUS.
 
 use bench::boards::{Dpr, Horus};
 use bench::world::ssi::{Crystal, Filler, Order, Progress, SsiMaster, Start};
@@ -11,10 +11,10 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// The number of receivers of the images that these tests run.
+/// The number of receivers for which the firmwares of these tests are built.
 pub(crate) const RECEIVERS: usize = 3;
 
-/// The places of the objects in the image.
+/// The layout of the image, which gives the objects' offsets.
 pub(crate) fn layout() -> Layout {
     Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
 }
@@ -57,13 +57,13 @@ impl View {
     }
 }
 
-/// Carries one transaction of `bytes` bytes that begins now, in which MOSI shows `mosi` throughout, and the gap after
-/// it. Returns what MISO showed.
+/// Carries out one transaction of `bytes` bytes that begins now, with every byte on MOSI being `mosi`, and the gap
+/// after it. Returns the bytes on MISO.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
 
-/// Carries a transaction that begins now, and the gap after it. Returns what MISO showed.
+/// Carries out a transaction that begins now, and the gap after it. Returns the bytes on MISO.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     carry_by(node, order, |node, end| {
         while node.now() < end {
@@ -72,7 +72,7 @@ pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     })
 }
 
-/// Does the same as [`carry`], with `pass` running the board to each instant.
+/// Carries out a transaction as [`carry`] does, while `pass` runs the board to each instant.
 pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
@@ -86,13 +86,13 @@ pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(
     }
 }
 
-/// A whole image, read now.
+/// Reads a whole image now and returns its contents.
 pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     let at = node.now();
     View::of(at, &transact(node, layout().image_len(), 0))
 }
 
-/// Reads images one after the other up to `end`, with 2 ms from one's end to the next's beginning.
+/// Reads images one after the other up to `end`, with 2 ms from the end of one to the beginning of the next.
 pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     let mut all = vec![];
     while node.now() < end {
@@ -135,8 +135,8 @@ pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
-/// Sends the chip a frame with `payload` whose first bit is on the air at `at`, which may lie ahead. Frames must not
-/// overlap.
+/// Sends the chip a frame with `payload` whose first bit is on the air at `at`, which may be in the future. Frames must
+/// not overlap.
 pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];
@@ -171,13 +171,13 @@ pub(crate) struct Sent {
 }
 
 impl Sent {
-    /// The timestamp of its first object, ms.
+    /// The timestamp of the frame's first object, ms.
     pub(crate) fn timestamp(&self) -> u32 {
         Object::verify(0, &self.payload[..64]).expect("Reported-Position comes first").timestamp()
     }
 }
 
-/// The poller's antenna, with the instants of HORUS's commands and ticks.
+/// The antenna of HORUS's front end, with the instants of HORUS's transmit commands and ticks.
 #[derive(Default)]
 pub(crate) struct Antenna {
     /// The instants at which HORUS gave its front end the transmit command, ns.
@@ -202,7 +202,7 @@ impl Upstream<Horus> for Antenna {
     }
 }
 
-/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 pub(crate) struct Reader {
     master: SsiMaster,
     pub(crate) views: Vec<View>,
@@ -214,10 +214,11 @@ pub(crate) struct Reader {
     pub(crate) field_off: Vec<u64>,
 }
 
-/// The instant at which its first transaction begins, ns.
+/// The instant at which the reader's first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// The pause from one transaction's end and the gap to the next one's start, ns; it does not divide HORUS's cycle.
+/// The pause from the end of a transaction's gap to the start of the next transaction, ns; it does not divide HORUS's
+/// cycle.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {

@@ -1,4 +1,5 @@
-//! Rows about restarts, findings, misuse, load, counters, lateness of the bench.
+//! Rows of the table of violations about restarts, findings, misuse, load, counters, and faults that are added too
+//! late.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, Upset};
 use bench_judge::Violation;
@@ -17,7 +18,7 @@ const IWDG_RELOAD: u32 = 0xAAAA;
 
 /// The key that starts the STM32's watchdog.
 const IWDG_START: u32 = 0xCCCC;
-/// The nRF52840's WDT, whose first register starts it (PS 6.36).
+/// The address of the nRF52840's WDT, whose first register starts the watchdog (PS 6.36).
 const WDT: u32 = 0x4001_0000;
 
 /// Makes a word in the telemetry of `board` nonzero from [`breaks`] on.
@@ -27,13 +28,14 @@ fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// Destroys the number of channels in the log's control block of `board` at [`breaks`].
+/// Overwrites the number of channels in the control block of `board`'s log at [`breaks`].
 fn log_destroyed(board: Board) -> Faults {
     let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// Flips a bit of a word of flash that is not read until the next start, for a moment.
+/// Flips a bit of a word of flash, and flips it back 1 µs later. The firmware does not read that word before its next
+/// start.
 fn flash_flips(board: Board, address: u32) -> Faults {
     let flip = || Fault::Upset(board, Upset::Flash { address, bit: 1 });
     Faults::none().with(breaks(), breaks(), flip()).with(breaks() + US, breaks() + US, flip())
@@ -61,7 +63,7 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // With a stack pointer outside memory the next interrupt is a fault, and the watchdog ends the safe state.
+    // With a stack pointer outside memory the next interrupt leads to a fault, and the watchdog ends the safe state.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {
@@ -101,7 +103,7 @@ table! {
         added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
     };
-    // A bit of flash flips, and flips back before the check: the logged upset has no consequence.
+    // The firmware does not check that bit of flash while it is flipped, so the logged upset has no consequence.
     flash_of_horus_that_nobody_finds_changed => Row {
         duration: || breaks() + 10_050 * MS,
         ..Row::new(Violation::FaultUnnoticed, || flash_flips(Board::Horus, 0x0800_0004))

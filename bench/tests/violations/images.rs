@@ -1,4 +1,4 @@
-//! Changes to release images for which the place in the image must be searched.
+//! Changes to release programs at addresses that have to be searched for in the program.
 
 use std::path::PathBuf;
 
@@ -15,12 +15,12 @@ use stm32f429::{Oscillators, Stm32f429};
 use super::MS;
 use super::boards::RAM_TEST;
 
-/// The length of the recording of a board's first stores, ns: every store of its start, which begins with the test of
-/// its RAM, and of its first cycles.
+/// The length of the recording of a board's first stores, ns. It covers every store of the board's start, which begins
+/// with the test of its RAM, and of its first cycles.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// The number of bytes of flash that are compared: an image and the stubs behind it.
+/// The number of bytes of flash that are compared: more than a program and the stubs behind it have.
 const FLASH: usize = 0x4_4000;
-/// From the start to the end of the run.
+/// The interval from the start to the end of a run, ns.
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 /// `WFI`
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
@@ -49,7 +49,7 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Makes the image of `board` store other values to registers between `at` and `until` (ns), with its CRC made to fit.
+/// Makes the program of `board` store other values to registers between `at` and `until` (ns), with its CRC corrected.
 pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
         Board::Horus => patches(horus(setup), changes),
@@ -61,7 +61,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
     }
 }
 
-/// The places at which flash differs after [`rewrite`], and the bytes there then.
+/// The addresses at which flash differs after [`rewrite`], each with the bytes after it.
 fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
@@ -86,7 +86,7 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // The stubs are written first, then the branches to them.
+    // The patches are applied in this order: first the stubs, then the branches to them.
     patches.reverse();
     patches
 }
@@ -108,7 +108,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // The loop waits until the task's code is in RAM.
+            // The firmware's start copies the task's code to RAM, so the board runs until that is done.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }
@@ -120,7 +120,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     setup.faults.add(Episode { at, until: u64::MAX, fault });
 }
 
-/// Removes the telemetry of `board`'s image by renaming its symbol.
+/// Removes the telemetry of `board`'s program by giving its symbol another name.
 pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     let (path, symbol) = match board {
         Board::Horus => (&mut setup.images.horus, "HORUS_TELEMETRY"),
@@ -138,17 +138,17 @@ pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     std::fs::write(&*path, elf).unwrap();
 }
 
-/// Sets the bits of `mask` to `value` whenever the image stores to `address`.
+/// The change that sets the bits of `mask` to `value` whenever the program stores to `address`.
 pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Makes the image store `value` where it would store `of`.
+/// The change that makes the program store `value` to `address` where it would store `of`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Suppresses the image's stores to `address`.
+/// The change that suppresses the program's stores to `address`.
 pub(super) const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }

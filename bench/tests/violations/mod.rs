@@ -1,8 +1,8 @@
-//! The table of violations. A broken world or a broken release image provokes each one, and no other violation may
-//! show, except that a firmware's own fault counter may report the same. A violation without a row fails the table, so
-//! there is none that cannot occur.
+//! The table of violations. For each violation a row breaks the world or a release program such that the judge reports
+//! it. The judge must report no other violation, except that a firmware's own fault counter may report the same fault.
+//! A violation without a row fails the table, so every violation can occur.
 //!
-//! Each row's event log is judged twice, and once more after it was stored and read again: the verdict is the same.
+//! Each row's event log is judged twice, and once more after it was stored and read again; all verdicts must be equal.
 
 use crate::boards;
 
@@ -25,24 +25,24 @@ const MS: u64 = 1_000_000;
 /// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const SETTLED: u64 = 300 * MS;
 
-/// The time from a tick of HORUS to its cycle's image being readable, with three receivers, ns.
+/// The time from a tick of HORUS until the image of that tick's cycle can be read, with three receivers, ns.
 const READABLE: u64 = 5 * MS;
 
-/// The control cycle of the flight controller, ns: exactly one transaction ends in any such interval.
+/// The control cycle of the flight controller, ns. Exactly one transaction ends in any interval of this length.
 const CONTROL_CYCLE: u64 = 4 * MS;
 
-/// The phase of a sound run after [`SETTLED`].
+/// The instants, in a sound run after [`SETTLED`], at which faults begin.
 struct Beat {
-    /// See [`breaks_with`].
+    /// The value of [`breaks_with`], ns.
     breaks: u64,
-    /// See [`reads`].
+    /// The value of [`reads`], ns.
     reads: u64,
 }
 
-/// The beat of a link with `gps` receivers.
+/// The instants at which faults begin in a link with `gps` receivers.
 ///
-/// HORUS's first tick comes after the test of its RAM and the comparison of its image with its CRC, so it moves with
-/// the image.
+/// HORUS's first tick comes after the test of its RAM and the comparison of its program with the CRC, so the instants
+/// depend on the program.
 ///
 /// # Panics
 ///
@@ -66,8 +66,8 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// The instant from which the world of a link with `gps` receivers is broken, ns. It is [`READABLE`] after a tick of
-/// HORUS, and the flight controller's next read is less than half a control cycle later.
+/// The instant from which on the world of a link with `gps` receivers is broken, ns. It comes [`READABLE`] after a tick
+/// of HORUS, and less than half a control cycle before the flight controller's next read.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
@@ -82,32 +82,32 @@ fn reads() -> u64 {
     beat(3).reads
 }
 
-/// A row of the table.
+/// A row of the table of violations.
 struct Row {
-    /// The violation that must show first; beside it only `also` may show.
+    /// The violation that must be reported first. Beside it only `also` may be reported.
     violation: Violation,
-    /// The violation by which a firmware's own fault counter reports the same.
+    /// The violation with which a firmware's own fault counter reports the same fault.
     also: Option<Violation>,
     /// The number of receivers in the profile.
     gps: usize,
     /// The length of the run, ns.
     duration: fn() -> u64,
-    /// The setup's differences from a sound run.
+    /// Changes the setup of a sound run to that of the row.
     setup: fn(&mut Setup),
     /// The fault of the row.
     faults: fn() -> Faults,
-    /// Further faults, given to the bench when both boards have reached [`breaks_with`].
+    /// Further faults, which the bench gets when both boards have reached the instant of [`breaks_with`].
     added: fn() -> Faults,
 }
 
 impl Row {
-    /// A row with three receivers and 600 ms.
+    /// A row with three receivers and a run of 600 ms.
     const fn new(violation: Violation, faults: fn() -> Faults) -> Self {
         Self { violation, also: None, gps: 3, duration: || 600 * MS, setup: |_| {}, faults, added: Faults::none }
     }
 }
 
-/// The setup for `gps` receivers that all rows share; `None` where the images were not built.
+/// The setup for `gps` receivers that all rows share; `None` if the firmwares were not built.
 fn setup(gps: usize, duration: u64) -> Option<Setup> {
     let image = |name| boards::image(gps, name);
     let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
@@ -128,7 +128,7 @@ fn sound(gps: usize, duration: u64) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// The run of a row; `None` where the images were not built.
+/// The run of a row; `None` if the firmwares were not built.
 fn run(row: &Row) -> Option<Finished> {
     let mut setup = setup(row.gps, 0)?;
     let duration = (row.duration)();
@@ -142,7 +142,7 @@ fn run(row: &Row) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// Checks that a row shows what it must.
+/// Runs a row and checks that the judge reports what the row states.
 fn holds(row: &Row) {
     let Some(finished) = run(row) else { return };
     let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();
@@ -155,7 +155,7 @@ fn holds(row: &Row) {
     assert_eq!(judge(&read), finished.verdict, "a stored log judged again");
 }
 
-/// Rows, each with a test of its own.
+/// Defines a file's rows, each with a test of its own.
 macro_rules! table {
     ($($name:ident => $row:expr;)*) => {
         /// The rows of this file.
@@ -185,7 +185,8 @@ fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
     assert!(nearest <= 200 * US, "{nearest} ns lie between them");
 }
 
-/// Nothing is violated in a sound world with any number of receivers, so a row's violation is due to its fault.
+/// Nothing is violated in a sound world with any number of receivers, so the violation of a row is due to the row's
+/// fault.
 #[test]
 fn a_sound_world_shows_no_violation() {
     for gps in [1, 2, 3, 5] {

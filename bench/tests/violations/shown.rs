@@ -1,4 +1,5 @@
-//! Rows that compare what is shown with what reached the DPR's antenna, and Link-Status with the wires.
+//! Rows of the table of violations that compare the objects shown on the SSI with the frames at the DPR's antenna, and
+//! Link-Status with the wires.
 
 use std::mem::offset_of;
 
@@ -9,22 +10,22 @@ use dpr_fw::telemetry::Telemetry;
 use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, bench, breaks, breaks_with, reads, run, setup, table};
 
-/// The cycle of HORUS, ns: exactly one frame begins in any such interval.
+/// The cycle of HORUS, ns. Exactly one frame begins in any interval of this length.
 const CYCLE: u64 = 10 * MS;
 
-/// Every frame is lost on the air.
+/// The fault that every frame is lost on the air from `at` to `until`.
 fn lost(at: u64, until: u64) -> Faults {
     Faults::none().with(at, until, Fault::Air(AirFaults { lost: 1.0, ..AirFaults::default() }))
 }
 
-/// A bridge in the SSI hangs from `at` on: it repeats the last image and announces no other.
+/// Adds to `faults` that a bridge in the SSI hangs from `at` on: it repeats the last image and announces no other.
 fn hangs(faults: Faults, at: u64) -> Faults {
     let wire = |faults: Faults, fault| faults.with(at, u64::MAX, Fault::Wire(fault));
     wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
 }
 
-/// The air is silent, and the SSI hangs after the last frame was read and before the DPR removes it from the image,
-/// 12.5 ms after that frame's end.
+/// All frames are lost, and the SSI hangs when the last frame has been read and is still in the image. The DPR removes
+/// it 12.5 ms after that frame's end.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
@@ -33,13 +34,13 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, until, Fault::Wire(fault))
 }
 
-/// Inverts bits of a byte of Link-Status in one transaction.
+/// The fault that `bits` of byte `byte` of Link-Status are inverted in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
     of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }
 
 fn regressed() -> Faults {
-    // The fault hits the second transaction that shows one image.
+    // The fault is present in the second transaction that reads the same image.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -47,7 +48,7 @@ fn regressed() -> Faults {
 /// The nRF52840's register that enables PPI channels (PS 6.16).
 const PPI_CHENSET: u32 = 0x4001_F504;
 
-/// The DPR hangs when an image has just been put in, and the flight controller reads that image after its expiry.
+/// The DPR hangs when it has just put in an image, and the flight controller reads that image after its expiry.
 fn hangs_with_an_image() -> Faults {
     let silent = Fault::FlightController(Conduct::Silent);
     Faults::none().with(breaks(), breaks() + 30 * MS, silent).with(
@@ -59,15 +60,15 @@ fn hangs_with_an_image() -> Faults {
 
 table! {
     vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
-    // No object of some cycles is shown, though Link-Status reports that all were accepted.
+    // No object of some cycles is shown, although Link-Status reports that all were accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
             faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
         };
         (0..=3).fold(Faults::none(), vacant)
     });
-    // The DPR's front end fails for a while, so that no cycle has to be shown for as long as a bring-up may take;
-    // afterwards no object is shown, although the antenna receives intact frames again.
+    // The DPR's front end fails for a while. No cycle has to be shown for as long as it may take to set the front end
+    // up anew. After that no object is shown, although the antenna receives intact frames again.
     recovers_late => Row {
         duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
@@ -92,32 +93,32 @@ table! {
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
         of_wire(breaks(), u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
-    // A repetition removes its cycle from the image; the hung SSI keeps showing it.
+    // A repeated frame makes the DPR remove its cycle from the image, but the hung SSI still shows that cycle.
     shown_out_of_sequence => Row {
         gps: 1,
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // The flight controller then reads between the repetition and the frame after it.
+            // The flight controller reads between the repeated frame and the frame after it.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
-    // The image has not expired when the run ends.
+    // The run ends before the image expires.
     shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
-    // The task that detects silence does nothing for 9 ms, and runs again before the image expires.
+    // The task that detects silence does nothing for 9 ms, and works again before the image expires.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
         let dead = Fault::Image(Board::Dpr, ImageFault::Dead("TIMER1".into()));
         lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
-    // The expiry in hardware, which uses two channels, is disabled.
+    // The expiry in hardware, which uses two PPI channels, is disabled.
     shown_expired_by_a_dpr_that_hangs => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // One transaction reads again what one of the cycle before had read.
-    // The flight controller's clock is slow, so that no transaction is under way when FRESH rises.
+    // One transaction reads again what a transaction of the cycle before had read. The flight controller's clock is
+    // slow, so that no transaction is under way when FRESH rises.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
@@ -125,7 +126,7 @@ table! {
     link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
     link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
     link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
-    // A fault counter of its RAM counts a fault that never occurred, and the flag reports it.
+    // The counter of the DPR's RAM faults counts a fault that never occurred, and Link-Status reports it.
     link_flags_of_a_ram_fault => Row {
         also: Some(Violation::DprComplains),
         ..Row::new(Violation::LinkFlags, || {
@@ -135,7 +136,7 @@ table! {
             Faults::none().with(breaks(), u64::MAX, Fault::Image(Board::Dpr, poke))
         })
     };
-    // The DPR's oscillator is 0.6 % slow, as one without a crystal would be.
+    // The DPR's oscillator is slow by 0.6 %, as a part without a crystal may be.
     link_time => Row {
         setup: |setup| setup.crystals.dpr_ppb = -6_000_000,
         ..Row::new(Violation::LinkTime, Faults::none)
@@ -144,7 +145,7 @@ table! {
 
 #[test]
 fn each_field_of_port_status_is_judged() {
-    // The table has a byte of each field, and the bit of it that is inverted.
+    // Each row has a byte of a field of Link-Status, and the bit of it that is inverted.
     let fields = [
         ("time", 1, 0x10),
         ("uplink of the base station fresh", 6, 0x01),
@@ -188,7 +189,7 @@ fn a_dpr_that_hangs_with_its_hardware_expiry_shows_no_expired_image() {
 
 // ---- the figures of such runs
 
-/// The figures of a run of `duration` with three receivers; `None` where the images were not built.
+/// The figures and the log of a run of `duration` with three receivers; `None` if the firmwares were not built.
 fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
     let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
     Some((finished.verdict.figures.faults, finished.log))
@@ -196,14 +197,14 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // Within the hold of 26 cycles the first frame is shown: it begins within a cycle, ends within half of another, and
-    // the flight controller reads within 4 ms.
+    // While no more than 25 cycles are missed, the first frame after them is shown. It begins within a cycle, ends
+    // within half of another, and the flight controller reads within 4 ms.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
-    // After that the sequence is searched, and the fourth frame is shown.
+    // After more missed cycles the DPR searches for the sequence, and the fourth frame is shown.
     let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
-    // A cause that ended less than 400 ms before the run's end is not counted, nor one that never ends.
+    // A cause that ended less than 400 ms before the run's end is not counted, and neither is one that never ends.
     for until in [breaks() + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
             if until == u64::MAX { || lost(breaks(), u64::MAX) } else { || lost(breaks(), breaks() + 10 * CYCLE) };
@@ -227,7 +228,7 @@ fn every_invalid_object_that_is_read_as_valid_is_counted() {
     let transactions = log.events.iter().filter(during).count() as u64;
     assert!(transactions >= 12, "{transactions}");
     assert_eq!(faults.invalid_shown_valid, 2 * transactions);
-    // Old data after new ones were valid once, and still are.
+    // Objects that are read after newer ones were valid before, so they do not count as invalid.
     let (regressed, _) = figures(|| 400 * MS, regressed).unwrap();
     assert_eq!(regressed.invalid_shown_valid, 0);
     let (sound, _) = figures(|| 400 * MS, Faults::none).unwrap();

@@ -1,4 +1,4 @@
-//! Rows about the contents and instants of what the DPR shows on the SSI: rule `ssi`.
+//! Rows of the table of violations about contents and instants on the SSI: rule `ssi`.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
 use bench::sim::phases::{Edge, Placement, Sweep};
@@ -12,28 +12,29 @@ use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
 /// The interrupt handler that publishes a frame's image.
 const COMMIT: &str = "SWI0_EGU0";
-/// The vector of the DPR's deadline task.
+/// The vector of the DPR's task `deadline`.
 const DEADLINE: &str = "TIMER1";
 
-/// The DPR's TIMER2, CC[2] (PS 6.30).
+/// The compare register CC[2] of the DPR's TIMER2 (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
 
-/// The ticks per microsecond of HORUS's timer, which counts its slots: 72 MHz.
+/// The ticks per microsecond of the timer by which HORUS sends at its slots: 72 MHz.
 const TICKS_PER_US: u32 = 72;
 /// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
 
-/// A wire is broken from `at` on for `ns`.
+/// A fault of a wire from `at` on for `ns`.
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Wire(fault))
 }
 
-/// The DPR's image is broken from `at` on for `ns`.
+/// A fault of the DPR's program from `at` on for `ns`.
 fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
 
-/// A transaction `ns` after the end of each of the first `frames` frames, and 1 µs later from one to the next.
+/// A transaction `ns` after the end of the first frame, and 1 µs later after the end of each of the following ones, in
+/// `frames` cycles.
 fn after_each_frame(ns: i64, frames: u32) -> Sweep {
     let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
     let to_ns = ns + i64::from(frames - 1) * 1_000;
@@ -43,19 +44,20 @@ fn after_each_frame(ns: i64, frames: u32) -> Sweep {
 table! {
     a_front_end_whose_load_modulator_works_by_itself_answers =>
         Row::new(Violation::Answered, || wire(breaks(), 100 * MS, WireFault::AntennaAnswers));
-    // Each of three cycles has one transaction, and later ones have none.
+    // Each of the first three cycles has one transaction, and later cycles have none.
     a_flight_controller_that_stops_reading_makes_no_transaction => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The watchdog, with which the start begins, resets 6 µs after the start-up time is over; the run ends before.
+    // The DPR's watchdog, which its start switches on first, resets it 6 µs after the longest start-up time; the run
+    // ends before that.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the two tasks publishes what is available.
+            // Either of the tasks `commit` and `deadline` would publish an image, so both do nothing.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -87,11 +89,11 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // The change comes while the frame is on the air.
+                // The identifier in the DPR's program changes while a frame is on the air.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
-    // Its last bit comes just before the next tick, and its image after that.
+    // The last bit of the second frame comes just before the next tick, and the frame's image comes after that tick.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
@@ -102,8 +104,8 @@ table! {
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })
     };
-    // The DPR requests the buffers itself at the deadline after a lost frame. The image of that deadline is never read,
-    // because each cycle has one transaction, just after its frame.
+    // At the deadline after a lost frame the DPR itself requests the buffers. No transaction reads the image of that
+    // deadline, because each cycle has one transaction, just after its frame.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -114,7 +116,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The constant is the compare register of the timer that ends the pulse.
+    // The changed value is that of the compare register of the timer that ends the pulse.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

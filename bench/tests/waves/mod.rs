@@ -1,10 +1,10 @@
-//! Reads traces back with `wellen`, the library with which Surfer reads its files.
+//! Reads traces back with `wellen`, the library with which the viewer Surfer reads trace files.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The changes of each signal of the file at `path`: its name with its groups, then each instant (ns) with the new
-/// value in binary, the state at 0 ns first.
+/// The changes of each signal in the trace file at `path`, by the signal's name with its groups. Each change has its
+/// instant (ns) and the new value in binary; the value at 0 ns comes first.
 pub(crate) fn read(path: &Path) -> BTreeMap<String, Vec<(u64, String)>> {
     let mut wave = wellen::simple::read(path).unwrap();
     let variables: Vec<_> = {

@@ -1,4 +1,4 @@
-//! Wrong setups of the DPR image.
+//! Wrong setups of the DPR's registers by its program.
 
 use bench::world::ssi::Order;
 use dpr_fw::ssi::{BUDGET, PAUSE_US};
@@ -7,18 +7,18 @@ use reader::{carry_by, layout, transact};
 
 use super::*;
 
-/// The instant of the first frame of the DPR's run, ns; one follows every 10 ms.
+/// The instant of the first frame in the DPR's run, ns; a frame follows every 10 ms.
 const FIRST: u64 = 60 * MS;
 /// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each one that reads the image, ns. All are within one pause, and
-/// the budget of an image suffices for them.
+/// The interval in which two short transactions follow each transaction that reads the image, ns. All three are within
+/// one pause, and one image grants enough transactions for them.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
-/// The interval between the flight controller's reads, ns.
+/// The interval from one read of the flight controller to the next, ns.
 const READ_EVERY: u64 = 2 * MS;
 
-/// The external observations of the DPR.
+/// What was observed of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
     /// The numbers of transactions in which every byte read 0xFF, of those with an intact Link-Status, and of those
@@ -27,11 +27,11 @@ struct Shows {
     intact: usize,
     valid: usize,
     all: usize,
-    /// The number of transactions that showed data though the one before them ended within the pause.
+    /// The number of transactions that read data although the one before them ended within the pause.
     hasty: usize,
-    /// The time after `commit` hung for which valid data were still read, ns.
+    /// The time for which valid data were still read after `commit` hung, ns.
     stale: u64,
-    /// The numbers of rises and falls of FRESH.
+    /// The numbers of rises and of falls of FRESH.
     fresh: (usize, usize),
     received: u32,
     missed: u32,
@@ -48,7 +48,8 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        // The flight controller reads, so that the stores that a transaction triggers are recorded, too.
+        // The flight controller reads during the recording, so that the stores that a transaction triggers are recorded
+        // too.
         let (mut run, mut recording) = (node.clone(), Recording::default());
         while run.now() < RAM_TEST + 30 * MS {
             let next = run.now() + READ_EVERY;
@@ -76,7 +77,7 @@ fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
         }
         if !hangs && node.now() >= HANGS {
             hangs = true;
-            // The damage stays.
+            // The task `commit` stays damaged to the end of the run.
             let _ = ImageFault::Hung("SWI0_EGU0".into()).apply(&mut node).unwrap();
         }
         let read: View = view(&mut node);
@@ -117,10 +118,10 @@ const TIMER2: u32 = 0x4000_A000;
 const WDT: u32 = 0x4001_0000;
 const TIMER3: u32 = 0x4001_A000;
 const PPI_CHENSET: u32 = 0x4001_F504;
-/// The PIN_CNF registers of port 1.
+/// The PIN_CNF registers of the nRF52840's port 1.
 const P1_CNF: u32 = 0x5000_0A00;
 
-/// The front end is never used, the log has the reason, and the SSI shows images without valid objects.
+/// Whether the front end is never used, the log has the reason, and the SSI shows images without valid objects.
 fn deaf_for(seen: &Shows, reason: &str) -> bool {
     seen.received == 0
         && seen.valid == 0
@@ -130,17 +131,18 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Frames are received and published, but the flight controller receives none of it.
+/// Whether frames are received and published, but the flight controller receives no intact Link-Status.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// The like of [`mute`], where the flight controller reads an undriven line, or SPIS's default character.
+/// Whether frames are received and published, but the flight controller reads an undriven line, or SPIS's default
+/// character.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
 
-/// Everything but FRESH is correct.
+/// Whether the flight controller reads as many intact images as it should; FRESH is not checked.
 fn shows_as_ever(seen: &Shows) -> bool {
     seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
 }
@@ -174,7 +176,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Expected::Finding("chip:"), |seen| {
         deaf_for(seen, "Absent")
     }),
-    // The chip is set up, but its FIFO is read more slowly than the air fills it.
+    // The chip is set up, but the firmware reads its FIFO more slowly than the air fills it.
     row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Expected::Nothing, |seen| {
         seen.received == 0 && seen.valid == 0 && seen.faults >= 3 && seen.log.contains("Lost(Bus)")
     }),
@@ -201,7 +203,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Expected::Finding("another SPI mode"), mute),
     row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Expected::Nothing, |seen| {
-        // A run of 0xFF reads the same in either bit order.
+        // Several bytes of 0xFF in a row read the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
     row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Expected::Nothing, mute_and_silent),
@@ -213,7 +215,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Expected::Finding("while SPIS is not enabled"), |seen| {
         seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
     }),
-    // The task runs only when the scrub requests a check-in, so most transactions find no image.
+    // Without interrupts the SSI's task runs only when the scrub requests its check-in, so most transactions find no
+    // image.
     row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Expected::Nothing, rarely_shows),
     row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Expected::Nothing, |seen| {
         seen.silent == seen.all && seen.fresh.0 <= 1
@@ -228,21 +231,23 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Expected::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // One more transaction reads the image; at its end the SSI's task finds it expired.
+    // Without expiry one more transaction reads the image; at the end of that transaction the SSI's task finds the
+    // image expired.
     row(
         "PPI 1 and 2: no expiry",
         &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)],
         Expected::Nothing,
         |seen| shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale),
     ),
-    // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up.
+    // The image would expire after 800 ms. Before that the flight controller has made all transactions that are granted
+    // for one image.
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
     // ---- the pause after a transaction
-    // The timer's mode is missing here, because the image leaves it at its reset value, and so is its bit mode: the
-    // pause is as long with eight bits, which suffice for it.
+    // The timer's mode and bit mode are not changed here. The program leaves the mode at its reset value, and the pause
+    // is as long with eight bits, which suffice for it.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Expected::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -268,16 +273,16 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
-    // A second of the DPR is over after 63 ms.
+    // The DPR counts a second after 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
-    // Without time the idle loop has nothing to do and does not feed the watchdog either.
+    // Without its timer the idle loop has nothing to do and does not feed the watchdog either.
     row("TIMER0: not started", &[never(TIMER0)], Expected::Nothing, |seen| {
         seen.valid == 0 && restarts_by_watchdog(seen)
     }),
     row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Expected::Nothing, |seen| {
-        // There is no image while no frame comes: the earlier one expires.
+        // No image is published while no frame comes, so the last one expires.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
     }),
     row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Expected::Nothing, is_bitten),
@@ -292,22 +297,23 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
 ];
 
-/// The watchdog restarts the DPR every 100 ms, and there is no other restart.
+/// Whether the watchdog restarts the DPR every 100 ms and nothing else does.
 fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// The end of a transfer is only noticed when the driver's wait is over, 2 ms later.
+/// Whether images are published late: the firmware notices the end of a transfer only when the driver's wait is over, 2
+/// ms later.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
 
-/// Images are published, and few of them reach the flight controller.
+/// Whether images are published, but few of them reach the flight controller.
 fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }
 
-/// The watchdog restarts the DPR, because a task does not check in.
+/// Whether the watchdog restarts the DPR because a task does not check in.
 fn is_bitten(seen: &Shows) -> bool {
     seen.restarts.contains(&Reset::Watchdog("WDT"))
 }

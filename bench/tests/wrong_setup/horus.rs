@@ -1,25 +1,25 @@
-//! Wrong setups of the HORUS image.
+//! Wrong setups of HORUS's registers by its program.
 
 use super::*;
 
 /// The length of HORUS's run, ns.
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// The external observations of the HORUS side.
+/// What was observed of the HORUS side from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Sends {
     /// The instant at which each frame began, ns.
     frames: Vec<u64>,
     /// The time for which the last frame was on the air, ns.
     air_ns: u64,
-    /// For each receiver, the number of frames with a valid position.
+    /// For each receiver, the number of frames in which its position was valid.
     valid: [usize; 3],
     /// The instants of the 10 ms timer's ticks, ns.
     ticks: Vec<u64>,
     /// Whether the field was switched on.
     field: bool,
-    /// The UBX messages, bytes, and errors of each receiver's line. HORUS drops the first message of the third, which
-    /// is on SPI.
+    /// For each receiver, the numbers of UBX messages, bytes and errors on its line. HORUS drops the first message of
+    /// the third receiver, which is on SPI.
     messages: [u32; 3],
     bytes: [u32; 3],
     errors: [u32; 3],
@@ -142,18 +142,18 @@ const TIM2: u32 = 0x4000_0000;
 const TIM5: u32 = 0x4000_0C00;
 const IWDG: u32 = 0x4000_3000;
 
-/// Only the first receiver is lost: the other two work, and a frame is sent every 10 ms.
+/// Whether only the first receiver is lost: the other two work, and a frame is sent every 10 ms.
 fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     let [first, second, third] = seen.valid;
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)
 }
 
-/// A frame is sent in every cycle of 10 ms.
+/// Whether a frame is sent in every cycle of 10 ms.
 fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
 
-/// The front end is never used, the log has the reason, and the rest of the board works.
+/// Whether the front end is never used, the log has the reason, and the rest of the board works.
 fn off_air_for(seen: &Sends, reason: &str) -> bool {
     off_air(seen, reason) && seen.messages[2] == 11
 }
@@ -188,8 +188,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
-    // EIE reports nothing without DMAR (RM0090 30.6.6). The counted error is the overrun that comes with each idle
-    // line, and the check-in of the task finds it.
+    // Without DMAR, EIE reports no errors (RM0090 30.6.6). The error that is counted is the overrun of each idle line,
+    // which the task finds at its check-in.
     row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
@@ -205,14 +205,15 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
     }),
-    // RXNE stays, and with it the request: the ring fills with zeros as fast as the controller runs.
+    // RXNE stays set, and with it the DMA request: the ring fills with zeros as fast as the DMA controller runs.
     row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The first byte ends in a transfer error; the firmware restarts the ring by code that is not changed.
+    // The receiver's first byte leads to an error of the DMA transfer. The firmware then restarts the ring, by code
+    // that the patch does not change.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
@@ -220,7 +221,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 11, 11] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Expected::Finding(REFUSED), |seen| {
-        // Receivers 1 and 2 use DMA1.
+        // Receivers 1 and 2 use DMA1, so they are lost.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
     }),
     // ---- the buses of receivers 2 and 3
@@ -241,12 +242,12 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         off_air_for(seen, "Absent")
     }),
     row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Expected::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
-    // At 281 kHz loading a frame takes 7 ms, and the slot passes. The chip answers, so no fault is reported.
+    // At 281 kHz it takes 7 ms to load a frame, so the slot passes. The chip answers, so no fault is reported.
     row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Expected::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
     row("SPI1: slave", &[bits(SPI1, 4, 0)], Expected::Finding("slave mode"), |seen| off_air_for(seen, "Bus")),
-    // A mode fault switches master mode and the SPI off (RM0090 28.3.10).
+    // A mode fault switches off master mode and the SPI (RM0090 28.3.10).
     row("SPI1: not selected by software", &[bits(SPI1, 0x100, 0)], Expected::Nothing, |seen| off_air_for(seen, "Bus")),
     row("SPI1: not enabled", &[bits(SPI1, 0x40, 0)], Expected::Nothing, |seen| off_air_for(seen, "Bus")),
     row("SPI1: no clock", &[gate(0x44, 12)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Bus")),
@@ -257,11 +258,11 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Expected::Nothing, |seen| off_air_for(seen, "Absent")),
     row("GPIOA: no clock", &[gate(0x30, 0)], Expected::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
-    // Port D has chip select and the first receiver's line.
+    // Port D has the front end's chip select and the first receiver's line.
     row("GPIOD: no clock", &[gate(0x30, 3)], Expected::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // The firmware's time limit ends a transfer that never completes.
+    // A transfer never completes, and the firmware's time limit ends it.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Expected::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -283,7 +284,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Finding("does not reach 0x10000000"),
         |seen| off_air_for(seen, "Bus"),
     ),
-    // DMA2 also serves the receiver on SPI.
+    // DMA2 also serves the receiver on SPI, so that receiver is lost too.
     row("DMA2: no clock", &[gate(0x30, 22)], Expected::Finding(REFUSED), |seen| {
         off_air(seen, "Bus") && seen.messages == [12, 11, 0]
     }),
@@ -291,12 +292,13 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.frames.is_empty() && seen.watchdog()
     }),
     // ---- the front end's interrupt and timer
-    // Without the edge the firmware detects the oscillator and the first frames only when its waits are over.
+    // Without the edge the firmware notices the start of the oscillator and the end of the first frames only when its
+    // waits are over.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Expected::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Expected::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Expected::Nothing, Sends::watchdog),
-    // The pin's level is read once per cycle, at the check-in of the tasks: half of the frames are sent.
+    // The firmware reads the pin's level once per cycle, at the check-in of the tasks, so half of the frames are sent.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Expected::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
@@ -307,7 +309,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Expected::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
-    // CC1IF comes with the overflow where the compare value is beyond it (RM0090 18.4.5).
+    // CC1IF is set with the overflow if the compare value is beyond it (RM0090 18.4.5).
     row(
         "TIM2: slot beyond the period",
         &[bits(TIM2 + 0x34, !0, 0xF_FFFF)],
@@ -331,9 +333,9 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Expected::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // A UART is off its rate. I2C and SPI would only be slower, but I2C is configured for a wrong clock frequency.
+    // The UART's bit rate is wrong. I2C and SPI would only be slower, but I2C is set up for a wrong clock frequency.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Expected::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock wire, so the receivers' messages are still read; the last one may be on its way.
+        // I2C and SPI have a clock wire, so the receivers' messages are still read; the last message may be on its way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
@@ -353,14 +355,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Expected::Finding("PCLK1 is faster"), |seen| {
-        // TIM5 runs twice as fast, too: the wait for a frame's end is over before the frame is.
+        // TIM5 also runs twice as fast, so the wait for a frame's end is over before the frame is.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
         seen.period() == 5 * MS && seen.messages == [0, 0, 11] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Expected::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without ticks receivers 2 and 3 are not polled.
+    // Without the timer's interrupt the firmware does not poll receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
@@ -375,13 +377,13 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     ),
 ];
 
-/// The field comes on two cycles late; after that every cycle has a frame.
+/// Whether the field comes on two cycles late, and every cycle after that has a frame.
 fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12, 11, 11]
 }
 
-/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins then is refused, because the
-/// rest of the frame before is still to be loaded, so every second cycle sends.
+/// Whether frames leave at the tick instead of the slot 100 us after it. The cycle that begins at that tick is refused,
+/// because the rest of the frame before still has to be loaded, so only every second cycle sends a frame.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

@@ -1,8 +1,10 @@
-//! Wrong setups: both release images, patched in flash, must fail the way silicon would.
+//! Tests wrong setups: both release programs, patched in flash so that they set a register up wrongly, must fail as
+//! they would on silicon.
 //!
-//! Each row changes what the firmware writes to one register (see [`rewrite`]) and states the external symptom: on the
-//! air, on the SSI, in the log, in the telemetry, or a restart. The original image must not show it. A row also states
-//! what the models must report; where silicon would be silent, so must they be.
+//! Each row changes the value that the firmware writes to one register (see [`rewrite`]) and states the symptom from
+//! outside: on the air, on the SSI, in the log, in the telemetry, or a restart. The original program must not show the
+//! symptom. A row also states the finding that the models must report; where silicon would report nothing, the models
+//! must report nothing either.
 
 use crate::boards;
 mod dpr;
@@ -26,22 +28,23 @@ use st25r3916_model::AirEvent;
 
 // ---- what is changed
 
-/// Sets the bits of `mask` to `value` whenever the image stores to `address`.
+/// The change that sets the bits of `mask` to `value` whenever the program stores to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// Makes the image store `value` where it would store `of`.
+/// The change that makes the program store `value` to `address` where it would store `of`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// Suppresses the image's stores to `address`.
+/// The change that suppresses the program's stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
 
-/// The bit-band alias by which the image sets bit `bit` of the STM32's RCC at `offset` (ARMv7-M ARM B3.1.1).
+/// The change that suppresses the store with which the program sets bit `bit` of the STM32's RCC register at `offset`,
+/// through its bit-band alias (ARMv7-M ARM B3.1.1).
 const fn gate(offset: u32, bit: u32) -> Change {
     never(0x4247_0000 + 32 * offset + 4 * bit)
 }
@@ -49,13 +52,13 @@ const fn gate(offset: u32, bit: u32) -> Change {
 /// The finding that a wrong setup must cause.
 #[derive(Clone, Copy, Debug)]
 enum Expected {
-    /// There is none, because silicon cannot detect it.
+    /// The models report no finding, because silicon cannot detect the wrong setup either.
     Nothing,
-    /// A finding whose text contains this.
+    /// The models report a finding whose text contains this text.
     Finding(&'static str),
 }
 
-/// One wrong set-up.
+/// A wrong setup of one register.
 struct Row<S> {
     what: &'static str,
     changes: &'static [Change],
@@ -88,7 +91,7 @@ fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, 
     assert!(wrong.is_empty(), "{} of {} rows:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
 }
 
-/// Runs the same patch for every row with each value unchanged, because the stubs themselves must have no effect.
+/// Runs a patch for every row that leaves each value unchanged, because the stubs themselves must have no effect.
 fn control<S: Debug>(rows: &[Row<S>], recording: &Recording, run: impl Fn(&[Change]) -> (S, Vec<String>)) -> Vec<S> {
     let mut all = vec![];
     for row in rows {
@@ -111,7 +114,7 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// Makes the image's store that enables the interrupts `of` of ISER register `word` enable none.
+/// The change with which the store that enables the interrupts `of` of ISER register `word` enables none.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

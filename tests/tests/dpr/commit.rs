@@ -1,4 +1,5 @@
-//! Times the way of a frame from its first bytes to a published image, and the deadline without a frame.
+//! Measures the time of a frame's processing from its first bytes to a published image, and that of the deadline
+//! without a frame.
 
 use core::hint::black_box;
 
@@ -19,13 +20,13 @@ use rtic_core::Mutex;
 
 use super::frames::{Case, CASES, CLASSES, SIZE};
 
-/// The number of a frame's bytes, LEN included, that have arrived when the listener has read for the first, second and
-/// third time.
+/// The number of a frame's bytes, LEN included, that have arrived when the listener has read its FIFO for the first,
+/// second and third time.
 const READS: [usize; 3] = [16, SIZE + 3 - st25r3916::listener::BODY, SIZE + 3 - st25r3916::listener::TAIL];
-/// The number of cycles before the one that is timed; the sequence is found with the fourth.
+/// The number of cycles before the timed one; the sequence is found with the fourth.
 const CYCLES_BEFORE: u32 = 6;
 
-/// A resource that no other task uses.
+/// An RTIC resource that no other task uses.
 pub(crate) struct Own<'a, T>(pub(crate) &'a mut T);
 
 impl<T> Mutex for Own<'_, T> {
@@ -35,7 +36,7 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The SSI as the commit task sees it: the field says whether a transaction is under way.
+/// The SSI for the commit task. The field is whether a transaction is under way.
 pub(crate) struct Bell(pub(crate) bool);
 
 impl Doorbell for Bell {
@@ -49,7 +50,7 @@ impl Doorbell for Bell {
 
 type ImageBuffer<'a> = &'a mut ImageMemory;
 
-/// What the commit task works with: images, areas and counters.
+/// The resources with which the commit task works: images, areas and counters.
 struct Publishing<'a> {
     mailbox: Mailbox<ImageBuffer<'a>>,
     filling: Option<Filling<ImageBuffer<'a>>>,
@@ -73,7 +74,7 @@ impl<'a> Publishing<'a> {
         }
     }
 
-    /// Does what other tasks do before the end of a frame: scrubs images and prepares the next one.
+    /// Does the work of other tasks before the end of a frame: scrubs images and prepares the next one.
     fn rest(&mut self, commit: &mut Commit<RECEIVERS>) {
         triple::scrub_waiting(Own(&mut self.mailbox));
         commit.prepare(&mut self.outbox(false));
@@ -83,7 +84,7 @@ impl<'a> Publishing<'a> {
 const TIMESTAMP: u32 = 70_000;
 const HEALTH: fn() -> Health = Health::default;
 
-/// Returns when cycle number `cycle` of the suite ends, µs.
+/// Returns the instant at which cycle number `cycle` of the suite ends, µs.
 fn ended_us(cycle: u32) -> u32 {
     let age = defmt::unwrap!(air::age_at_end_us::<RECEIVERS>(0));
     1_000_000 + 10_000 * cycle + age
@@ -93,7 +94,7 @@ fn timestamp(cycle: u32) -> u32 {
     TIMESTAMP + profile::CYCLE_MS * cycle
 }
 
-/// Returns a commit task that has had [`CYCLES_BEFORE`] cycles, which were in sequence.
+/// Returns a commit task that has processed [`CYCLES_BEFORE`] cycles, which were in sequence.
 fn in_sequence(publishing: &mut Publishing<'_>) -> Commit<RECEIVERS> {
     let mut commit = Commit::new();
     commit.begin(ended_us(0) - 9_000, &HEALTH(), &mut publishing.outbox(false));
@@ -107,7 +108,7 @@ fn in_sequence(publishing: &mut Publishing<'_>) -> Commit<RECEIVERS> {
     commit
 }
 
-/// Returns the frame of a case, beginning with LEN.
+/// Returns the frame of a case, from its LEN on.
 fn arrived(case: Case) -> [u8; SIZE + 1] {
     let mut bytes = [0; SIZE + 1];
     bytes[0] = SIZE as u8 + 1;
@@ -128,13 +129,13 @@ pub(crate) fn follow(cycles: &Cycles) {
     }
     let [first, second, third] = taken;
     first.assert("Early::follow, first read", bounds(350, 260, 350, 0));
-    // The spread comes from the reason of a rejection, which is reported: 14 cycles less than for a good frame where
-    // two objects have a wrong identifier, 8 more where the position CRC is wrong.
+    // The spread comes from the reason of a rejection, which is reported. It takes 14 cycles less than for a good frame
+    // if two objects have a wrong identifier, and 8 more if the position CRC is wrong.
     second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 24));
     third.assert("Early::follow, third read", bounds(650, 450, 600, 8));
 }
 
-/// Times `Acceptance::judge` for a frame of which all but the last object was verified before.
+/// Times `Acceptance::judge` for a frame of which all objects but the last were verified before.
 pub(crate) fn judge(cycles: &Cycles) {
     let mut before = Acceptance::<RECEIVERS>::new();
     for cycle in 0..CYCLES_BEFORE {
@@ -188,9 +189,9 @@ pub(crate) fn frame(cycles: &Cycles) {
             defmt::assert_eq!((accepted, rejected), (shown, 4 * (CYCLES_BEFORE + 1) - shown), "{}", case);
             frame[case.class()].note(took);
 
-            // The commit task does the same with a frame in a receive buffer.
+            // Next the whole commit task is timed, which does the same with a frame in a receive buffer.
             let mut written = defmt::unwrap!(filling.take());
-            // LEN comes after LEAD bytes, so it is the last byte of the first word.
+            // LEN is stored behind LEAD bytes, so it is the last byte of the first word.
             written.memory()[0] = u32::from(bytes[0]) << (8 * LEAD);
             for (word, bytes) in written.memory()[1..].iter_mut().zip(bytes[1..].as_chunks().0) {
                 *word = u32::from_le_bytes(*bytes);
@@ -219,7 +220,8 @@ pub(crate) fn frame(cycles: &Cycles) {
     }
 }
 
-/// Times `Commit::check_deadline` before the deadline, at it and long after it, and what the task does without a frame.
+/// Times `Commit::check_deadline` before the deadline, at it and long after it, and the task's work when no frame has
+/// come.
 pub(crate) fn deadline(cycles: &Cycles) {
     let mut images = [[0; IMAGE_WORDS]; IMAGES];
     let mut publishing = Publishing::new(&mut images);
@@ -247,14 +249,14 @@ pub(crate) fn deadline(cycles: &Cycles) {
     lapsed.assert("Commit::check_deadline, passed", bounds(1_850, 1_750, 2_300, 8));
 }
 
-/// Returns the cycles of one `Link::seal`. It is not inlined, so that no turn of the loops that call it has
-/// instructions of its own between the two readings of the counter.
+/// Returns the cycles of one `Link::seal`. The function is not inlined, so that the loops that call it add no
+/// instructions of their own between the two readings of the counter.
 #[inline(never)]
 fn seal_once(cycles: &Cycles, link: &Link, shown: Objects, health: &Health) -> u32 {
     cycles.of(|| link.seal(shown, Objects::all(RECEIVERS), health))
 }
 
-/// Times `Link::seal`, whatever is shown and counted.
+/// Times `Link::seal` with different objects shown and different counters.
 pub(crate) fn seal(cycles: &Cycles) {
     let mut images = [[0; IMAGE_WORDS]; IMAGES];
     let mut publishing = Publishing::new(&mut images);

@@ -1,4 +1,4 @@
-//! Frames for the DPR's deadline path: good ones, damaged ones, and ones that were made to be taken for good.
+//! Frames for the suite of the DPR: good ones, damaged ones, and ones that were made to look like good ones.
 
 use dpr_fw::RECEIVERS;
 use on_target_tests::profile_suite as suite;
@@ -13,7 +13,7 @@ const CRC: usize = 4;
 /// The offset of the first byte of the latitude in every object.
 const LATITUDE: usize = 8;
 
-/// What is wrong with a frame.
+/// The defect of a frame, if it has one.
 #[derive(Clone, Copy, Debug, defmt::Format)]
 pub(crate) enum Case {
     /// The frame has no fault.
@@ -24,16 +24,16 @@ pub(crate) enum Case {
     LastByte(usize),
     /// A bit in each object is wrong.
     EveryObject,
-    /// GPS1 and GPS2 are in each other's place, with valid CRCs.
+    /// GPS1 and GPS2 are exchanged, with valid CRCs.
     Swapped,
-    /// This object is from the cycle before, with valid CRCs.
+    /// This object is that of the cycle before, with valid CRCs.
     OfTheCycleBefore(usize),
-    /// The latitude of Reported-Position was changed and its frame CRC computed anew, so that its position CRC is
+    /// The latitude of Reported-Position was changed and its frame CRC calculated anew, so that its position CRC is
     /// wrong.
     Position,
-    /// The payload is zeros throughout.
+    /// Every byte of the payload is 0x00.
     Zeros,
-    /// The payload is ones throughout.
+    /// Every byte of the payload is 0xFF.
     Ones,
     /// The frame is good, but its timestamp is that of the cycle before.
     Repeated,
@@ -82,8 +82,8 @@ impl Case {
         }
     }
 
-    /// Returns the index of the frame's class in [`CLASSES`]. What the DPR does depends only on whether a timestamp is
-    /// known and what the sequence says of it, not on the other bytes of the frame.
+    /// Returns the index of the frame's class in [`CLASSES`]. What the DPR does depends only on whether it has a
+    /// timestamp and what the sequence says of it, not on the other bytes of the frame.
     pub(crate) const fn class(self) -> usize {
         match self {
             Self::Repeated | Self::Ahead | Self::Restarted => 1,

@@ -1,4 +1,4 @@
-//! Times `st25r3916::Listener::step` for a whole frame, as the executor calls it.
+//! Measures the time of `st25r3916::Listener::step` for a whole frame, with the calls that the executor makes.
 
 use core::hint::black_box;
 
@@ -15,34 +15,37 @@ const FRAME: usize = SIZE + 3;
 /// The bits I_rxs and I_rxe of the main interrupts: sync detected, and end of a frame.
 const RXS: u8 = 0x20;
 const RXE: u8 = 0x10;
-/// The bits of the second FIFO status by which the last byte is incomplete (fifo_lb), or its parity is missing (np_lb).
+/// The bits of the register FIFO status 2 by which the last byte is incomplete (fifo_lb), or its parity is missing
+/// (np_lb).
 const FIFO_LAST_BITS: u8 = 0x0F;
-/// The number of steps from the sync of a frame until the receiver is armed again: five waits with a status read after
-/// each, four reads of the FIFO, the event, three transfers that arm, and one that reads a setting back.
+/// The number of steps from the sync of a frame until the receiver is ready for the next one: five waits with a status
+/// read after each, four reads of the FIFO, the event, three transfers that make the receiver ready, and one that reads
+/// a setting back.
 const STEPS: usize = 19;
 
-/// The chip's status of a frame besides the frame's bytes.
+/// The flags that the chip reports for a frame besides the frame's bytes.
 #[derive(Clone, Copy)]
 struct Flags {
     error: u8,
     fifo: u8,
 }
 
-/// The flags of a frame with which the chip has found nothing wrong.
+/// The flags of a frame in which the chip has found no error.
 const CLEAN: Flags = Flags { error: 0, fifo: 0 };
-/// For a frame that is read while it arrives: the main interrupts with which each wait ends (0 if its time is over),
-/// and the number of bytes in the FIFO then.
+/// For a frame that is read while it arrives, the result of each wait: the main interrupts with which it ends (0 if its
+/// time is over), and the number of bytes in the FIFO then.
 const WHILE_FILLING: [(u8, u8); 5] = [(RXS, 0), (0, 17), (0, 201), (0, 26), (RXE, 5)];
-/// The values of [`WHILE_FILLING`] for a frame whose LEN is wrong, so that its end comes first.
+/// The results of the waits, as in [`WHILE_FILLING`], for a frame whose LEN is wrong, so that the frame ends before its
+/// bytes are read.
 const AT_THE_END: [(u8, u8); 3] = [(RXS, 0), (0, 17), (RXE, 231)];
 
-/// Makes one step. It is a separate function, so that every call runs the same copy of the state machine.
+/// Makes one step. The function is separate, so that every call runs the same copy of the state machine.
 #[inline(never)]
 fn step(listener: &mut Listener, input: Input<'_>) -> Step<ListenerEvent> {
     listener.step(input)
 }
 
-/// Returns a listener that has been brought up and waits for a frame.
+/// Returns a listener that has been set up and waits for a frame.
 fn listening(chip: &mut Chip) -> Listener {
     let mut listener = Listener::new(ListenerConfig::new());
     let mut next = listener.step(Input::Start);
@@ -65,7 +68,8 @@ fn listening(chip: &mut Chip) -> Listener {
     defmt::panic!("the listener does not come up")
 }
 
-/// Receives one frame and records the time of each step in its place of `taken`. Returns the number of steps.
+/// Receives one frame and records the time of each step in the element of `taken` with that step's number. Returns the
+/// number of steps.
 fn frame(
     cycles: &Cycles,
     chip: &mut Chip,
@@ -78,7 +82,8 @@ fn frame(
     let mut listener = before.clone();
     let mut waits = waits.iter();
     let mut arm = |chip: &mut Chip| {
-        // When the receiver is armed again nothing has happened, and the CRC-16 is still in the FIFO.
+        // When the receiver is made ready again, no further interrupt has occurred, and the CRC-16 is still in the
+        // FIFO.
         let &(main, count) = waits.next().unwrap_or(&(0, 2));
         let Flags { error, fifo } = if main == RXS || (main, count) == (0, 2) { CLEAN } else { flags };
         chip.set_status(Status { main, error, count, fifo });
@@ -104,7 +109,7 @@ fn frame(
             }
             Step::Transfer(Transfer::Read { offset, len }) => Input::Done(&bytes[offset..offset + len]),
             Step::Event(ListenerEvent::Frame { len, .. }) => {
-                // If a frame broke off within a byte, that byte does not count.
+                // A byte within which a frame broke off does not count.
                 defmt::assert_eq!(len, SIZE - usize::from(flags.fifo & FIFO_LAST_BITS != 0));
                 delivered = true;
                 arm(chip);
@@ -121,8 +126,8 @@ fn frame(
     steps
 }
 
-/// Times every step of frames whose bytes and flags differ, and then of frames whose LEN is wrong, which are read at
-/// other instants.
+/// Times every step of frames whose bytes and flags differ, and then of frames whose LEN is wrong, whose FIFO is read
+/// at other instants.
 pub(crate) fn steps(cycles: &Cycles) {
     let mut chip = Chip::new();
     let before = listening(&mut chip);
@@ -142,7 +147,7 @@ pub(crate) fn steps(cycles: &Cycles) {
         worst.note(taken.min);
         spread = spread.max(taken.spread());
     }
-    // Steps differ from each other, but one step does not depend on the frame's contents.
+    // Different steps take different times, but no step's time depends on the frame's contents.
     worst.assert("Listener::step, any step of a frame", bounds(340, 370, 500, u32::MAX));
     Taken { min: 1_000, max: 1_000 + spread }
         .assert("Listener::step, spread of one step", bounds(1_016, 1_016, 1_016, 16));

@@ -1,10 +1,10 @@
-//! Opens the debug port of a part of revision 3, which otherwise answers no debugger after the next reset other than a
-//! soft reset.
+//! Opens the debug port of a part of revision 3. Otherwise such a part answers no debugger after its next reset, unless
+//! that is a soft reset.
 
 use dpr_fw::debug_port;
 use nrf52840_hal::pac;
 
-/// The registers that decide about the debug port, as in the flight image.
+/// The registers that determine whether the debug port is open, as in the firmware.
 struct Protection<'a> {
     ficr: &'a pac::FICR,
     uicr: &'a pac::UICR,
@@ -29,7 +29,7 @@ impl debug_port::Registers for Protection<'_> {
     }
 }
 
-/// Keeps the debug port open, as the flight image does.
+/// Keeps the debug port open, as the firmware does.
 pub(crate) fn open(ficr: &pac::FICR, uicr: &pac::UICR) {
     debug_port::open(&mut Protection { ficr, uicr });
 }

@@ -1,4 +1,5 @@
-//! Times the end of a transaction on the SSI, the hand-over of images and receive areas, and the port task.
+//! Measures the time of the work at the end of a transaction on the SSI, of the hand-over of images and receive areas,
+//! and of the port task.
 
 use core::{hint::black_box, ops::Range};
 
@@ -24,13 +25,13 @@ use profile::{
 
 use super::commit::Own;
 
-/// The number of bytes of the map that is shown.
+/// The number of bytes of the map that the flight controller can read.
 const LEN: usize = Map::<RECEIVERS>::LEN;
 
-/// The bytes that a transaction brings.
+/// The bytes that a transaction writes into a receive area.
 type Mosi = [u8; RECEIVE_BYTES];
 
-/// Returns the MOSI of a request, an object, and the byte that is driven behind it.
+/// Returns the bytes on MOSI for a request, an object behind it, and the byte `beyond` in all places behind that.
 fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
     let mut bytes = [beyond; RECEIVE_BYTES];
     bytes[..8].copy_from_slice(&request);
@@ -41,8 +42,8 @@ fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
 const NOTHING: [u8; 8] = [0; 8];
 const IDLE: [u8; Uplink::SIZE] = [0; Uplink::SIZE];
 
-/// Returns requests: for nothing, for windows, damaged ones, for windows that lie outside, and random ones (from a
-/// fixed seed).
+/// Returns requests: for nothing, for windows, damaged ones, for windows outside the map, and random ones (from a fixed
+/// seed).
 fn requests() -> [[u8; 8]; 16] {
     let window = |offset, length| encode(Request { offset, length });
     let mut damaged = window(96, 60);
@@ -71,7 +72,7 @@ fn requests() -> [[u8; 8]; 16] {
     all
 }
 
-/// Times `Windows::transaction`, with the window that follows from it.
+/// Times `Windows::transaction`, and the calculation of the window that follows from it.
 pub(crate) fn windows(cycles: &Cycles) {
     let mut taken = Taken::NONE;
     let mut asked_for = 0;
@@ -90,14 +91,14 @@ pub(crate) fn windows(cycles: &Cycles) {
     taken.assert("ssi::Windows::transaction", bounds(250, 180, 240, 16));
 }
 
-/// A model of the SSI's hardware in which everything is available at once, with the receive areas that it lends.
+/// A model of the SSI's hardware in which every resource is available at once, with the receive areas that it lends.
 struct Wires<'m, 'a, 'q> {
     mosi: &'m [u8],
     image: Option<Received<&'a mut ImageMemory, ()>>,
     area: Option<Filling<&'a mut ReceiveArea>>,
     areas: SsiEnd<'q, &'a mut ReceiveArea>,
     released: u32,
-    /// The cycle counts when the events were taken, and when the buffers were released.
+    /// The values of the cycle counter when the events were taken, and when the buffers were released.
     begun_at: u32,
     released_at: u32,
     handed_over: Option<HandedOver>,
@@ -112,7 +113,8 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         let Some(mut area) = self.area.take() else { return HandedOver::Empty };
-        // This word has the object's identifier and status, by which an area is judged when it is dropped.
+        // The fourth word of an area holds the object's identifier and status, by which an area is judged when it is
+        // discarded.
         area.memory()[3] = 0x5A5A_5A5A;
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
         self.area = Some(next);
@@ -144,7 +146,7 @@ impl<'a> Ssi for Wires<'_, 'a, '_> {
     }
 }
 
-/// Times `Server::serve` after each kind of transaction, with its area handed over, and with the areas used up.
+/// Times `Server::serve` after each kind of transaction, with the area handed over, and when all areas are used up.
 pub(crate) fn serve(cycles: &Cycles) {
     let requests = requests().map(|request| mosi(request, &[0x5A; Uplink::SIZE], 0));
     let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
@@ -163,7 +165,7 @@ pub(crate) fn serve(cycles: &Cycles) {
         released_at: 0,
         handed_over: None,
     };
-    // The next area is at hand, or the port task has returned it just now, or there is none.
+    // Three cases: the next area is ready, or the port task has returned it just now, or there is none.
     let mut released = [Taken::NONE; 3];
     let mut whole = [Taken::NONE; 3];
     let mut granted = 0;
@@ -172,7 +174,7 @@ pub(crate) fn serve(cycles: &Cycles) {
             let mut server = Server::<LEN>::new();
             port.mosi = black_box(bytes);
             let took = cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry));
-            // Each request comes after all areas were used up and then returned.
+            // The class of a call: the first call of each request comes after all areas were used up and then returned.
             let class = match port.handed_over {
                 Some(HandedOver::Waits) if number == 0 => 1,
                 Some(HandedOver::Waits) => 0,
@@ -193,8 +195,8 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the release. What comes after it (counting, and the queues of the areas) is
-    // bounded, and depends on how many areas the port task has.
+    // The flight controller waits until the buffers are released. The work after that (counting, and the queues of the
+    // areas) only has a bound, because its time depends on how many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));
@@ -203,7 +205,7 @@ pub(crate) fn serve(cycles: &Cycles) {
     whole[2].assert("Server::serve, areas used up", bounds(500, 400, 540, u32::MAX));
 }
 
-/// Times `Exchange`, where an image is begun, published and taken.
+/// Times `Exchange`, by which an image is begun, published and taken.
 pub(crate) fn exchange(cycles: &Cycles) {
     let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
     let mut exchange = Exchange::new(images.each_mut());
@@ -219,7 +221,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
         let before = streamed.take();
         let (took, (image, newer)) = cycles.timed(|| exchange.take(before));
         defmt::assert!(newer);
-        // The first image that is taken has no other image before it.
+        // The first image that is taken replaces no other, so its time is not counted.
         if round > 0 {
             take.note(took);
         }
@@ -232,7 +234,7 @@ pub(crate) fn exchange(cycles: &Cycles) {
     take.assert("Exchange::take", bounds(65, 55, 75, 8));
 }
 
-/// Times `Rotation`, where a frame is handed on, read and done with.
+/// Times `Rotation`, by which a frame is handed on, read and discarded.
 pub(crate) fn rotation(cycles: &Cycles) {
     let mut memory: [ReceiveMemory; 3] = [[0; RECEIVE_WORDS]; 3];
     let (mut filling, mut rotation, _) = Rotation::<_, u32>::new(memory.each_mut());
@@ -255,8 +257,8 @@ pub(crate) fn rotation(cycles: &Cycles) {
     done.assert("Rotation::done", bounds(35, 30, 45, 8));
 }
 
-/// Times `WritePort::transaction` and `WritePort::prepare`. They run at a priority above idle only, so only their bound
-/// counts, not their spread.
+/// Times `WritePort::transaction` and `WritePort::prepare`. Only idle has a lower priority than they have, so only
+/// their bound counts, not their spread.
 pub(crate) fn port(cycles: &Cycles) {
     let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
     let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };
@@ -277,7 +279,7 @@ pub(crate) fn port(cycles: &Cycles) {
         mosi([0xFF; 8], &[0xFF; Uplink::SIZE], 0xFF),
         mosi(NOTHING, Uplink::seal(base, &values(5)).as_bytes(), 0),
         mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0),
-        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0), // is not newer than the one before
+        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0), // is not newer than the uplink before
         mosi(NOTHING, CommandObject::seal(own, 6, Command::ClearCounters).as_bytes(), 0),
         mosi(NOTHING, CommandObject::seal(own, 7, Command::SelfTest).as_bytes(), 0),
         mosi(NOTHING, CommandObject::seal(own, 8, Command::SelfTest).as_bytes(), 0), // meets a test that is under way

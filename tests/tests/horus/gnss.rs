@@ -1,4 +1,4 @@
-//! Times the way from bytes of the receivers to a sealed profile.
+//! Measures the time of the work from the receivers' bytes to a sealed profile.
 
 use core::hint::black_box;
 
@@ -20,8 +20,8 @@ fn solution(valid: bool, value: f64) -> Solution {
     }
 }
 
-/// Returns the solution of a receiver that has sent an intact NAV-PVT of a fix at `latitude` (1e-7 degrees), at `now`
-/// ms.
+/// Returns the solution of a receiver that at `now` ms has sent an intact NAV-PVT with a fix at `latitude` (1e-7
+/// degrees).
 fn located(now: u32, latitude: i32, velocity: [i32; 3]) -> Solution {
     let mut receiver = Receiver::new();
     let message = nav_pvt(latitude, velocity);
@@ -32,7 +32,7 @@ fn located(now: u32, latitude: i32, velocity: [i32; 3]) -> Solution {
     *receiver.solution()
 }
 
-/// Returns the NAV-PVT message of a 3D fix with accuracies of 1.5 m and 2.5 m; every other field is zero.
+/// Returns the NAV-PVT message of a 3D fix with accuracies of 1.5 m and 2.5 m. Every field without a parameter is zero.
 fn nav_pvt(latitude: i32, velocity: [i32; 3]) -> [u8; 100] {
     let mut message = [0; 100];
     message[..6].copy_from_slice(&[0xB5, 0x62, 0x01, 0x07, 92, 0]);
@@ -53,7 +53,7 @@ fn nav_pvt(latitude: i32, velocity: [i32; 3]) -> [u8; 100] {
     message
 }
 
-/// Times `Cycle::fill`, whatever the receivers have sent.
+/// Times `Cycle::fill` with different solutions of the receivers.
 pub(crate) fn fill(cycles: &Cycles) {
     let values = [0.0, -0.0, 47.4979, f64::MIN_POSITIVE / 2.0, f64::MAX, f64::INFINITY, f64::NAN];
     let winterthur = located(1_230, 474_987_654, [12_000, -9_000, 1_500]);
@@ -84,9 +84,9 @@ pub(crate) fn fill(cycles: &Cycles) {
         },
         |(tick, solutions), cycle| cycle.fill(black_box(*tick), black_box(solutions)),
     );
-    // The slot leaves 24 µs for the tick and 14 µs for each object (`timing`), which are 9504 cycles.
+    // The send slot leaves 24 µs for the tick and 14 µs for each object (`timing`), which are 9504 cycles.
     taken.assert("Cycle::fill", bounds(4_800, 3_800, 9_504, 16));
-    // The vote runs with an earlier result to compare with, and without one.
+    // The vote is timed with an earlier result to compare with, and without one.
     let begun = |tick: u32, solutions: &[Solution; RECEIVERS]| {
         let mut cycle = Cycle::new();
         cycle.vote(tick.wrapping_sub(2), &[winterthur; RECEIVERS]);
@@ -98,12 +98,13 @@ pub(crate) fn fill(cycles: &Cycles) {
         |(tick, solutions)| if tick % 2 == 0 { Cycle::new() } else { begun(*tick, solutions) },
         |(tick, solutions), cycle| cycle.vote(black_box(*tick), black_box(solutions)),
     );
-    // The vote comes after the frame was offered and has no deadline but the next tick.
+    // The vote comes after the frame was offered to the transmitter, and has no deadline but the next tick.
     taken.assert("Cycle::vote", bounds(10_000, 10_000, 16_000, u32::MAX));
 }
 
-/// Times `Receiver::receive` for one call's bytes. The time is bounded but not constant, since a complete message is
-/// converted and a false start is searched again. The call runs at a priority below everything that has a deadline.
+/// Times `Receiver::receive` for the bytes of one call. The time is bounded but not constant, because a complete
+/// message is converted and a false start is searched again. The call runs at a priority below that of all work with a
+/// deadline.
 pub(crate) fn receive(cycles: &Cycles) {
     let message = nav_pvt(474_987_654, [12_000, -9_000, 1_500]);
     let mut damaged = message;
@@ -121,7 +122,7 @@ pub(crate) fn receive(cycles: &Cycles) {
                 now += 10;
                 taken.note(cycles.of(|| receiver.receive(black_box(bytes), now)));
             }
-            // There is a silence in every second turn, after which a false start is given up.
+            // There is a silence before every second call, after which a false start is discarded.
             now += 100 * (turn % 2);
             taken.note(cycles.of(|| receiver.receive(&[], now)));
         }

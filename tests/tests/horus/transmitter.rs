@@ -1,4 +1,5 @@
-//! Times the transmitter's calls of a cycle, with a port that only records what it was asked for.
+//! Measures the time of the transmitter's calls in a cycle, with a port that only records the transfers that it is
+//! asked for.
 
 use core::{hint::black_box, ops::Range};
 
@@ -18,24 +19,24 @@ use st25r3916::{
     PollerConfig, Short,
 };
 
-/// The address byte of the driver's status read.
+/// The address byte with which the driver's status read begins.
 const STATUS_READ: u8 = 0x59;
 /// The bit I_txe, end of transmission, of the main interrupts.
 const TXE: u8 = 0x08;
 
-/// A transfer that the transmitter has started.
+/// A transfer to the front end's chip that the transmitter has started.
 #[derive(Clone, Copy)]
 enum Started {
     Short([u8; Short::MAX], usize),
     Load,
 }
 
-/// The port, which carries out nothing.
+/// A port of the transmitter that carries out no transfer.
 struct Wires {
     started: Option<Started>,
-    /// The bytes that the last transfer has clocked in, and their number.
+    /// The bytes that the last transfer has clocked in from the chip, and their number.
     response: ([u8; Short::MAX], usize),
-    /// Whether the pin reads high once.
+    /// Whether the interrupt pin reads high, once.
     irq: bool,
     ticket: Ticket,
     loads: u32,
@@ -86,8 +87,8 @@ impl transmitter::FrontEndPort for Wires {
     }
 }
 
-/// Answers what was started, until the transmitter waits only for an offer. `main` has the main interrupts that the
-/// first status read shows.
+/// Answers the transfers that were started, until the transmitter waits only for an offer. `main` has the main
+/// interrupts that the first status read returns.
 fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u8) {
     for _ in 0..200 {
         let wires = transmitter.port();
@@ -99,7 +100,8 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
                 wires.response = (chip.respond(&bytes[..len]), len);
             }
             Some(Started::Load) => wires.response.1 = 0,
-            // Either a wait is pending, which ends at once, or the transmitter waits only for the offer.
+            // Either the transmitter waits for a pending interrupt, which comes at once, or it waits only for the
+            // offer.
             None => wires.irq = true,
         }
         transmitter.poll();
@@ -112,7 +114,7 @@ fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u
     defmt::panic!("the transmitter does not settle");
 }
 
-/// Times `Transmitter::offer`, `poll` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
+/// Times `Transmitter::offer`, `poll` and `slot`, and `Ticket::due`, over profiles whose bytes all differ.
 pub(crate) fn cycle(cycles: &Cycles) {
     let telemetry = Telemetry::new();
     let wires = Wires { started: None, response: ([0; 8], 0), irq: false, ticket: Ticket::NONE, loads: 0 };
@@ -128,7 +130,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     {
         let tick = tick as u32 + 1;
         let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
-        // The first turn is not timed, so that the flash cache is warm for all others.
+        // The first cycle is not timed, so that the flash cache holds the code for all others.
         let timed = tick > 1;
         let note = |taken: &mut Taken, took| {
             if timed {
@@ -158,7 +160,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
         note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
         defmt::assert_eq!(transmitter.port().loads, 2 * tick);
         settle(&mut transmitter, &mut chip, TXE);
-        // This slot has no ticket.
+        // The slot of this call has no ticket, so it fires nothing.
         note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);
@@ -166,7 +168,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
     offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
     loaded.assert("Transmitter::poll, head loaded", bounds(270, 290, 640, 8));
     slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
-    // The call also asks the port for what a lost edge may have left waiting, as `poll` does.
+    // Like `poll`, the call also asks the port for interrupts that may still be pending because an edge was lost.
     skipped.assert("Transmitter::slot, nothing fired", bounds(90, 105, 240, 8));
     due.assert("Ticket::due", bounds(65, 50, 110, 32));
 }

@@ -1,4 +1,4 @@
-//! The objects as C structures of bytes, with their fields at `profile`'s offsets.
+//! Writes the objects as C structures of bytes, with their fields at the offsets that `profile` uses.
 
 use std::fmt::Write as _;
 
@@ -26,7 +26,7 @@ struct Field {
     what: &'static str,
 }
 
-/// An object and how to find its fields.
+/// An object, with those of its fields that have been found.
 struct Object {
     name: &'static str,
     title: &'static str,
@@ -39,7 +39,7 @@ impl Object {
         Self { name, title, size, fields: vec![] }
     }
 
-    /// The field in which `sealed` holds `value`: the only place of those bytes.
+    /// Adds the field in which `sealed` holds `value`. The bytes of `value` must occur in `sealed` only once.
     fn field(mut self, name: &'static str, what: &'static str, value: &[u8], sealed: &[u8]) -> Result<Self> {
         ensure!(sealed.len() == self.size, "{} has {} bytes", self.name, sealed.len());
         let mut places = (0..=self.size - value.len()).filter(|at| sealed[*at..].starts_with(value));
@@ -49,14 +49,14 @@ impl Object {
         Ok(self)
     }
 
-    /// A field that cannot be set: it follows the ones before it.
+    /// Adds a field whose value cannot be set: it follows the fields before it.
     fn rest(mut self, name: &'static str, what: &'static str, bytes: usize) -> Self {
         let start = self.fields.iter().map(|field| field.place.end).max().unwrap_or(0);
         self.fields.push(Field { name, place: start..start + bytes, what });
         self
     }
 
-    /// The C structure with its assertions.
+    /// Returns the C structure of the object with assertions about its layout.
     fn structure(mut self) -> Result<String> {
         self.fields.sort_by_key(|field| field.place.start);
         let mut end = 0;
@@ -82,7 +82,7 @@ impl Object {
     }
 }
 
-/// Every object.
+/// Returns the C structures of all objects.
 pub(super) fn structs() -> Result<String> {
     [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?]
         .into_iter()
@@ -90,7 +90,7 @@ pub(super) fn structs() -> Result<String> {
         .collect()
 }
 
-/// The fields of a value type, each found by sealing it with only that field set.
+/// Adds the fields of a value type. Each is found by sealing an object in which only that field is set.
 macro_rules! fields {
     ($object:ident, $blank:expr, $seal:expr; $($name:ident: $value:expr, $what:literal;)*) => {
         $object$(.field(

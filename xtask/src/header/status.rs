@@ -1,4 +1,4 @@
-//! The status words' bits and codes, and the client's verdicts, for C.
+//! Writes the bits and codes of the status words, and the client's verdicts, for C.
 
 use std::fmt::Write as _;
 
@@ -10,10 +10,10 @@ use profile::{
 
 use super::defines;
 
-/// A bit, or the bits of a code: its name, its mask, its meaning.
+/// A bit of a status word, or the bits of a code in it: name, mask, meaning.
 type Bits = (&'static str, u16, &'static str);
 
-/// Every status word.
+/// Returns the definitions of all status words.
 pub(super) fn words() -> Result<String> {
     let reported = ReportedStatus::new();
     let gps = GpsStatus::new();
@@ -94,7 +94,7 @@ pub(super) fn words() -> Result<String> {
     Ok(text.concat() + &codes())
 }
 
-/// The meaning of the bits of a solution's age.
+/// Returns the definitions of the bits that hold a solution's age.
 fn ages() -> Result<String> {
     let code = |age_ms| GpsStatus::new().with_solution_age_ms(age_ms).bits() >> 10;
     ensure!(code(Some(u32::from(GpsStatus::AGE_STEP_MS))) == 1, "the age of a solution has another step");
@@ -127,7 +127,7 @@ fn word(prefix: &str, title: &str, used: u16, bits: &[Bits]) -> Result<String> {
     Ok(format!("/* {title}. */\n{}\n", defines(&lines)))
 }
 
-/// A C enumeration: name, number and meaning of each.
+/// Returns a C enumeration; `values` has the name, the number and the meaning of each value.
 fn enumeration(name: &str, title: &str, prefix: &str, values: &[(&str, u8, &str)]) -> String {
     let width = values.iter().map(|(value, ..)| value.len()).max().unwrap_or(0) + prefix.len() + 16;
     let mut text = format!("/* {title} */\ntypedef enum {{\n");
@@ -192,7 +192,7 @@ fn codes() -> String {
         + &enumeration("reset", "Why the DPR, or HORUS, last started. Other codes are reserved.", "RESET_", &resets)
 }
 
-/// The client's verdicts.
+/// Returns the definitions of the client's verdicts.
 pub(super) fn verdicts() -> String {
     let none = ("NONE", 0, "no transaction has ended: nobody filled the report");
     let verdicts = Verdict::ALL.map(|verdict| {
@@ -214,7 +214,7 @@ pub(super) fn verdicts() -> String {
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
-/// A command's name and effect.
+/// Returns the name and the effect of a command to the DPR.
 pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
@@ -223,7 +223,7 @@ pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     }
 }
 
-/// The name and meaning of a kind of access violation.
+/// Returns the name and the meaning of a kind of access violation.
 pub(super) fn violation(kind: Violation) -> (&'static str, &'static str) {
     match kind {
         Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),

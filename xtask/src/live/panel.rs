@@ -1,23 +1,23 @@
-//! The panel injects faults into the running flight, and shows both boards' logs.
+//! The panel, with which a user injects faults into the running flight and sees both boards' logs.
 //!
 //! # Design
 //!
-//! It is on the bench's side of the wire, at a separate address. It reaches the base station only through the faults:
-//! the bench gets them as in tests, between two pieces of the run ([`Observer::faults`](bench::sim::Observer::faults)),
-//! and the judge gets them like every other fault.
+//! The panel is on the bench's side of the radio, at a separate address. It affects the base station only through the
+//! faults: the bench gets them as in tests, between two pieces of the run
+//! ([`Observer::faults`](bench::sim::Observer::faults)), and the judge gets them like every other fault.
 //!
-//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. Either is a chain of
-//! episodes of [`LINK_NS`], each of which begins before the one before ends, so that the judge always has an end and
-//! checks the link's recovery from it; the report counts each. A recovery is complete within one episode. A supply that
-//! is off has a fixed end, because two of its episodes would not join without a gap.
+//! **Duration.** A fault lasts for a number of seconds of flight, or until the user ends it. In both cases it is a
+//! chain of episodes of [`LINK_NS`], each of which begins before the one before it ends. So the judge always has an end
+//! and checks the link's recovery from it; the report counts each episode. A recovery is complete within one episode. A
+//! supply that is switched off has a fixed end instead, because two such episodes would not join without a gap.
 //!
-//! **Hangs.** A firmware starts its watchdog a few milliseconds after its own start; a board that hung before that
-//! would hang for ever. So where a board has just been restarted from the panel, or already hangs, its hang is delayed
-//! until the watchdog runs again. A board without a supply is not made to hang.
+//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
+//! would hang for ever. So if a board has just been restarted from the panel, or already hangs, its next hang is
+//! delayed until the watchdog certainly runs. A board without a supply is not made to hang.
 //!
-//! **Access.** It is a server on this machine, to which any page in a browser here can send requests. So a change is
-//! refused unless the browser names this very page as its origin (`Origin`, or `Sec-Fetch-Site` where there is none),
-//! and requests by another name of this machine are refused altogether ([`page::guarded`]).
+//! **Access.** The panel is a server on this machine, to which any page in a browser on this machine can send requests.
+//! So a change is refused unless the browser names the panel's own page as its origin (`Origin`, or `Sec-Fetch-Site` if
+//! there is none), and requests to another name of this machine are refused altogether ([`page::guarded`]).
 //!
 //! | left out | why |
 //! |---|---|
@@ -41,16 +41,16 @@ use bench::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, 
 use bench::sim::AHEAD_NS;
 use serde_json::{Value, json};
 
-/// The length of an episode of a chain, virtual ns.
+/// The length of one episode in the chain that makes a fault last, virtual ns.
 const LINK_NS: u64 = 1_000_000_000;
 
-/// The remaining time at which the next episode begins, virtual ns: two pieces of the run.
+/// The remaining time of an episode at which the next episode of its chain begins, virtual ns: two pieces of the run.
 const RENEW_NS: u64 = 2 * super::PIECE;
 
 /// The longest duration of a fault, s of flight.
 const LONGEST: f64 = 600.0;
 
-/// The number of log lines that are kept.
+/// The number of log lines that the panel keeps.
 const LINES: usize = 1_000;
 
 /// The fraction of frames that are lost on the air.
@@ -59,19 +59,19 @@ const LOST: f64 = 0.4;
 /// The bit error rate on the air: a frame has about 2000 bits, so about one frame in three survives.
 const BIT_ERROR: f64 = 5e-4;
 
-/// The seed of the noise in RAM after a supply was off.
+/// The seed of the noise that RAM holds after a supply was off.
 const NOISE: u64 = 1;
 
-/// A fault of the panel.
+/// A fault that the panel can inject.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Thing {
     /// A receiver, from 0, is silent.
     Silent(usize),
-    /// A receiver, from 0, finds no position.
+    /// A receiver, from 0, finds no position, as if it were jammed.
     Jammed(usize),
     /// Frames on the air are lost.
     Frames,
-    /// Bits on the air are wrong.
+    /// Bits of frames on the air are wrong.
     Bits,
     /// HORUS's carrier does not reach the DPR.
     Field,
@@ -84,7 +84,7 @@ enum Thing {
 }
 
 impl Thing {
-    /// All faults of a flight with `receivers` receivers.
+    /// All faults that the panel offers for a flight with `receivers` receivers.
     fn all(receivers: usize) -> Vec<Self> {
         let boards = [Board::Horus, Board::Dpr];
         let mut all: Vec<Self> = (0..receivers).flat_map(|of| [Self::Silent(of), Self::Jammed(of)]).collect();
@@ -107,7 +107,7 @@ impl Thing {
         }
     }
 
-    /// The fault's possible durations.
+    /// The ways in which the fault can last.
     const fn how(self) -> How {
         match self {
             Self::Reset(_) | Self::Hang(_) => How::Once,
@@ -136,14 +136,14 @@ impl fmt::Display for Thing {
     }
 }
 
-/// The possible durations of a fault.
+/// The ways in which a fault can last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum How {
-    /// For a moment.
+    /// The fault occurs once, for a moment.
     Once,
-    /// For seconds of flight.
+    /// The fault lasts for a number of seconds of flight.
     ForSeconds,
-    /// For seconds of flight, or until the user ends it.
+    /// The fault lasts for a number of seconds of flight, or until the user ends it.
     Lasting,
 }
 
@@ -157,13 +157,13 @@ impl How {
     }
 }
 
-/// A present fault.
+/// A fault that is present or will begin.
 #[derive(Clone, Copy, Debug)]
 struct Broken {
     thing: Thing,
-    /// The requested end, virtual ns; `u64::MAX` until the user ends it.
+    /// The instant at which the user wants the fault to end, virtual ns; `u64::MAX` until the user ends it.
     until: u64,
-    /// The end of the episodes that the bench has, virtual ns.
+    /// The end of the fault's last episode that the bench has, virtual ns.
     told: u64,
 }
 
@@ -183,15 +183,15 @@ struct Inner {
     end_ns: u64,
     now_ns: u64,
     over: bool,
-    /// The faults that begin after this piece of the run, and their durations, ns.
+    /// The faults that are to begin after the present piece of the run, with their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
     /// The instants from which HORUS's and the DPR's watchdogs certainly run, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
-    /// The number of lines that were dropped.
+    /// The number of log lines that were dropped.
     forgotten: u64,
-    /// Lines whose instant is not known yet.
+    /// Log lines whose instant is not known yet.
     unstamped: Vec<(String, String)>,
 }
 
@@ -201,11 +201,11 @@ impl Inner {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
 
-    /// The faults that begin after `now`, virtual ns.
+    /// Returns the faults that begin after `now`, virtual ns.
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        // Faults that restart a board come before those that make it hang.
+        // Faults that restart a board come first, so that a hang of the same board is delayed until its watchdog runs.
         let mut asked = std::mem::take(&mut self.asked);
         asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
         for (thing, ns) in asked {
@@ -241,7 +241,8 @@ impl Inner {
                 },
             }
         }
-        // The air has one fault at a time: the last begun of several episodes acts.
+        // The air has one fault at a time: of several episodes the last one has the effect, so each has all present
+        // faults.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -269,7 +270,7 @@ impl Inner {
         self.broken.iter().any(|broken| broken.thing == thing && broken.until > now)
     }
 
-    /// The state for the page, with the log's lines from number `from` on.
+    /// Returns the panel's state as JSON for its page, with the log's lines from number `from` on.
     fn state(&self, from: u64) -> Value {
         let seconds = |ns: u64| ns as f64 / 1e9;
         let broken = self.broken.iter().map(|broken| {
@@ -288,7 +289,7 @@ impl Inner {
         })
     }
 
-    /// The possible faults, as text.
+    /// The faults that the panel offers, as JSON.
     fn things(&self) -> Value {
         let thing =
             |thing: Thing| json!({ "code": thing.code(), "words": thing.to_string(), "how": thing.how().code() });
@@ -296,7 +297,7 @@ impl Inner {
     }
 }
 
-/// The panel of a run. See the [module](self).
+/// The panel of a run. The [module](self) describes it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Panel {
     inner: Arc<Mutex<Inner>>,
@@ -304,7 +305,7 @@ pub(super) struct Panel {
 
 impl Panel {
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // A reader that panicked has left no partial change.
+        // A thread that panicked while it held the lock has left no partial change behind.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -324,7 +325,7 @@ impl Panel {
         self.inner().unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// Records that the run, and so its log, has come this far, virtual ns.
+    /// Records that the run and its log have come to `now_ns`, virtual ns.
     pub(super) fn progress(&self, now_ns: u64) {
         let mut inner = self.inner();
         inner.now_ns = now_ns;
@@ -337,17 +338,17 @@ impl Panel {
         }
     }
 
-    /// The faults that begin after `now_ns`, at the end of a piece of the run.
+    /// Returns the faults that begin after `now_ns`, which is the end of a piece of the run.
     pub(super) fn faults(&self, now_ns: u64) -> Faults {
         self.inner().faults(now_ns)
     }
 
-    /// Whether the run must end.
+    /// Whether a user has ended the run.
     pub(super) fn is_over(&self) -> bool {
         self.inner().over
     }
 
-    /// Injects faults as a user does who presses one button after the other, all of them together.
+    /// Injects faults all at once, as a user does who presses one button after the other.
     #[cfg(test)]
     pub(super) fn press(&self, button: usize, ns: Option<u64>) {
         let mut inner = self.inner();
@@ -382,7 +383,7 @@ fn json(value: &Value) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response()
 }
 
-/// The value of `name` in a query.
+/// The value of the parameter `name` in a query.
 fn asked<'a>(query: Option<&'a str>, name: &str) -> Option<&'a str> {
     query?.split('&').filter_map(|part| part.split_once('=')).find(|(other, _)| *other == name).map(|(_, value)| value)
 }
@@ -392,7 +393,7 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Whether a request comes from a page of this very server, by the browser's headers.
+/// Whether a request comes from the panel's own page, by the browser's headers.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {
@@ -402,7 +403,7 @@ fn is_from_here(headers: &HeaderMap) -> bool {
     }
 }
 
-/// `POST /break?what=CODE&seconds=N`; without seconds the fault lasts until the user ends it.
+/// Answers `POST /break?what=CODE&seconds=N`: begins a fault. Without seconds the fault lasts until the user ends it.
 async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();
@@ -426,7 +427,7 @@ async fn break_thing(State(panel): State<Panel>, headers: HeaderMap, RawQuery(qu
     StatusCode::NO_CONTENT.into_response()
 }
 
-/// `POST /well` ends all faults; with `?what=CODE`, only that one.
+/// Answers `POST /well`: ends all faults or, with `?what=CODE`, only that one.
 async fn all_well(State(panel): State<Panel>, headers: HeaderMap, RawQuery(query): RawQuery) -> Response {
     if !is_from_here(&headers) {
         return (StatusCode::FORBIDDEN, "this is for the panel's own page").into_response();

@@ -11,11 +11,12 @@ use serde_json::Value;
 
 use super::*;
 
-/// The beginning of HORUS's clock, s after power-on: it compares its flash with the CRC and sets up for 8 to 9 ms.
+/// The time from power-on to the start of HORUS's clock, s: HORUS compares its flash with the CRC and sets up for 8 to
+/// 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
-/// Both images for three receivers; `None`, with a message, where `cargo xtask test` has not built them, and a failure
-/// of the test where the environment has `CI`.
+/// Both firmwares for three receivers. If `cargo xtask test` has not built them, returns `None` with a message, and
+/// fails the test where the environment has `CI`.
 fn images() -> Option<Images> {
     let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
@@ -26,7 +27,7 @@ fn images() -> Option<Images> {
     None
 }
 
-/// The status and the body of an address's answer.
+/// Sends a request to `address` and returns the status and the body of the answer.
 fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     let length = "Connection: close\r\nContent-Length: 0";
@@ -37,7 +38,7 @@ fn ask(address: SocketAddr, method: &str, path: &str, headers: &str) -> (u16, St
     (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
 }
 
-/// The state of the page, or the panel, over HTTP.
+/// Reads the state of the page or of the panel over HTTP.
 fn state(address: SocketAddr) -> Value {
     let (status, body) = ask(address, "GET", "/state", "");
     assert_eq!(status, 200, "{body}");
@@ -50,12 +51,12 @@ fn command(panel: SocketAddr, path: &str) {
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Flies while `watch` runs, which gets the addresses of page and panel; the run ends when it returns.
+/// Flies while `watch` runs, which gets the addresses of page and panel. The run ends when `watch` returns.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// Does the same as [`watched`] with this page.
+/// Flies with the given page while `watch` runs, as [`watched`] does with a page of its own.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -80,7 +81,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // Three messages of three receivers are each sent at the start, at the earliest, and every 100 ms from then on.
+    // With three receivers, three messages are sent at the start at the earliest, and then three more every 100 ms.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -99,7 +100,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
 }
 
-/// Waits until `wanted` holds of the page's state.
+/// Waits until `wanted` is true of the page's state.
 fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     let began = Instant::now();
     loop {
@@ -214,7 +215,7 @@ fn an_uplink_from_the_page_is_written_and_confirmed_despite_loss() {
             count += drone["uplink"]["times"].as_u64().unwrap();
             shown.push(drone["uplink"]["after_ms"].as_u64().unwrap());
         }
-        // Another page cannot send uplinks.
+        // A page of another origin cannot send uplinks.
         assert_eq!(ask(page, "POST", "/uplink?drone=1&payload=01", "Origin: http://example.org\r\n").0, 403);
     });
     println!("five uplinks in {count} messages, shown as written after {shown:?} ms");
@@ -277,7 +278,7 @@ fn a_fault_from_the_panel_is_one_gapless_chain_of_episodes() {
     assert!(episodes.len() > 15 && joined(&episodes), "{episodes:?}");
     command(server.address(), "/well?what=silent-2");
     assert_eq!(fly(200..300), [], "the last one comes to its end");
-    // The run ends undisturbed.
+    // The fault ends before the run does, so that the end of the run is undisturbed.
     command(server.address(), "/break?what=field");
     let episodes = fly(300..600);
     assert!(joined(&episodes) && episodes.last().unwrap().1 == 59_400_000_000, "{episodes:?}");
@@ -300,13 +301,13 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // The board hangs, and its watchdog gets 190 ms for it.
+    // The board already hangs, and the next hang is delayed until its watchdog has had 190 ms to restart it.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
-    // A board that is restarted at the same time hangs after that.
+    // A board that is restarted at the same time hangs only when its watchdog runs again.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
-    // The supply returns at the instant of the hang.
+    // The supply returns at the instant of the request, so the hang is delayed until the watchdog runs.
     assert_eq!(hangs(40, &["hang-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert_eq!(hangs(50, &["hang-dpr"]), [AHEAD_NS]);
 }
@@ -323,7 +324,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The last state that the station pushes at its next tick is on the screen.
+    // The page shows the last state, which the station sends with its next update.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -334,8 +335,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The numbers are compared with the aircraft's position at that time. The position may be up to a period of the
-    // forwarder older than the newest object, whose time is shown.
+    // The numbers on the page are compared with the aircraft's position at the shown time. That time is the newest
+    // object's, and the position may be older by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }
@@ -344,7 +345,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let times = (-25..=6).map(|tick| last + HORUS_STARTS + f64::from(tick) * 0.01);
     let off = times.map(|time| apart(shown, flight.state(time).position)).fold(f64::INFINITY, f64::min);
     assert!(off <= 1.0, "{off} m");
-    // The drawn track is checked, too.
+    // The track that the page draws is checked too.
     let drawn = tab.eval("history.filter((point) => point.voted).map((point) => point.voted.slice(0, 2))");
     let drawn: Vec<[f64; 2]> = serde_json::from_value(drawn).unwrap();
     assert!(drawn.len() >= 50, "{} points in 15 s", drawn.len());
@@ -358,7 +359,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     assert_eq!(tab.troubles(), Vec::<String>::new());
 }
 
-/// A user who presses buttons of the panel at random.
+/// A user who presses buttons of the panel at random while the link flies.
 struct Storm {
     panel: Panel,
     rng: Rng,

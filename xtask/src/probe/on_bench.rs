@@ -1,6 +1,6 @@
-//! Tests flashing through the library with boards of the bench: each board, and each way in which it goes wrong.
+//! Tests flashing through the library with boards of the bench: each board, and each way in which flashing can fail.
 //!
-//! The boards run the release images, as in the bench's own tests: `cargo xtask test` builds them and gives their
+//! The boards run the release programs, as in the bench's own tests: `cargo xtask test` builds them and gives their
 //! folder in LINK_IMAGES.
 
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// A separate, new board, and the image for it; `None` (reported) where images were not built.
+/// A new board that no other test uses, and the ELF file for it; `None` (reported) if the firmwares were not built.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -31,7 +31,7 @@ fn args(board: Board, erase_all: bool) -> FlashArgs {
     FlashArgs { board, gps: Receivers::DEFAULT, seconds: Some(0.02), probe }
 }
 
-/// Flashes a board and returns the user's output: none, or the error.
+/// Flashes a board and returns what the user would get: success, or the text of the error.
 fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(), String> {
     let outcome = flash_elf(&args(board, erase_all), &Found::Bench(on.clone()), elf);
     match outcome {
@@ -41,7 +41,7 @@ fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(
     }
 }
 
-/// Whether a board holds the image.
+/// Whether the board's flash, at `flash`, holds the program of the ELF file.
 fn holds(on: &BenchBoard, elf: &Path, flash: u64) -> bool {
     let kept = on.kept();
     emulator_node::Firmware::read(elf).unwrap().segments().iter().all(|(address, bytes)| {
@@ -61,7 +61,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // UICR.APPROTECT follows the flash.
+    // In the kept memory UICR follows the flash; the word is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -72,14 +72,15 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // The library's flash algorithm feeds a watchdog that outlives the soft reset before it.
+    // While the library's flash algorithm runs, the watchdog that outlived the soft reset is fed, so only soft resets
+    // occur.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));
 }
 
-/// The offset of the option bytes in the memory that HORUS's board keeps, and a new one's values (RM0090, "Option
-/// bytes").
+/// The offset of the option bytes in the memory that HORUS's board keeps, and the option bytes of a new board (RM0090,
+/// "Option bytes").
 const OPTIONS: usize = 2 << 20;
 const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
 
@@ -92,7 +93,7 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // With the programmed level its firmware keeps running.
+        // With the programmed brown-out level the board's firmware keeps running.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);
@@ -164,7 +165,7 @@ fn a_board_can_be_written_again_after_its_probe_was_unplugged() {
     assert!(holds(&on, &elf, 0x0800_0000));
 }
 
-/// Probes on USB that cannot be opened.
+/// A probe on USB that cannot be opened.
 #[derive(Debug)]
 struct Plugged;
 
@@ -184,7 +185,7 @@ impl ProbeFactory for Plugged {
     }
 }
 
-/// A list of several such probes.
+/// A list of several probes that cannot be opened.
 #[derive(Debug)]
 struct Several(usize);
 

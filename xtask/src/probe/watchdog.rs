@@ -1,18 +1,18 @@
-//! Handles the watchdogs of the boards' images, which no halt stops, so that they do not reset a board in use by a
-//! probe.
+//! Handles the watchdogs that the boards' firmwares have started. No halt of the core stops them, so without this
+//! module they would reset a board while a probe uses it.
 //!
-//! Both images start a watchdog of 100 ms with their first instructions, and it keeps counting while the core is
-//! halted. The library attaches, and then loads its flash algorithm into RAM, with the core halted for about as long,
-//! so that the watchdog resets the part in between. The core then runs the image again without the library's knowledge:
-//! a step that it requests never ends, and it reports a time-out.
+//! Both firmwares start a watchdog of 100 ms with their first instructions, and it continues to count while the core is
+//! halted. The library attaches, and then loads its flash algorithm into RAM. The core is halted in each of these steps
+//! for about as long, so the watchdog resets the part in between. The core then runs the firmware again, which the
+//! library does not notice: a step that it has requested never ends, and it reports a time-out.
 //!
 //! | part | measure | reason |
 //! |---|---|---|
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | DBGMCU stops it in the first halt | a reset ends it; the image clears the bit (RM0090, 38.16.4) |
 //!
-//! The halt comes first, because a running image, or a half-written one that does not feed the watchdog, would undo the
-//! rest.
+//! The halt comes first. Otherwise a running firmware would undo the measure, and so would one that is half written and
+//! does not feed the watchdog.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,22 +32,24 @@ use super::DHCSR;
 use crate::Board;
 use crate::access::chip;
 
-/// DHCSR: its key with C_HALT and C_DEBUGEN, and S_HALT (ARMv7-M ARM C1.6.2).
+/// The value that halts the core by DHCSR (the key, C_HALT and C_DEBUGEN), and the bit S_HALT (ARMv7-M ARM C1.6.2).
 const HALT: u32 = 0xA05F_0003;
 const S_HALT: u32 = 1 << 17;
 
-/// Register `WDT.RR[0]` of the nRF52840, the one that our image has enabled, and the value that reloads it.
+/// Register `WDT.RR[0]` of the nRF52840, which is the one that the firmware has enabled, and the value that reloads the
+/// watchdog.
 const RELOAD: u32 = 0x4001_0600;
 const RELOADED: u32 = 0x6E52_4635;
 
-/// DBGMCU_APB1_FZ of the STM32F429, and DBG_IWDG_STOP.
+/// Register DBGMCU_APB1_FZ of the STM32F429, and its bit DBG_IWDG_STOP.
 const APB1_FREEZE: u64 = 0xE004_2008;
 const IWDG_STOP: u32 = 1 << 12;
 
-/// The number of attempts to halt the core, because the watchdog may be resetting it: two resets are 100 ms apart.
+/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core at that moment, but its
+/// resets are 100 ms apart.
 const HALTS: usize = 3;
 
-/// The library's description of the board's part, with the watchdog handled.
+/// Returns the library's description of the board's part, extended by the handling of the watchdog.
 pub(super) fn target(board: Board) -> Result<Target> {
     let mut target = Registry::from_builtin_families().get_target_by_name(chip(board))?;
     let DebugSequence::Arm(library) = target.debug_sequence else { bail!("{} is no Arm part", chip(board)) };
@@ -55,8 +57,8 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// A probe that feeds the watchdog of an nRF52840 between its transfers, and the handle that ends that. The probe is
-/// unchanged where the library does not use it in transfers.
+/// Returns the probe with feeding of an nRF52840's watchdog between its transfers, and the handle that ends the
+/// feeding. The probe is unchanged if the library does not use it in single transfers.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -65,7 +67,7 @@ pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feedi
     (Box::new(Fed { probe, feeding: feeding.clone(), select: None, is_word: false, passed: 0 }), feeding)
 }
 
-/// Whether a watchdog is fed. It must not be while the image runs by itself.
+/// Whether the watchdog is fed. It must not be fed while the firmware runs without the library.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Feeding(Arc<AtomicBool>);
 
@@ -76,30 +78,31 @@ impl Feeding {
     }
 }
 
-/// Registers of the AHB-AP in its bank 0 by A\[3:2\], and SELECT of the debug port (ADIv5.2 B2.2, C2.6).
+/// Registers of the AHB-AP in its bank 0, by address bits A\[3:2\], and the register SELECT of the debug port (ADIv5.2
+/// B2.2, C2.6).
 const CSW: u8 = 0x0;
 const TAR: u8 = 0x4;
 const DRW: u8 = 0xC;
 const SELECT: u8 = 0x8;
 
-/// CSW: accesses of a word.
+/// The bits of CSW by which accesses are words.
 const SIZE: u32 = 7;
 const WORD: u32 = 2;
 
-/// The number of writes of TAR after which the watchdog is fed once. Each comes with at least one transfer of data: at
-/// 1 ms for each of a probe's commands every 40 ms and more, and within 100 ms.
+/// The number of writes of TAR after which the watchdog is fed once. Each write comes with at least one transfer of
+/// data. If each of a probe's commands takes 1 ms, the watchdog is fed every 40 ms or more, and within 100 ms.
 const FEED_EVERY: u32 = 16;
 
-/// The wrapper of [`fed`]. It feeds where the library is about to write TAR of the AHB-AP, so that it has nothing to
-/// restore.
+/// The probe that [`fed`] returns. It feeds the watchdog when the library is about to write TAR of the AHB-AP, so that
+/// it need not restore TAR.
 #[derive(Debug)]
 struct Fed {
     probe: Box<dyn DebugProbe>,
     feeding: Feeding,
-    /// The value of SELECT, once it was written: access port and bank.
+    /// The last value written to SELECT, which gives access port and bank; `None` before the first write.
     select: Option<u32>,
     is_word: bool,
-    /// The number of writes of TAR since the last feeding.
+    /// The number of writes of TAR since the watchdog was last fed.
     passed: u32,
 }
 
@@ -108,7 +111,7 @@ impl Fed {
         self.probe.try_as_dap_probe().expect("asked when it was made")
     }
 
-    /// Called before the library writes a register.
+    /// Feeds the watchdog if it is time, before the library writes a register.
     fn writes(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         match (address.is_ap(), register) {
@@ -238,8 +241,8 @@ impl DebugProbe for Fed {
     }
 }
 
-/// The library's sequence for a part, with the watchdog handled between its steps. The library's own steps for either
-/// part are called; everything else is the default of both.
+/// The library's sequence for a part, with the watchdog handled between the steps. The steps that the library defines
+/// for either part are called; all others are the default.
 #[derive(Debug)]
 struct Watched {
     board: Board,
@@ -268,7 +271,8 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// The core stays halted from here on until it is started, instead of during a part of the library's attaching.
+    /// From here on the core stays halted until it is started. Without this it would be halted only during a part of
+    /// the library's attaching.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,
@@ -282,7 +286,7 @@ impl ArmDebugSequence for Watched {
         for _ in 0..HALTS {
             memory.write_word_32(DHCSR, HALT)?;
             self.see_to(&mut *memory)?;
-            // A reset in between makes the core run.
+            // If a reset has come since the request to halt, the core is running.
             if memory.read_word_32(DHCSR)? & S_HALT != 0 {
                 return Ok(());
             }

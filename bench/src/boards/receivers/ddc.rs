@@ -7,10 +7,11 @@
 //! | The register address counts up with each byte read and stays at 0xFF; at start it is 0xFF | see below |
 //! | One byte written sets the register address, two or more are data for the receiver | see below |
 //!
-//! Registers and access forms: u-blox integration manuals, "I2C register layout", "Read access types", "Write access"
-//! (ZED-F9P UBX-18010802, NEO-D9S UBX-19026111, SAM-M10Q UBX-22020019 say the same). They call reading any other
-//! register "undefined"; here it reads 0xFF. The model assumes that the number of available bytes is latched when its
-//! high byte is read, because a message between the two bytes would otherwise make it wrong by 256.
+//! The registers and the forms of access are those of the u-blox integration manuals, "I2C register layout", "Read
+//! access types" and "Write access" (ZED-F9P UBX-18010802, NEO-D9S UBX-19026111 and SAM-M10Q UBX-22020019 agree). The
+//! manuals call reading any other register "undefined"; in this model it reads 0xFF. The model assumes that the
+//! receiver latches the number of available bytes when its high byte is read, because otherwise a message that arrives
+//! between the two reads would make the number wrong by 256.
 
 use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin};
 
@@ -22,7 +23,8 @@ use emulator_node::Input;
 
 /// The receiver's address, with the direction bit clear.
 const ADDRESS: u8 = 0x42 << 1;
-/// Nine bits at 400 kHz take 22.5 µs; a controller's clock may be off by 1 % and is counted in whole nanoseconds.
+/// The shortest duration of a byte, ns: nine bits at 400 kHz take 22.5 µs, and a controller's clock, in whole
+/// nanoseconds, may be off by 1 %.
 const SHORTEST_BYTE: u64 = 22_270;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
@@ -30,11 +32,11 @@ const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 /// The state of the transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum State {
-    /// It is not addressed.
+    /// The receiver is not addressed.
     Idle,
-    /// It receives these bytes.
+    /// The receiver has received these bytes in the present transfer.
     Written(Vec<u8>),
-    /// It sends bytes.
+    /// The receiver sends bytes.
     Read,
 }
 
@@ -43,7 +45,7 @@ enum State {
 struct Failing {
     fault: BusFault,
     rng: Rng,
-    /// Clocks that the controller has made since the fault began.
+    /// The number of clocks that the controller has made since the fault began.
     clocks: u32,
     /// The instant at which the next glitch begins, ns.
     glitch_at: u64,
@@ -59,16 +61,17 @@ pub(super) struct Ddc {
     state: State,
     /// The register that is read next.
     register: u8,
-    /// Bytes that were available when the high byte of their number was read.
+    /// The number of bytes that were available when the high byte of that number was read.
     available: u16,
-    /// The instant at which the controller's last byte ended, ns; `None` where it has held the clock since.
+    /// The instant at which the controller's last byte ended, ns; `None` where the controller has held the clock since
+    /// then.
     last: Option<u64>,
-    /// The last byte was not acknowledged, so the controller will end the transfer.
+    /// The controller did not acknowledge the last byte, so it will end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// SCL and SDA as the part drives them: high where it releases them.
+    /// The levels of SCL and SDA by the part's drivers: high where the part releases the line.
     made: [bool; 2],
-    /// SCL and SDA as the receiver holds them low, and as last passed to the part.
+    /// Whether the receiver holds SCL and SDA low, now and when their levels were last passed to the part.
     low: [bool; 2],
     told: [bool; 2],
     /// The instant at which the present glitch ends, ns.
@@ -95,7 +98,7 @@ impl Ddc {
         }
     }
 
-    /// Begins `fault` of the bus at `now` (ns).
+    /// Begins `fault` of the I2C bus at `now` (ns).
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
         let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
@@ -126,7 +129,7 @@ impl Ddc {
         self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
     }
 
-    /// The bits of a byte that the bus inverts.
+    /// The bits of a byte that a fault of the bus inverts.
     fn flips(&mut self) -> u8 {
         match &mut self.failing {
             Some(Failing { fault: BusFault::Noise, rng, .. }) => {
@@ -136,7 +139,8 @@ impl Ddc {
         }
     }
 
-    /// Applies what the controller did, which ended at `at` (ns). `heard` gets each byte that is for the receiver.
+    /// Applies `event` of the controller, which ended at `at` (ns). `heard` is called with each byte that is for the
+    /// receiver.
     pub(super) fn act(
         &mut self,
         at: u64,
@@ -155,7 +159,7 @@ impl Ddc {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
                     if self.fails(BusFault::Stretches) {
-                        // Clock stretching delays the next byte by that much.
+                        // The next byte begins later by the time for which the receiver stretches the clock.
                         self.last = Some(at + STRETCHED);
                         I2cAnswer { stretched_ns: STRETCHED, ..yes }
                     } else {
@@ -176,7 +180,7 @@ impl Ddc {
                 let flips = self.flips();
                 let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                // On a failing bus no byte is certain.
+                // A byte that is too fast, or on a failing bus, may be read wrongly.
                 if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
@@ -191,7 +195,8 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// The next byte of the register that is read. It ends at `at`; the byte before it ended at `before` (ns).
+    /// Returns the next byte of the register that is read. The byte ends at `at`, and the byte before it ended at
+    /// `before` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -218,7 +223,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller that ends a read without a NACK has lost count.
+                // A controller that ends a read without a NACK has lost count of the bytes.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }
@@ -229,7 +234,7 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// Applies what software drives on `pin` while it is a general-purpose pin.
+    /// Applies the level that software drives on `pin` while it is a general-purpose pin.
     pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
         let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
         let high = pad != Pad::Driven(false);
@@ -243,14 +248,14 @@ impl Ddc {
         }
     }
 
-    /// The instant at which a line next changes, ns.
+    /// The instant at which the receiver next changes SCL or SDA, ns.
     pub(super) fn next_at(&self) -> u64 {
         let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
         let changed = if self.low == self.told { u64::MAX } else { 0 };
         glitch.min(self.glitch_over).min(changed)
     }
 
-    /// Drives the lines up to `at` (ns) and returns whether any changed.
+    /// Drives SCL and SDA up to `at` (ns) and returns whether either changed.
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
         let mut moved = false;
         if at >= self.glitch_over {

@@ -7,17 +7,17 @@
 //! | [`spi`] | SPI: a stream in either direction, without registers | GPS3 | 5.2, and see [`spi`] |
 //! | `read_bytes` | bus traffic in the event log's form | | |
 //!
-//! `gnss_sim` decides what a receiver sends and how it handles its configuration; this module does not. An interface
-//! accepts whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and collects what the
-//! part sends ([`Receivers::take_sent`]).
+//! `gnss_sim` determines what a receiver sends and how it applies its configuration; this module only transports the
+//! bytes. An interface accepts whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and
+//! collects the bytes that the part sends ([`Receivers::take_sent`]).
 //!
 //! # The output buffer
 //!
-//! On I2C and SPI a receiver keeps its messages until they are read. The buffer holds 4 kB; a message that does not fit
-//! is dropped whole (u-blox integration manuals, "If the amount of data configured is too much for a certain port's
-//! bandwidth"). After 2 s without any communication no more messages are put in until there is communication again
-//! ("Extended TX timeout"; the M10 generation says 1.5 s). What is in the buffer stays, so a host that comes back reads
-//! messages that are up to 2 s old first.
+//! On I2C and SPI a receiver keeps its messages until the host reads them. Its buffer holds 4 kB; a message that does
+//! not fit is dropped whole (u-blox integration manuals, "If the amount of data configured is too much for a certain
+//! port's bandwidth"). After 2 s without any communication the receiver puts no more messages into the buffer until the
+//! host communicates again ("Extended TX timeout"; the M10 generation says 1.5 s). Messages in the buffer are kept, so
+//! a host that reads again after a pause first gets messages that are up to 2 s old.
 
 pub mod ddc;
 mod read_bytes;
@@ -40,27 +40,27 @@ pub use read_bytes::ReadBytes;
 use spi::Spi;
 use uart::Uart;
 
-/// Bytes that a receiver keeps for a bus: u-blox integration manuals, "Extended TX timeout".
+/// The size of a receiver's buffer of messages for a bus, bytes: u-blox integration manuals, "Extended TX timeout".
 pub const BUFFER: usize = 4096;
 /// The time without communication after which a receiver puts no more messages into a bus's buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// The time after its first byte at which an unfinished transaction counts as abandoned, ns.
+/// The time after a transaction's first byte at which the transaction counts as abandoned if it has not ended, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
 /// The output buffer: messages that wait to be read over a bus.
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// The instants (ns) since which the bytes have waited, and the number of bytes of each.
+    /// The instants (ns) since which bytes have waited, each with the number of bytes that came then.
     since: VecDeque<(u64, usize)>,
-    /// The instant of the part's last communication, ns.
+    /// The instant at which the part last communicated with the receiver, ns.
     read_at: u64,
 }
 
 impl Outbox {
-    /// Puts whole messages into the buffer at `at` (ns): those that fit, and none if the bus has been idle for too
-    /// long.
+    /// Puts whole messages into the buffer at `at` (ns): those that fit, or none if the part has not used the bus for
+    /// [`FORSAKEN`].
     fn put(&mut self, at: u64, mut messages: &[u8]) {
         if at.saturating_sub(self.read_at) > FORSAKEN {
             return;
@@ -75,7 +75,7 @@ impl Outbox {
         }
     }
 
-    /// Takes the byte that the part reads, with the instant (ns) since which it has waited.
+    /// Takes the oldest byte for the part, with the instant (ns) since which it has waited.
     fn take(&mut self) -> Option<(u8, u64)> {
         let byte = self.bytes.pop_front()?;
         let (since, left) = self.since.front_mut()?;
@@ -88,7 +88,7 @@ impl Outbox {
     }
 }
 
-/// The length of what `bytes` begin with: a UBX message, or the bytes before the next one.
+/// The length of the first piece of `bytes`: a UBX message, or the bytes before the next UBX message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -101,11 +101,11 @@ fn message_at_start_of(bytes: &[u8]) -> usize {
 /// A byte that the part sent to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SentByte {
-    /// The instant at which it had arrived, ns.
+    /// The instant at which the byte had arrived, ns.
     pub at: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; `None` for an unreadable one, which ends the message that it is part of.
+    /// The byte; `None` for an unreadable one, which ends the message that it belongs to.
     pub byte: Option<u8>,
 }
 
@@ -121,19 +121,19 @@ enum Interface {
 #[derive(Clone, Debug)]
 pub struct Receivers {
     interfaces: Vec<Interface>,
-    /// Whether the part's bytes are kept for [`Receivers::take_sent`]; see [`Receivers::attend`].
+    /// Whether the bytes that the part sends are kept for [`Receivers::take_sent`]; see [`Receivers::attend`].
     attended: bool,
     heard: Vec<SentByte>,
     read: Vec<ReadBytes>,
-    /// Uses of a receiver against its data sheet: the first of each kind, with its instant (ns).
+    /// The part's violations of a receiver's data sheet: the first of each kind, with its instant (ns).
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
-    /// The earliest of the interfaces' next instants, ns.
+    /// The earliest instant at which any receiver's interface next changes a line, ns.
     next: u64,
 }
 
 impl Receivers {
-    /// `number` receivers, none of which has sent a byte.
+    /// Returns the interfaces of `number` receivers, none of which has sent a byte.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
         let interfaces = [
@@ -159,8 +159,8 @@ impl Receivers {
         }
     }
 
-    /// Queues these frames on a receiver's UART at `at` (ns). Returns the instant at which they begin: `at`, or the end
-    /// of the frames before them.
+    /// Queues `frames` on a receiver's UART at `at` (ns). Returns the instant at which the first of them begins: `at`,
+    /// or the end of the frames before them.
     pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) else { return at };
         let begins = uart.send(at, frames);
@@ -177,7 +177,7 @@ impl Receivers {
         }
     }
 
-    /// Begins `fault` of a receiver's bus at `now` (ns); `seed` decides everything random about it.
+    /// Begins `fault` of a receiver's bus at `now` (ns); `seed` determines all random values of the fault.
     pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
         match self.interfaces.get_mut(receiver) {
             Some(Interface::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
@@ -197,20 +197,21 @@ impl Receivers {
         self.plan();
     }
 
-    /// Sets the rate at which a receiver's UART listens, in baud.
+    /// Sets the bit rate at which a receiver's UART receives, in baud.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
         if let Some(Interface::Uart(uart)) = self.interfaces.get_mut(receiver) {
             uart.listen_at(baud);
         }
     }
 
-    /// Keeps what the part sends from now on for [`Receivers::take_sent`] and stops the node after each byte, so that
-    /// it can be taken.
+    /// Keeps the bytes that the part sends from now on for [`Receivers::take_sent`]. The node stops after each such
+    /// byte, so that the byte can be taken.
     pub fn attend(&mut self) {
         self.attended = true;
     }
 
-    /// Takes what the part has sent to receivers since the last call; empty unless [`Receivers::attend`] was called.
+    /// Takes the bytes that the part has sent to receivers since the last call; empty unless [`Receivers::attend`] was
+    /// called.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.heard)
     }
@@ -237,7 +238,7 @@ impl Receivers {
         std::mem::take(&mut self.read)
     }
 
-    /// The instant since which a transaction is under way that was not reported yet, ns; `u64::MAX` for none.
+    /// The instant at which the oldest bus transaction that was not reported yet began, ns; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |interface: &Interface| match interface {
@@ -248,7 +249,7 @@ impl Receivers {
         self.interfaces.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the violations of data sheets since the last call: each kind once in a run.
+    /// Takes the part's violations of the receivers' data sheets since the last call: each kind once in a run.
     pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
         std::mem::take(&mut self.misuses)
     }
@@ -269,7 +270,7 @@ impl Receivers {
         self.next = self.interfaces.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
-    /// Drives the lines to their rest levels at power-on.
+    /// Drives the lines to the levels that they have at rest, at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
         for interface in &self.interfaces {
             match interface {
@@ -281,7 +282,7 @@ impl Receivers {
         }
     }
 
-    /// Applies what the part drives on `pin` at `at` (ns).
+    /// Applies the level that the part drives on `pin` at `at` (ns).
     pub(super) fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         for (receiver, interface) in self.interfaces.iter_mut().enumerate() {
             match interface {
@@ -298,7 +299,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// Clocks a frame of an SPI from `begins` to `ends` (ns). Returns `None` where no receiver drives MISO.
+    /// Clocks a frame of the part's SPI from `begins` to `ends` (ns). Returns `None` where no receiver drives MISO.
     pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let (receiver, spi) =
             self.interfaces.iter_mut().enumerate().find_map(|(receiver, interface)| match interface {
@@ -345,7 +346,7 @@ impl Receivers {
         }
     }
 
-    /// The next instant at which a receiver drives the part's pins by itself, ns.
+    /// The next instant at which a receiver changes the level of a pin of the part, ns.
     #[must_use]
     pub(super) fn next_event(&self) -> u64 {
         self.next

@@ -1,40 +1,40 @@
-//! Traffic of a bus in the event log's form: runs of bytes that follow one another without a gap.
+//! Traffic of a receiver's bus in the event log's form: groups of bytes that follow one another without a gap.
 
-/// The most by which a byte's end may differ from its run's byte time, ns: ends are whole nanoseconds, and the clock's
-/// period is not.
+/// The most by which the end of a byte may differ from its place in a group of bytes that are equally long, ns. Ends
+/// are whole nanoseconds, and the clock's period is not.
 const ROUNDING: u64 = 40;
 
-/// Bytes of a receiver that the part read, back to back.
+/// Bytes of a receiver that the part read over a bus, without a gap between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadBytes {
     /// The receiver's index, from 0.
     pub receiver: usize,
     /// The instant at which the first byte began, ns.
     pub at: u64,
-    /// The duration of a byte, ns.
+    /// The duration of each byte, ns.
     pub byte_ns: u64,
-    /// The bytes as the part read them, which a bus fault may have changed.
+    /// The bytes that the part read, which a fault of the bus may have changed.
     pub bytes: Vec<u8>,
     /// Whether the part read all the bytes as the receiver sent them, in a transaction that ended correctly.
     pub clean: bool,
-    /// The instant since which they had waited in the receiver, ns.
+    /// The instant since which the bytes had waited in the receiver, ns.
     pub since: u64,
 }
 
-/// Bus traffic that was not reported yet.
+/// Bus traffic that has not been reported yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the transaction under way: each one's beginning and end (ns), its value, and the instant since
+    /// The bytes of the transaction under way: the beginning and the end of each (ns), its value, and the instant since
     /// which it has waited (ns).
     open: Vec<(u64, u64, u8, u64)>,
-    /// Some byte of the transaction differs from what the receiver sent.
+    /// Whether the part need not interpret the transaction: a byte of it differs from what the receiver sent.
     spoilt: bool,
     done: Vec<Vec<(u64, u64, u8, u64)>>,
     clean: Vec<bool>,
 }
 
 impl Crossings {
-    /// Records a byte that crossed from `from` to `to` (ns) and had waited since `since` (ns).
+    /// Records a byte that was transferred from `from` to `to` (ns) and had waited since `since` (ns).
     pub(super) fn byte(&mut self, from: u64, to: u64, byte: u8, since: u64) {
         self.open.push((from, to, byte, since));
     }
@@ -44,12 +44,12 @@ impl Crossings {
         self.spoilt = true;
     }
 
-    /// Marks the transaction under way likewise if any byte has crossed in it.
+    /// Marks the transaction under way as one that the part need not interpret, if any byte has been transferred in it.
     pub(super) fn spoil_open(&mut self) {
         self.spoilt |= !self.open.is_empty();
     }
 
-    /// Ends the transaction.
+    /// Ends the transaction that is under way.
     pub(super) fn end(&mut self) {
         let clean = !std::mem::take(&mut self.spoilt);
         if !self.open.is_empty() {
@@ -63,7 +63,7 @@ impl Crossings {
         self.open.first().map_or(u64::MAX, |(from, ..)| *from)
     }
 
-    /// Takes the traffic of the transactions that are over.
+    /// Takes the bus traffic of the transactions that have ended, as bytes of `receiver`.
     pub(super) fn take(&mut self, receiver: usize) -> Vec<ReadBytes> {
         let mut given: Vec<ReadBytes> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {
@@ -87,7 +87,8 @@ impl Crossings {
 }
 
 impl ReadBytes {
-    /// Whether a byte from `from` to `to` (ns) follows without a gap and takes as long as the others.
+    /// Whether a byte from `from` to `to` (ns) follows the group's last byte without a gap and takes as long as the
+    /// others.
     fn continues(&self, from: u64, to: u64) -> bool {
         let nth = |number: usize| self.at + number as u64 * self.byte_ns;
         from.abs_diff(nth(self.bytes.len())) <= ROUNDING && to.abs_diff(nth(self.bytes.len() + 1)) <= ROUNDING

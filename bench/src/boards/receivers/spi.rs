@@ -7,12 +7,13 @@
 //! | There are no registers: the receiver takes what is clocked in and sends its stream, 0xFF when empty | below |
 //! | After 50 bytes of 0xFF in a row the receiver reads no input until a byte that is not 0xFF | below |
 //!
-//! Streams and filler: u-blox integration manuals, "SPI interface", "Read access" and "Back-to-back read and write
-//! access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713, NEO-D9S UBX-19026111 say the same).
+//! The streams and the filler are those of the u-blox integration manuals, "SPI interface", "Read access" and
+//! "Back-to-back read and write access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713 and NEO-D9S UBX-19026111 agree).
 //!
-//! The data sheets do not say what a receiver does when its bytes are clocked faster than it can load them. The model
-//! then loads none: MISO repeats the byte before, the stream waits, and what is clocked in is lost. At more than 5.5
-//! MHz its output is too late: each bit is read in the next one's place.
+//! The data sheets do not say what a receiver does when the controller clocks bytes faster than the receiver can load
+//! them. The model then loads no byte: MISO repeats the byte before, the stream waits, and bytes that the controller
+//! sends are lost. Above 5.5 MHz the receiver's output is late by a bit: the controller reads each bit in the place of
+//! the next one.
 
 use emulator_part::{Pin, SpiFrame, SpiMode};
 
@@ -23,7 +24,8 @@ use crate::faults::{BusFault, Rng};
 const SHORTEST_BIT_PS: u64 = 181_818;
 /// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// The factory default of CFG-SPI-MAXFF.
+/// The number of successive 0xFF bytes after which the receiver ignores its input: the factory default of
+/// CFG-SPI-MAXFF.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
@@ -47,11 +49,12 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// The instant at which the last byte that was loaded in time began, ns; `None` since the chip was selected.
+    /// The instant at which the last byte that was loaded in time began, ns; `None` if no byte was loaded since the
+    /// receiver was selected.
     last: Option<u64>,
-    /// The number of successive 0xFF bytes that were clocked in.
+    /// The number of successive 0xFF bytes that the controller has sent.
     filler: u32,
-    /// The last bit and the last byte that were clocked out.
+    /// The last bit, and the last byte, that the receiver sent.
     last_bit: bool,
     last_byte: u8,
     /// The fault of MISO.
@@ -102,8 +105,8 @@ impl Spi {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// Clocks a frame of the part from `begins` to `ends` (ns). `heard` gets what the receiver accepts, with the
-    /// instant at which it had arrived.
+    /// Clocks a frame of the part from `begins` to `ends` (ns). `heard` is called with each byte that the receiver
+    /// accepts and with the instant at which the byte had arrived.
     pub(super) fn clock(
         &mut self,
         begins: u64,
@@ -122,7 +125,7 @@ impl Spi {
         } else if (ends - begins) * 1_000 < bits * SHORTEST_BIT_PS - 1_000 {
             misuse = Some(FAST_CLOCK);
         }
-        // A line that the part does not drive is high, by the receiver's own pull-up.
+        // The receiver's own pull-up holds MOSI high where the part does not drive it.
         let mosi = if frame.mosi.contains(&Some(self.wires.mosi)) { frame.data } else { u32::MAX };
         let mut answer = 0_u32;
         for number in 0..bytes.max(1) {
@@ -165,7 +168,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Shifts `byte` by one bit, because each bit is read in the next one's place.
+    /// Shifts `byte` by one bit, because the controller reads each bit in the place of the next one.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

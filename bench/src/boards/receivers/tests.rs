@@ -1,4 +1,4 @@
-//! The ports against a controller that follows a script.
+//! Tests of the receivers' interfaces against a controller that follows a script.
 
 use emulator_part::SpiMode;
 use gnss_sim::ubx::{self, NavPvt};
@@ -13,7 +13,7 @@ const BIT: u64 = 2_500;
 
 const MS: u64 = 1_000_000;
 
-/// A controller on all three buses, and the receivers.
+/// A controller that follows a script on a UART, on I2C and on SPI, and the receivers on these.
 struct Script {
     receivers: Receivers,
     now: u64,
@@ -34,7 +34,7 @@ impl Script {
         self.receivers.i2c(self.now, SCL, SDA, event)
     }
 
-    /// Sets the register address, if one is given, and reads `bytes` bytes.
+    /// Sets the receiver's register address, if `register` is given, and reads `bytes` bytes over I2C.
     fn read(&mut self, register: Option<u8>, bytes: usize) -> Vec<u8> {
         if let Some(register) = register {
             assert!(self.i2c(I2cEvent::Start(0x84)).acknowledged);
@@ -63,7 +63,8 @@ impl Script {
         }
     }
 
-    /// Clocks bytes, each for `takes` ns and one every `every` ns; returns what MISO carried.
+    /// Sends the bytes of `mosi` over SPI, each for `takes` ns and one every `every` ns; returns the bytes that MISO
+    /// carried.
     fn clock(&mut self, mosi: &[u8], takes: u64, every: u64) -> Vec<u8> {
         mosi.iter()
             .map(|&byte| {
@@ -75,7 +76,7 @@ impl Script {
             .collect()
     }
 
-    /// One transaction at 562.5 kHz.
+    /// Makes one SPI transaction at 562.5 kHz and returns the bytes that MISO carried.
     fn transaction(&mut self, mosi: &[u8]) -> Vec<u8> {
         self.select(true);
         let miso = self.clock(mosi, 14_222, 14_222);
@@ -253,14 +254,14 @@ fn over_spi_no_more_than_125_kb_a_second_are_loaded() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     script.select(true);
-    // At 4.5 MHz without a gap every fifth byte begins 8 µs after the one that was loaded.
+    // At 4.5 MHz without a gap, every fifth byte begins 8 µs after the last one that was loaded in time.
     let miso = script.clock(&[0xFF; 10], 1_778, 1_778);
     let sync = ubx::SYNC;
     assert_eq!(miso, [[sync[0]; 5], [sync[1]; 5]].concat());
     script.select(false);
     assert!(script.given().iter().all(|given| !given.clean));
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
-    // The same clock reads correctly with a byte every 8 µs.
+    // With a byte every 8 µs the same clock reads every byte correctly.
     script.now += MS;
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
@@ -364,7 +365,7 @@ fn failing(fault: BusFault) -> Script {
     script
 }
 
-/// Makes `number` clocks by software.
+/// Makes `number` clocks on SCL by software.
 fn clocks(script: &mut Script, number: u32) {
     for _ in 0..number {
         script.receivers.pin(script.now, SCL, Pad::Driven(false));

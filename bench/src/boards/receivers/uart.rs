@@ -1,8 +1,8 @@
 //! A receiver's UART.
 //!
-//! The receiver's own input tolerates a sender that is off by 2.5 % (ZED-F9R data sheet, UART specifications). After
-//! more than 100 unreadable frames within a second it ignores its input until that second is over (u-blox F9
-//! integration manuals, "UART interfaces").
+//! The receiver's input tolerates a sender whose bit rate is wrong by 2.5 % (ZED-F9R data sheet, UART specifications).
+//! After more than 100 unreadable frames within a second the receiver ignores its input until that second is over
+//! (u-blox F9 integration manuals, "UART interfaces").
 
 use std::collections::VecDeque;
 
@@ -11,26 +11,27 @@ use horus_tx_fw::timing::GNSS_BAUD;
 
 use emulator_node::Input;
 
-/// A bit's duration may deviate by one part in this number, which is 2.5 %.
+/// The divisor that gives a bit's greatest deviation: its duration may differ by one part in 40, which is 2.5 %.
 const TOLERANCE: u64 = 40;
-/// More unreadable frames in [`ERROR_WINDOW`] switch the receiver's input off until that is over.
+/// The number of unreadable frames in [`ERROR_WINDOW`] above which the receiver ignores its input until that window is
+/// over.
 const MOST_ERRORS: u32 = 100;
-/// The length of that window, ns: see [`MOST_ERRORS`].
+/// The length of the window in which unreadable frames are counted, ns: see [`MOST_ERRORS`].
 const ERROR_WINDOW: u64 = 1_000_000_000;
 
 /// A receiver's UART and the two lines to it.
 #[derive(Clone, Debug)]
 pub(super) struct Uart {
-    /// The part's input pin and its output pin.
+    /// The part's pin on which the receiver sends, and the part's pin on which the part sends.
     pub(super) to_part: Pin,
     pub(super) from_part: Pin,
     /// Frames that wait until the line is free; they are sent back to back.
     waiting: VecDeque<UartFrame>,
-    /// The instant at which the line is free again, ns.
+    /// The instant at which the receiver's line is free again, ns.
     free_at: u64,
     /// The duration of a bit at the rate at which the receiver listens, ps.
     bit_ps: u64,
-    /// The beginning of the second in which errors are counted, ns, and their number.
+    /// The beginning of the second in which unreadable frames are counted, ns, and their number.
     errors: (u64, u32),
 }
 
@@ -40,8 +41,8 @@ impl Uart {
         Self { to_part, from_part, waiting: VecDeque::new(), free_at: 0, bit_ps, errors: (0, 0) }
     }
 
-    /// Queues frames at `at` (ns) and returns the instant at which they begin: `at`, or the end of the frames before
-    /// them.
+    /// Queues `frames` at `at` (ns) and returns the instant at which the first of them begins: `at`, or the end of the
+    /// frames before them.
     pub(super) fn send(&mut self, at: u64, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         if self.waiting.is_empty() {
             self.free_at = self.free_at.max(at);
@@ -55,8 +56,8 @@ impl Uart {
         self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
     }
 
-    /// Takes a frame from the part that ended at `at` (ns). Returns the byte that the receiver read, `Some(None)` for
-    /// an unreadable one, or `None` where it does not listen.
+    /// Passes to the receiver a frame of the part that ended at `at` (ns). Returns the byte that the receiver read,
+    /// `Some(None)` for an unreadable one, or `None` where the receiver ignores its input.
     pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
         if at >= self.errors.0 + ERROR_WINDOW {
             self.errors = (at, 0);

@@ -1,4 +1,4 @@
-//! Replaces a constant that an image's code loads, found by its value and not by its address.
+//! Replaces a constant that a program's code loads. The constant is found by its value and not by its address.
 //!
 //! | covered | not covered |
 //! |---|---|
@@ -12,11 +12,12 @@ use cortex_m4::Cost;
 use super::{Repair, seal};
 use emulator_node::{Board, Error, Node};
 
-/// Makes every place of `node`'s image that loads `of` load `value` from now on, and seals the image again.
+/// Makes every instruction and table entry of `node`'s program that loads `of` load `value` from now on, and seals the
+/// program again.
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the image has no vector table or no CRC, or no such constant.
+/// [`Error::NoSymbol`] where the program has no vector table or no CRC, or does not load `of`.
 pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: u32) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
@@ -34,7 +35,7 @@ pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: 
     Ok(repair)
 }
 
-/// The places in `image` that hold the constant `of`, and the bytes that replace them for `value`.
+/// The offsets in `image` at which the constant `of` is loaded, each with the bytes that replace it by `value`.
 fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     let half = |at: usize| image.get(2 * at..2 * at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
     let pair = |at| half(at).zip(half(at + 1));
@@ -69,13 +70,14 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     places
 }
 
-/// The first halfwords, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding T2.
+/// The first halfwords of MOVW and MOV, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding
+/// T2.
 const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
 
-/// Whether the instruction is ORR or ADD in encoding T3, A7.7.91 and A7.7.3. MOV is an ORR without a register, CMN an
-/// ADD without a destination.
+/// Whether the instruction is ORR or ADD in encoding T3, A7.7.91 and A7.7.3. MOV is encoded as an ORR without a source
+/// register, CMN as an ADD without a destination.
 const fn is_field((one, two): (u16, u16)) -> bool {
     let without = one & 0xF == 0xF || two >> 8 & 0xF == 0xF;
     matches!(one & 0xFBE0, 0xF040 | 0xF100) && two & 0x8000 == 0 && !without
@@ -85,7 +87,7 @@ fn is_half((one, two): (u16, u16), opcode: u16, register: u16) -> bool {
     one & 0xFBF0 == opcode && two & 0x8000 == 0 && two >> 8 & 0xF == register
 }
 
-/// The 16 bits of a MOVW or MOVT.
+/// The 16-bit immediate of a MOVW or MOVT.
 fn immediate((one, two): (u16, u16)) -> u16 {
     (one & 0xF) << 12 | (one >> 10 & 1) << 11 | (two >> 12 & 7) << 8 | two & 0xFF
 }
@@ -136,7 +138,7 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // Its low half alone is not a 16-bit constant.
+        // The low half of a constant of 32 bits must not be found as a constant of its own.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
@@ -149,11 +151,11 @@ mod tests {
 
     #[test]
     fn a_modified_immediate_is_replaced_in_an_add_or_orr() {
-        // ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
+        // The code is ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // The new value is not a modified immediate.
+        // The new value cannot be encoded as a modified immediate, so these instructions cannot load it.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

@@ -1,7 +1,8 @@
-//! Damage to the code of a firmware in flash, or to its variables.
+//! Damage to the code or the variables of a program in a board's memory.
 //!
-//! [`ImageFault::apply`] damages a board as a debugger would, while its core runs, and returns the [`Repair`].
-//! [`rewrite()`] changes what an image stores to peripheral registers, by means of a [`Recording`] of its stores.
+//! [`ImageFault::apply`] damages a board's memory as a debugger would, while its core runs, and returns the [`Repair`].
+//! [`rewrite()`] changes the values that a program stores to peripheral registers, with the help of a [`Recording`] of
+//! its stores.
 
 mod constant;
 mod record;
@@ -14,60 +15,60 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Error, Node};
 
-/// A defect of an image.
+/// A defect of a program in a board's memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ImageFault {
     /// The handler of this vector, or the function of this name, returns at once.
     Dead(String),
-    /// It never returns.
+    /// The handler of this vector, or the function of this name, never returns.
     Hung(String),
-    /// It executes an undefined instruction.
+    /// The handler of this vector, or the function of this name, executes an undefined instruction.
     Faulting(String),
     /// The instruction at this address is a branch to itself.
     Stopped(u32),
-    /// A variable or table, by its symbol, holds these bytes from this offset on.
+    /// A variable or table, given by its symbol, holds these bytes from this offset on.
     Poke {
-        /// The symbol in the linker's form, or the end of its path: `cycle_timer::TICKS`.
+        /// The variable's symbol as the linker has it, or the end of its path: `cycle_timer::TICKS`.
         symbol: String,
-        /// The offset from its first byte.
+        /// The offset of the changed bytes from the variable's first byte.
         offset: u32,
-        /// The bytes that it holds there.
+        /// The bytes that the variable holds at the offset while it is damaged.
         bytes: Vec<u8>,
     },
-    /// The code of a function, its literals included, holds other bytes in place of certain ones, which must occur
-    /// exactly once in it.
+    /// The code of a function, its literals included, holds other bytes in place of certain bytes, which must occur in
+    /// it exactly once.
     Replaced {
-        /// A handler's symbol, or the end of a function's path.
+        /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
-        /// The original bytes, from an even address on.
+        /// The original bytes, which begin at an even address.
         was: Vec<u8>,
-        /// The new bytes, of the same number.
+        /// The bytes that replace the original ones, as many as those.
         is: Vec<u8>,
     },
-    /// Every comparison of a register with this constant in a function's code compares it with another.
+    /// Every comparison of a register with this constant in a function's code compares with another constant.
     Compared {
-        /// A handler's symbol, or the end of a function's path.
+        /// The function: the symbol of a handler, or the end of a function's path.
         function: String,
         /// The constant.
         with: u8,
         /// The new constant.
         value: u8,
     },
-    /// The image's code and tables have another value in place of this constant, wherever it occurs, and the image's
-    /// CRC is made to fit.
+    /// The program's code and tables have another value in place of this constant wherever it occurs, and the program's
+    /// CRC is corrected.
     Constant {
         /// The original constant.
         of: u32,
         /// The new constant.
         value: u32,
     },
-    /// Memory at this address holds these bytes, flash included.
+    /// Memory from this address on, which may be flash, holds these bytes.
     Patch {
         /// The first byte's address.
         address: u32,
-        /// The bytes that it holds.
+        /// The bytes that memory holds from that address on while it is damaged.
         bytes: Vec<u8>,
-        /// Whether the image's CRC is made to fit, so that the firmware's own check of its flash passes.
+        /// Whether the program's CRC is corrected, so that the firmware's own check of its flash passes.
         sealed: bool,
     },
 }
@@ -99,7 +100,7 @@ impl ImageFault {
     ///
     /// # Errors
     ///
-    /// [`Error::NoSymbol`] where the image has no handler, function or variable of that name, or no such constant,
+    /// [`Error::NoSymbol`] where the program has no handler, function or variable of that name, or no such constant,
     /// [`Error::NotMemory`] where an address is outside the part's memory, [`Error::NoPlace`] where the bytes to be
     /// replaced do not occur exactly once.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
@@ -159,14 +160,14 @@ impl Repair {
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`] where the part is not the damaged one.
+    /// [`Error::NotMemory`] where `node`'s part has no memory at a damaged address.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }
 }
 
-/// The second place of code that the firmware copies to RAM: the load address if `address` is where it runs, and the
-/// other way round.
+/// The other address of code that the firmware copies to RAM: the address in flash if `address` is the one in RAM, and
+/// the one in RAM if `address` is in flash.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -174,19 +175,20 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// The address at which the image stores the bytes of `address`: in flash, for code that is copied to RAM.
+/// The address at which the program stores the byte at `address`: in flash, for code that is copied to RAM.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)
 }
 
-/// The first instruction of the handler or function called `name`: a symbol, or else a function whose path ends in it.
+/// The address of the first instruction of the handler or function called `name`: a symbol, or a function whose path
+/// ends in it.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
 }
 
-/// The only place at which the function called `name` holds `bytes`.
+/// The only address at which the function called `name` holds `bytes`.
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
@@ -202,15 +204,15 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
     }
 }
 
-/// The places in the code of the function called `name` whose byte `with` is compared with a register; there must be at
-/// least one. Data in the code are treated as instructions.
+/// The addresses of the byte `with` in the code of the function called `name` where it is compared with a register;
+/// there must be at least one. Data among the code are treated as instructions.
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;
     let (mut pc, mut places) = (first, vec![]);
     while pc < end {
         let (one, two) = record::halves(node, pc as u32);
-        // The encodings are T1 and T2 of CMP (immediate), ARMv7-M ARM A7.7.27; the byte is the lowest of its halfword.
+        // CMP (immediate) has encodings T1 and T2, ARMv7-M ARM A7.7.27; the constant is the lowest byte of a halfword.
         let (narrow, wide) = (one & 0xF8FF == 0x2800 | u16::from(with), two == 0x0F00 | u16::from(with));
         if narrow {
             places.push(pc);
@@ -229,8 +231,8 @@ fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Re
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the image has no such variable, [`Error::NotMemory`] where the bytes reach past its
-/// memory.
+/// [`Error::NoSymbol`] where the program has no such variable, [`Error::NotMemory`] where the bytes reach past the
+/// part's memory.
 pub fn poke<B: Board, C: Cost>(
     node: &mut Node<B, C>,
     symbol: &str,
@@ -242,11 +244,11 @@ pub fn poke<B: Board, C: Cost>(
     Repair::after_writing(node, address, bytes)
 }
 
-/// Seals `node`'s image again, as the build does, with the CRC of the present flash contents.
+/// Seals `node`'s program again with the CRC of the present flash contents, as the build does.
 ///
 /// # Errors
 ///
-/// [`Error::NoSymbol`] where the image has no vector table or no CRC.
+/// [`Error::NoSymbol`] where the program has no vector table or no CRC.
 pub fn seal<B: Board, C: Cost>(node: &mut Node<B, C>) -> Result<Repair, Error> {
     let (first, end) = (node.address_of("__vector_table")?, node.address_of("__program_crc")?);
     let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];

@@ -1,4 +1,4 @@
-//! Records which instructions of an image store which values to peripherals.
+//! Records which instructions of a program store which values to peripheral registers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,7 +6,7 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Node};
 
-/// The first address of the peripherals, the core's own included.
+/// The first address of the peripherals; the core's own peripherals have higher addresses.
 const PERIPHERALS: u32 = 0x4000_0000;
 
 /// An instruction that stores a register.
@@ -16,7 +16,7 @@ pub(super) struct Store {
     pub(super) rt: u8,
     pub(super) rn: u8,
     pub(super) offset: Offset,
-    /// The number of bytes that it stores.
+    /// The number of bytes that the instruction stores.
     size: u8,
     /// Whether the instruction has 32 bits.
     wide: bool,
@@ -24,7 +24,7 @@ pub(super) struct Store {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Offset {
-    /// The offset is immediate, from -255 to 4095.
+    /// The offset of the store's address is an immediate, from -255 to 4095.
     Immediate(i16),
     Register {
         rm: u8,
@@ -33,8 +33,8 @@ pub(super) enum Offset {
 }
 
 impl Store {
-    /// Decodes the store in `first` and `second`, if it is one: ARMv7-M ARM A7.7.161 (STR), A7.7.163 (STRB), A7.7.170
-    /// (STRH).
+    /// Decodes the store instruction in `first` and `second`, if there is one: ARMv7-M ARM A7.7.161 (STR), A7.7.163
+    /// (STRB), A7.7.170 (STRH).
     pub(super) fn decode(first: u16, second: u16) -> Option<Self> {
         let low = |at: u16| (first >> at & 7) as u8;
         let narrow = |size: u8, offset| Some(Self { rt: low(0), rn: low(3), offset, size, wide: false });
@@ -64,7 +64,7 @@ impl Store {
         let offset = if long {
             Offset::Immediate((second & 0xFFF).cast_signed())
         } else if second & 0x0F00 == 0x0C00 {
-            // Encoding T4 of STR, and T3 of STRB and STRH, subtract the offset and write nothing back.
+            // Encoding T4 of STR and T3 of STRB and STRH subtract the offset here and write no address back.
             Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
@@ -99,7 +99,7 @@ pub(super) const fn is_wide(first: u16) -> bool {
 pub struct Stored {
     /// The register's address.
     pub address: u32,
-    /// The address of the instruction that stored it.
+    /// The address of the instruction that made the store.
     pub pc: u32,
     /// The stored value.
     pub value: u32,
@@ -109,18 +109,18 @@ pub struct Stored {
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
     stores: BTreeSet<Stored>,
-    /// The instructions that were branch targets.
+    /// Addresses of instructions that were the target of a branch.
     pub(super) targets: BTreeSet<u32>,
-    /// Stores inside IT blocks.
+    /// Addresses of stores inside IT blocks.
     pub(super) conditional: BTreeSet<u32>,
-    /// The instruction before each store.
+    /// For each store's address, the address of the instruction executed before it.
     pub(super) before: BTreeMap<u32, u32>,
-    /// The instruction executed last.
+    /// The address of the instruction executed last.
     last: u32,
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns) and calls `drain` after every step, to take what left the board.
+    /// Runs `node` to `until` (ns) and calls `drain` after every step, to take the signals that left the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
@@ -128,8 +128,8 @@ impl Recording {
         recording
     }
 
-    /// Continues with `node` to `until` (ns), as [`Recording::of`] does; inputs can be applied to the board between two
-    /// calls.
+    /// Continues a recording with `node` to `until` (ns), as [`Recording::of`] does. The caller can apply inputs to the
+    /// board between two calls.
     pub fn go_on<B: Board, C: Cost>(
         &mut self,
         node: &mut Node<B, C>,
@@ -145,14 +145,15 @@ impl Recording {
             let (pc, retired) = (node.register(15), node.instructions());
             let (first, second) = halves(node, pc);
             let length = if is_wide(first) { 4 } else { 2 };
-            // The test reads ICI/IT of EPSR, ARMv7-M ARM B1.4.2.
+            // An instruction is in an IT block if the field ICI/IT of EPSR is not zero, ARMv7-M ARM B1.4.2.
             let in_it_block = node.register(16) & 0x0600_FC00 != 0;
             let stored = Store::decode(first, second)
                 .map(|store| (store.address(node), node.register(usize::from(store.rt)), store.size))
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
-                // The node stops between two instructions until what left the board is taken.
+                // The node may stop between two instructions and continues only when the signals that left the board
+                // have been taken.
                 drain(node);
             }
             let next = node.register(15);
@@ -181,7 +182,7 @@ pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16
     let mut bytes = [0; 4];
     let address = super::stored(node, u64::from(address));
     if node.read(address, &mut bytes).is_err() {
-        // The second halfword does not exist at the last halfword of a memory.
+        // A memory's last halfword has no second halfword after it, so this read may fail.
         let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))

@@ -1,10 +1,11 @@
-//! Patches a release image in flash so that it sets a register up wrongly, without knowing the place in the image.
+//! Patches a firmware's release program in flash so that it sets a register up wrongly. The address of the code that
+//! does so need not be given.
 //!
-//! [`Recording`] runs an unpatched board instruction by instruction and records every store to a peripheral with its
-//! instruction, address and value. [`rewrite`] then replaces each instruction that stores to a given register by a
-//! branch to a stub in free flash. The stub makes the same store with some bits changed, or omits it, whenever the
-//! address is that register's, and then returns. Finally the image is sealed again, as the build does, so that the
-//! firmware's check of its flash passes. Code that did not run in the recording stays unchanged.
+//! [`Recording`] runs an unpatched board instruction by instruction and records every store to a peripheral register
+//! with its instruction, address and value. [`rewrite`] then replaces each instruction that stores to a given register
+//! by a branch to a stub in free flash. The stub makes the same store and then returns; where the address is that of
+//! the given register, it changes some bits or omits the store. Finally the program is sealed again, as the build does,
+//! so that the firmware's check of its flash passes. Code that did not run in the recording stays unchanged.
 //!
 //! | covered | not covered, and the symptom |
 //! |---|---|
@@ -21,9 +22,9 @@ use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use emulator_node::{Board, Error, Node};
 
-/// The stubs begin at the next multiple of this after the image.
+/// The alignment of the stubs, bytes: they begin at the next multiple of this number behind the program.
 const ALIGNED: u32 = 0x100;
-/// The distance before and behind a store within which branches are searched, bytes: no task is longer.
+/// The distance before and behind a store within which branches are searched, bytes: no task has more code.
 const NEAR: u32 = 0x2000;
 
 /// The change that a patch makes to the stores to one register.
@@ -31,21 +32,21 @@ const NEAR: u32 = 0x2000;
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// The effect on a store to it.
+    /// The effect of the patch on a store to that register.
     pub to: To,
 }
 
 /// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// The bits of the mask take these values.
+    /// The bits of a mask get given values in what is stored.
     Bits {
         /// The mask of the changed bits.
         mask: u32,
-        /// Their values, in place.
+        /// The values of the changed bits, at the bits' own positions.
         value: u32,
     },
-    /// This value is stored in place of another; other values stay.
+    /// A given value is replaced by another; other values are stored unchanged.
     Instead {
         /// The value that the image stores.
         of: u32,
@@ -66,36 +67,36 @@ impl To {
     }
 }
 
-/// The reason why an image cannot be changed as requested.
+/// The reason why a program cannot be changed as requested.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// The change alters no store of the recording.
+    /// The change alters no store in the recording.
     #[error("nothing of the image is changed by {0:x?}")]
     NothingChanged(Change),
-    /// An instruction that must be moved is not position-independent.
+    /// An instruction must be moved but is not position-independent.
     #[error("at {at:#010x}: {why}")]
     Instruction {
-        /// Its address.
+        /// The instruction's address.
         at: u32,
-        /// The reason.
+        /// The reason why the instruction cannot be moved.
         why: &'static str,
     },
-    /// The image leaves too little of the flash from which its memory protection unit lets it execute.
+    /// The program leaves too little free flash that its memory protection unit lets it execute.
     #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
-    /// A symbol is missing, or something is not in memory.
+    /// A symbol of the program is missing, or an address is outside the part's memory.
     #[error(transparent)]
     Node(#[from] Error),
 }
 
-/// Code that is being assembled, with its address.
+/// Code that is being assembled, with the address of its first instruction.
 struct Code {
     base: u32,
     halves: Vec<u16>,
 }
 
 const fn bl_imm(distance: i32, opcode: u16, link: bool) -> [u16; 2] {
-    // Encodings T4 of B and T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
+    // The instruction is encoded as T4 of B or T1 of BL, ARMv7-M ARM A7.7.12 and A7.7.18.
     let value = distance as u32;
     let s = (value >> 24 & 1) as u16;
     let j1 = (!(value >> 23) & 1) as u16 ^ s;
@@ -113,7 +114,7 @@ impl Code {
         self.halves.extend_from_slice(halves);
     }
 
-    /// Loads `value` into `register` by MOVW and MOVT, which leave the flags.
+    /// Assembles a load of `value` into `register` by MOVW and MOVT, which do not change the flags.
     fn load(&mut self, register: u8, value: u32) {
         for (opcode, half) in [(0xF240_u16, value as u16), (0xF2C0, (value >> 16) as u16)] {
             let (imm4, i, imm3, imm8) = (half >> 12, half >> 11 & 1, half >> 8 & 7, half & 0xFF);
@@ -126,7 +127,7 @@ impl Code {
         self.raw(&bl_imm(distance, 0xF000, false));
     }
 
-    /// Makes the branch at `hole` lead here.
+    /// Makes the branch for which room was left at `hole` lead to the present end of the code.
     fn close(&mut self, hole: usize) {
         let from = self.base + 2 * u32::try_from(hole).expect("a stub is short");
         let distance = self.here().wrapping_sub(from + 4).cast_signed();
@@ -140,13 +141,13 @@ impl Code {
         node.write(super::stored(node, u64::from(self.base)), &bytes)
     }
 
-    /// Leaves room for a branch.
+    /// Leaves room for a branch and returns its position.
     fn hole(&mut self) -> usize {
         self.raw(&[0xBF00, 0xBF00]);
         self.halves.len() - 2
     }
 
-    /// Assembles `store`, encoded as `encoding`, with its effect changed where it stores to a register in `changes`.
+    /// Assembles `store`, encoded as `encoding`, with a changed effect where it stores to a register in `changes`.
     fn store(&mut self, store: Store, encoding: &[u16], changes: &[Change]) {
         let scratch: Vec<u8> = (0..8).filter(|register| !store.uses(*register)).take(3).collect();
         let [a, b, c] = scratch[..] else { unreachable!("a store uses three registers of eight at most") };
@@ -154,11 +155,11 @@ impl Code {
         let half = u16::from;
         let mut joins = vec![];
         for change in changes {
-            // PUSH {a, b, c}; b = APSR; a = the store's address; c = the register's.
+            // PUSH {a, b, c}; b = APSR; a = the store's address; c = the changed register's address.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
                 Offset::Immediate(value) => {
-                    // ADDW, or SUBW for a negative offset.
+                    // ADDW, or SUBW for a negative offset, adds the store's offset to its base register.
                     let (opcode, value) = (if value < 0 { 0xF2A0 } else { 0xF200 }, value.unsigned_abs());
                     self.raw(&[
                         opcode | (value >> 11 & 1) << 10 | half(store.rn),
@@ -170,12 +171,12 @@ impl Code {
                 }
             }
             self.load(c, change.address);
-            // CMP a, c; BEQ over the branch to the next.
+            // CMP a, c; BEQ over the branch that leads to the next change.
             self.raw(&[0x4280 | half(c) << 3 | half(a), 0xD001]);
             let mut others = vec![self.hole()];
             if let To::Instead { of, .. } = change.to {
                 self.load(c, of);
-                // CMP Rt, c: encoding T1 for low registers, T2 for high ones.
+                // CMP Rt, c has encoding T1 for low registers, T2 for high ones.
                 let rt = half(store.rt);
                 let compare = if rt < 8 { 0x4280 | half(c) << 3 | rt } else { 0x4580 | half(c) << 3 | rt & 7 };
                 self.raw(&[compare, 0xD001]);
@@ -211,7 +212,7 @@ impl Code {
         }
     }
 
-    /// Assembles the instruction `encoding` from `pc` so that it has the same effect here.
+    /// Assembles the instruction `encoding`, which was at `pc`, so that it has the same effect here.
     fn moved(
         &mut self,
         pc: u32,
@@ -221,7 +222,7 @@ impl Code {
         let refuse = |why| Err(RewriteError::Instruction { at: pc, why });
         let first = encoding[0];
         if let [_, second] = *encoding {
-            // Branches and miscellaneous control, ARMv7-M ARM A5.3.4.
+            // The group "branches and miscellaneous control" of the encodings, ARMv7-M ARM A5.3.4.
             if first & 0xF800 == 0xF000 && second & 0x8000 != 0 {
                 match (second & 0xD000, first >> 6 & 0xF) {
                     (0xD000, _) => {
@@ -232,7 +233,8 @@ impl Code {
                     (0x9000, _) => self.branch(pc.wrapping_add(4).wrapping_add_signed(bl_distance(first, second))),
                     (0x8000, condition @ 0..0xE) => {
                         let target = pc.wrapping_add(4).wrapping_add_signed(conditional_distance(first, second));
-                        // The inverse condition leads past the 32-bit branch that follows.
+                        // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads
+                        // past it.
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
@@ -252,7 +254,7 @@ impl Code {
             // B<cond>
             0xD if first >> 8 & 0xF < 0xE => {
                 let target = pc.wrapping_add(4).wrapping_add_signed(2 * signed(first & 0xFF, 8));
-                // The inverse condition leads past the 32-bit branch that follows.
+                // A 32-bit branch replaces the conditional one, and a branch with the inverse condition leads past it.
                 self.raw(&[(first & 0xFF00) ^ 0x0100 | 1]);
                 self.branch(target);
             }
@@ -265,7 +267,7 @@ impl Code {
                     return refuse("an IT block cannot be moved");
                 }
                 if first & 0xF500 == 0xB100 {
-                    // The opposite of the CBZ or CBNZ leads past the branch.
+                    // A 32-bit branch replaces the CBZ or CBNZ, and the opposite of that leads past it.
                     self.raw(&[(first ^ 0x0800) & 0xFD07 | 1 << 3]);
                     self.branch(pc + 4 + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1));
                 } else {
@@ -285,8 +287,8 @@ impl Code {
     }
 }
 
-/// Whether a 32-bit instruction that begins with `first` is relative to its own address: TBB and TBH; LDR, LDRB, LDRH
-/// and their signed forms, LDRD, VLDR, and ADR, with a literal.
+/// Whether a 32-bit instruction that begins with `first` depends on its own address: TBB and TBH; LDR, LDRB, LDRH and
+/// their signed forms, LDRD, VLDR, and ADR, with a literal.
 const fn is_relative(first: u16) -> bool {
     let table = first & 0xFFF0 == 0xE8D0;
     let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
@@ -305,7 +307,7 @@ fn signed(value: u16, bits: u32) -> i32 {
     i32::from(value) << (32 - bits) >> (32 - bits)
 }
 
-/// The distance of a B.W or BL, bytes.
+/// The distance from a B.W or BL to its target, bytes.
 fn bl_distance(first: u16, second: u16) -> i32 {
     let s = u32::from(first >> 10 & 1);
     let i1 = !(u32::from(second >> 13) ^ s) & 1;
@@ -314,8 +316,8 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// The targets of the direct branches within [`NEAR`] bytes of `site`: another run may take branches that the recording
-/// did not. Data in the code are treated as instructions.
+/// The targets of the direct branches within [`NEAR`] bytes of `site`. All of them count, because another run may take
+/// branches that the recording did not. Data among the code are treated as instructions.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;
@@ -342,19 +344,19 @@ fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32
     targets
 }
 
-/// The distance of a conditional B.W, bytes: encoding T3, ARMv7-M ARM A7.7.12.
+/// The distance from a conditional B.W to its target, bytes: encoding T3, ARMv7-M ARM A7.7.12.
 fn conditional_distance(first: u16, second: u16) -> i32 {
     let (s, j1, j2) = (u32::from(first >> 10 & 1), u32::from(second >> 13 & 1), u32::from(second >> 11 & 1));
     let value = s << 20 | j2 << 19 | j1 << 18 | u32::from(first & 0x3F) << 12 | u32::from(second & 0x7FF) << 1;
     (value << 11).cast_signed() >> 11
 }
 
-/// Patches `node`'s flash so that its stores in `recording` to the registers of `changes` have the changed effect, and
-/// seals the image again. The board must not have run yet.
+/// Patches `node`'s flash so that the stores in `recording` to the registers of `changes` have the changed effect, and
+/// seals the program again. The board must not have executed an instruction before.
 ///
 /// # Errors
 ///
-/// A change affects no recorded store, or an instruction cannot be replaced.
+/// A change affects no store in the recording, or an instruction cannot be replaced.
 pub fn rewrite<B: Board, C: Cost>(
     node: &mut Node<B, C>,
     recording: &Recording,
@@ -365,7 +367,8 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    // The stubs directly follow the image, because the boards differ in how much free flash may be executed.
+    // The stubs directly follow the program, because the boards differ in how much of their free flash they may
+    // execute.
     let end = node.address_of("__program_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
@@ -378,8 +381,8 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // IT governs the one instruction in its block; the stub then branches where the block would not be
-            // executed.
+            // An IT instruction governs only the store in its block. The stub then branches back where the store would
+            // not be executed.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -388,8 +391,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // Where the instruction after a 16-bit store is a branch target or cannot move, the one before the store
-            // moves as well.
+            // If the instruction after a 16-bit store is a branch target or cannot move, the instruction before the
+            // store moves into the stub instead.
             recording.before[&site]
         } else {
             site
@@ -431,19 +434,19 @@ pub fn rewrite<B: Board, C: Cost>(
         return Err(RewriteError::TooLong(stubs.here()));
     }
     stubs.write_to(node)?;
-    // A board that is patched before its first instruction needs no repair.
+    // A board that is patched before its first instruction is never repaired, so the repair is dropped.
     let _ = seal(node)?;
     Ok(())
 }
 
-/// Whether a firmware may execute code at `address` of its flash. One table serves both boards, because the address
-/// ranges of their flash do not overlap.
+/// Whether a firmware's memory protection lets it execute code at `address` of its flash. One table serves both boards,
+/// because the address ranges of their flash do not overlap.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
-/// The changes for the store at each address.
+/// The changes that apply to the store at each address.
 fn sites(recording: &Recording, changes: &[Change]) -> Result<BTreeMap<u32, Vec<Change>>, RewriteError> {
     let mut sites: BTreeMap<u32, Vec<Change>> = BTreeMap::new();
     for change in changes {
@@ -468,7 +471,7 @@ mod tests {
 
     use super::*;
 
-    /// Disassembles `encoding` after a move from `pc` to `base`.
+    /// Moves the instruction `encoding` from `pc` to `base` and disassembles the result.
     fn moved(pc: u32, base: u32, encoding: &[u16]) -> Vec<String> {
         let mut code = Code { base, halves: vec![] };
         code.moved(pc, encoding, |at| Ok(at ^ 0xFFFF_0000)).unwrap();
@@ -482,7 +485,7 @@ mod tests {
         words
     }
 
-    /// Disassembles the instruction at its original place.
+    /// Disassembles the instruction `encoding` at its original address `pc`.
     fn unmoved(pc: u32, encoding: &[u16]) -> String {
         describe(pc, encoding[0], encoding.get(1).copied().unwrap_or_default()).1
     }
@@ -493,7 +496,7 @@ mod tests {
             let [first, second] = bl_imm(distance, 0xF000, true);
             assert_eq!(bl_distance(first, second), distance);
         }
-        // The three BEQ.W have distance zero, a long distance ahead, and one back to themselves.
+        // The three BEQ.W have distance zero, a long distance ahead, and a distance back to themselves.
         assert_eq!(conditional_distance(0xF000, 0x8000), 0);
         assert_eq!(conditional_distance(0xF03F, 0xAFFF), 0xF_FFFE);
         assert_eq!(conditional_distance(0xF43F, 0xAFFE), -4);
@@ -501,7 +504,7 @@ mod tests {
 
     #[test]
     fn an_instruction_that_means_the_same_everywhere_is_copied() {
-        // ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
+        // These instructions do not change when they move: ADDS r0, #1; DSB; MSR PRIMASK, r0; MOVW r1, #0.
         for encoding in [&[0x3001_u16][..], &[0xF3BF, 0x8F4F], &[0xF380, 0x8810], &[0xF240, 0x0100]] {
             assert_eq!(moved(0x800_0100, 0x804_0000, encoding), [unmoved(0x800_0100, encoding)]);
         }
@@ -509,8 +512,8 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4];
-        // ADR.W r0, forwards and backwards.
+        // The tested instructions are IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc,
+        // #4]; VLDR s0, [pc, #4]; ADR.W r0, forwards and backwards.
         let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
         let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
         let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];

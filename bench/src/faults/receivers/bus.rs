@@ -15,7 +15,7 @@ use gnss_sim::Port;
 /// A fault of a receiver's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusFault {
-    /// The receiver holds SDA low until it has seen nine clocks.
+    /// The receiver holds SDA low until it has received nine clocks.
     SdaUntilClocked,
     /// SDA is low.
     SdaStuck,
@@ -39,17 +39,17 @@ pub enum BusFault {
     Shifted,
 }
 
-/// The longest time for which a receiver holds the clock, ns: ZED-F9R data sheet 5.3.
+/// The longest time for which a receiver holds the clock low, ns: ZED-F9R data sheet 5.3.
 pub const STRETCHED: u64 = 20_000_000;
-/// The time for which SDA is low in a glitch, ns: less than half a bit at 400 kHz.
+/// The time for which SDA is low in a glitch, ns: less than the duration of half a bit at 400 kHz.
 pub const GLITCH: u64 = 1_000;
 /// The shortest and the longest time from one glitch to the next, ns.
 pub const GLITCHES: (u64, u64) = (5_000, 400_000);
-/// The number of clocks that frees a receiver which holds SDA: UM10204 (I2C specification) 3.1.16.
+/// The number of clocks after which a receiver that holds SDA low releases it: UM10204 (I2C specification) 3.1.16.
 pub const CLOCKS: u32 = 9;
 
 impl BusFault {
-    /// All of them.
+    /// All faults of a receiver's bus.
     pub const ALL: [Self; 11] = [
         Self::SdaUntilClocked,
         Self::SdaStuck,
@@ -64,7 +64,7 @@ impl BusFault {
         Self::Shifted,
     ];
 
-    /// The interface that can have the fault.
+    /// The receiver's interface on which the fault can occur.
     #[must_use]
     pub const fn interface(self) -> Port {
         match self {

@@ -1,7 +1,8 @@
 //! Faults of a GNSS receiver or its line.
 //!
-//! [`LineFaults`] lies between a receiver and HORUS's UART pin: it takes the receiver's bursts and returns what appears
-//! on the line instead. It does not depend on a board, so the effect of a fault on a burst can be tested byte by byte.
+//! [`LineFaults`] lies between a receiver and HORUS's UART pin: it takes the receiver's bursts of messages and returns
+//! what appears on the line instead. It does not depend on a board, so tests can check the effect of a fault on a burst
+//! byte by byte.
 //!
 //! | fault | what is on the line |
 //! |---|---|
@@ -19,8 +20,9 @@
 //! | `Break` | a low level |
 //! | `Bus` | see [`bus`]: the board applies it |
 //!
-//! A receiver on I2C or SPI has no line of its own: its bytes wait in the receiver until they are read. Faults of a
-//! UART apply only to receivers on a UART, faults of a bus to those on that bus ([`ReceiverFault::fits`]).
+//! A receiver on I2C or SPI has no line of its own: its bytes wait in the receiver until they are read. A fault of a
+//! UART applies only to receivers on a UART, and a fault of a bus only to receivers on that bus
+//! ([`ReceiverFault::fits`]).
 
 pub mod bus;
 mod messages;
@@ -44,33 +46,34 @@ use messages::{
 /// A fault of one receiver, or of its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReceiverFault {
-    /// Sends nothing.
+    /// The receiver sends nothing.
     Silent,
-    /// Sends random bytes without a pause.
+    /// The receiver sends random bytes without a pause.
     Babbles,
-    /// Sends the beginnings of UBX messages of the greatest length, one after the other and without a pause.
+    /// The receiver sends the beginnings of UBX messages of the greatest length, one after the other and without a
+    /// pause.
     Beginnings,
-    /// Sends whole unsolicited UBX messages, one after the other and without a pause.
+    /// The receiver sends whole unsolicited UBX messages, one after the other and without a pause.
     Unasked,
-    /// Continues with new data that all carry the time of week of its last message before.
+    /// The receiver sends new data, all with the time of week of its last message before the fault.
     Frozen,
-    /// Sends at this bit rate, bit/s.
+    /// The receiver sends at this bit rate, bit/s.
     WrongBaud(u32),
-    /// Its line is held low.
+    /// The receiver's line is held low.
     Break,
-    /// Bits on its line are inverted: one in [`NOISE_ONE_IN`] of the data and stop bits.
+    /// Bits on the receiver's line are inverted: one in [`NOISE_ONE_IN`] of the data and stop bits.
     Noise,
-    /// Stop bits on its line are low: one in [`FRAMING_ONE_IN`].
+    /// Stop bits on the receiver's line are low: one in [`FRAMING_ONE_IN`].
     FramingErrors,
-    /// Sends nothing in the first half of the episode. In the second half it has restarted and searches: its messages
-    /// carry a time of week that begins at 0, and no fix.
+    /// The receiver sends nothing in the first half of the episode. In the second half it has restarted and searches
+    /// for satellites: its messages carry a time of week that begins at 0, and no fix.
     Restarts,
-    /// Its position is this far too far north, m.
+    /// The receiver's position is wrong by a distance to the north.
     Jumps {
         /// The distance, m.
         metres: u32,
     },
-    /// Its position has this error, m.
+    /// The receiver's position has a constant error.
     Offset {
         /// The error to the north, m.
         north: i32,
@@ -79,49 +82,50 @@ pub enum ReceiverFault {
         /// The error upwards, m.
         up: i32,
     },
-    /// Its position moves north at this speed, mm/s, while its velocity does not show it: a slow spoofing.
+    /// The receiver's position moves north at this speed while its velocity does not show the movement, as with slow
+    /// spoofing.
     Drifts {
         /// The speed, mm/s.
         mm_s: u32,
     },
-    /// Its position stays where it was, while its time and its velocity go on.
+    /// The receiver's position stays the same, while its time and its velocity continue.
     FrozenPosition,
-    /// Its fix is a 2D one.
+    /// The receiver's fix is a 2D fix.
     Flat,
-    /// Its heading is turned by this angle, degrees.
+    /// The receiver's heading is turned by an angle.
     Turned {
-        /// The angle, clockwise.
+        /// The angle clockwise, degrees.
         degrees: u16,
     },
-    /// Its acceleration has this error, cm/s².
+    /// The receiver's acceleration has a constant error.
     Pushed {
-        /// The forward error.
+        /// The error of the forward acceleration, cm/s².
         cm_s2: i32,
     },
-    /// It reports an accuracy of [`UNDERSTATED_MM`], whatever the true one.
+    /// The receiver reports an accuracy of [`UNDERSTATED_MM`], whatever its true error.
     Understates,
-    /// A field of its NAV-PVT messages has an impossible value.
+    /// A field of the receiver's NAV-PVT messages has an impossible value.
     Absurd(Absurd),
-    /// Its time of week is this much ahead, ms; negative values are behind.
+    /// The receiver's time of week is ahead by this much, ms; negative values are behind.
     TimeJumps(i32),
-    /// The payloads of its messages are this much longer, bytes; negative values are shorter.
+    /// The payloads of the receiver's messages are longer by this much, bytes; negative values are shorter.
     OtherLength(i8),
-    /// It has no fix: its position is marked invalid.
+    /// The receiver has no fix: its messages mark its position as invalid.
     NoFix,
-    /// Every burst comes this much later, ns.
+    /// Every burst of the receiver's messages comes later by this much, ns.
     LateBursts(u64),
-    /// The checksum of every message is wrong.
+    /// The checksum of every message of the receiver is wrong.
     BadChecksums,
-    /// Restarts with its factory settings: NMEA only, one solution a second, and 38 400 bit/s on a UART. It stays so
-    /// until HORUS configures it.
+    /// The receiver restarts with its factory settings: NMEA only, one solution a second, and 38 400 bit/s on a UART.
+    /// It keeps them until HORUS configures it.
     LosesSettings,
-    /// Loses its configured dynamic model and otherwise works as before, so that HORUS cannot detect it.
+    /// The receiver loses its configured dynamic model and otherwise works as before, so HORUS cannot detect the fault.
     ForgetsModel,
     /// Its bus fails.
     Bus(BusFault),
 }
 
-/// A field with an impossible value.
+/// A field of NAV-PVT with an impossible value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Absurd {
     /// 91 degrees north.
@@ -132,14 +136,14 @@ pub enum Absurd {
     Height,
     /// 2147 km/s to the south.
     Speed,
-    /// No accuracy: 0.
+    /// An accuracy of 0, which no receiver has.
     NoAccuracy,
-    /// The greatest accuracy that the field can hold, 4295 km.
+    /// The greatest accuracy that the field can hold, 4295 km, which is useless.
     HugeAccuracy,
 }
 
 impl Absurd {
-    /// All of them.
+    /// All fields with impossible values.
     pub const ALL: [Self; 6] =
         [Self::Latitude, Self::Longitude, Self::Height, Self::Speed, Self::NoAccuracy, Self::HugeAccuracy];
 
@@ -154,7 +158,7 @@ impl Absurd {
         }
     }
 
-    /// The offsets and values of the NAV-PVT bytes.
+    /// The offsets and values of the changed fields of a NAV-PVT message.
     fn fields(self) -> Vec<(usize, u32)> {
         match self {
             Self::Latitude => vec![(messages::LATITUDE, 910_000_000)],
@@ -170,20 +174,21 @@ impl Absurd {
 /// The accuracy that [`ReceiverFault::Understates`] reports, mm.
 pub const UNDERSTATED_MM: u32 = 10;
 
-/// [`ReceiverFault::Noise`] inverts one bit in this number: about one NAV-PVT message in six arrives whole.
+/// The number of bits of which [`ReceiverFault::Noise`] inverts one: about one NAV-PVT message in six arrives
+/// undamaged.
 pub const NOISE_ONE_IN: u64 = 500;
 
-/// [`ReceiverFault::FramingErrors`] makes one stop bit in this number low.
+/// The number of stop bits of which [`ReceiverFault::FramingErrors`] makes one low.
 pub const FRAMING_ONE_IN: u64 = 16;
 
-/// The longest first half of [`ReceiverFault::Restarts`], ns.
+/// The longest silence in the first half of [`ReceiverFault::Restarts`], ns.
 pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 
-/// The longest time that a line is held low without a pause, ns.
+/// The longest time for which a line is held low without a pause, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// The number of frames that are generated at once for an endless fault: about a millisecond, and a whole number of
-/// [`BEGINNING`].
+/// The number of frames that are generated at once for a fault without a pause: about a millisecond, and a whole number
+/// of [`BEGINNING`].
 const CHUNK: usize = 48;
 
 /// The beginning of a NAV-PVT message whose length field has the greatest value.
@@ -237,24 +242,25 @@ impl ReceiverFault {
         }
     }
 
-    /// Whether the line is never idle while it lasts.
+    /// Whether the fault keeps the line busy without a pause while it lasts.
     #[must_use]
     pub const fn is_endless(self) -> bool {
         matches!(self, Self::Babbles | Self::Beginnings | Self::Unasked)
     }
 }
 
-/// A run of frames on a receiver's line.
+/// UART frames that follow one another on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// The instant at which the first frame's start bit begins, ns, or at which the line is free after that.
+    /// The instant at which the first frame's start bit begins, ns; if the line is busy then, the frames begin when it
+    /// is free.
     pub at_ns: u64,
     /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The frames, one after the other without a gap.
+    /// The UART frames, which follow one another without a gap.
     pub frames: Vec<UartFrame>,
-    /// Every frame is well-formed at the receiver's bit rate: HORUS reads [`OnLine::bytes`], whatever their contents.
-    /// It reads some or none of other frames.
+    /// Whether every frame is well-formed at the receiver's bit rate. HORUS then reads [`OnLine::bytes`], whatever
+    /// their contents; of other frames it reads some or none.
     pub clean: bool,
 }
 
@@ -264,7 +270,7 @@ impl OnLine {
         Self { at_ns, receiver, frames, clean: true }
     }
 
-    /// The bytes of the well-formed frames at the receiver's bit rate; `None` in the place of any other.
+    /// The byte of each well-formed frame at the receiver's bit rate; `None` for every other frame.
     pub fn bytes(&self) -> impl Iterator<Item = Option<u8>> + '_ {
         self.frames.iter().map(|frame| {
             let byte = frame.data as u8;
@@ -279,20 +285,20 @@ struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// The instant at which it next sends by itself, ns.
+    /// The instant at which the faulty receiver next sends without a burst of its own, ns.
     next: u64,
 }
 
 /// The faults of one receiver and its line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// The faults in the order of their beginnings: the last one acts.
+    /// The present faults in the order of their beginnings. Only the last one has an effect.
     faults: Vec<Active>,
     /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
-    /// Longitude, latitude and height of its last burst without a fault, in their wire units.
+    /// Longitude, latitude and height in the receiver's last burst without a fault, in the units of NAV-PVT.
     last_position: Option<[i32; 3]>,
-    /// Bursts that are delayed, in order.
+    /// Delayed bursts, in the order of their instants.
     waiting: VecDeque<OnLine>,
 }
 
@@ -311,7 +317,7 @@ pub struct LineFaults {
 }
 
 impl LineFaults {
-    /// No faults yet. `seed` decides everything random.
+    /// Returns the lines without faults. `seed` determines all random values.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { rng: Rng::new(seed), lines: vec![] }
@@ -324,8 +330,8 @@ impl LineFaults {
         &mut self.lines[receiver]
     }
 
-    /// Begins `fault` at `at`; it will end at `until` (ns; `u64::MAX` for never). If one receiver has several, the
-    /// latest acts.
+    /// Begins `fault` at `at`; it will end at `until` (ns; `u64::MAX` for never). If a receiver has several faults,
+    /// only the latest has an effect.
     pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
         let line = self.line(receiver);
         if fault == ReceiverFault::Break {
@@ -336,7 +342,7 @@ impl LineFaults {
         line.faults.push(Active { fault, at, until, next });
     }
 
-    /// Ends `fault`. Bursts that it holds back still come.
+    /// Ends `fault`. Bursts that it has delayed are still sent.
     pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
         let faults = &mut self.line(receiver).faults;
         if let Some(index) = faults.iter().position(|active| active.fault == fault) {
@@ -344,7 +350,7 @@ impl LineFaults {
         }
     }
 
-    /// Takes `bytes`, which the receiver sends from `at` (ns) on, and returns what is on the line instead. Delayed
+    /// Takes `bytes`, which the receiver sends from `at` (ns) on, and returns what appears on the line instead. Delayed
     /// bursts are kept for [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
@@ -446,7 +452,7 @@ impl LineFaults {
         self.in_order(OnLine::clean(at, receiver, &clean))
     }
 
-    /// Returns `on_line`, or queues it behind an earlier burst that still waits.
+    /// Returns `on_line`, or queues it if an earlier burst of the receiver is still delayed.
     fn in_order(&mut self, mut on_line: OnLine) -> Vec<OnLine> {
         let line = self.line(on_line.receiver);
         let Some(before) = line.waiting.back() else { return vec![on_line] };
@@ -455,19 +461,20 @@ impl LineFaults {
         vec![]
     }
 
-    /// The frame of `byte` with each of its bits and its stop bit inverted once in [`NOISE_ONE_IN`] times.
+    /// The frame of `byte`, in which each data bit and the stop bit is inverted with a probability of one in
+    /// [`NOISE_ONE_IN`].
     fn noisy(&mut self, byte: u8) -> UartFrame {
         let flips = (0..9).fold(0_u16, |flips, bit| flips | u16::from(self.rng.one_in(NOISE_ONE_IN)) << bit);
         with_stop(byte ^ flips as u8, flips >> 8 == 0)
     }
 
-    /// The instant at which the next delayed or unsolicited burst comes, ns; `u64::MAX` for never.
+    /// The instant at which the next delayed or unsolicited burst begins, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.lines.iter().map(Line::next_at).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the delayed and unsolicited bursts at `now` (ns) or before.
+    /// Takes the delayed and unsolicited bursts that begin at `now` (ns) or earlier.
     pub fn take(&mut self, now: u64) -> Vec<OnLine> {
         let mut taken = vec![];
         for (receiver, line) in self.lines.iter_mut().enumerate() {
@@ -478,11 +485,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // MON-VER answers a poll of the receiver's version.
+                // The unsolicited message is MON-VER, with which a receiver answers a poll of its version.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next one begins where this one ends: the line is never idle.
+            // The next burst of the fault begins where this one ends, because the fault never leaves the line idle.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -490,7 +497,7 @@ impl LineFaults {
     }
 }
 
-/// Frames that may be damaged.
+/// Frames that may be damaged, on the line of a receiver.
 fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     let mut on_line = OnLine { at_ns, receiver, frames, clean: false };
     let clean = on_line.bytes().all(|byte| byte.is_some());
@@ -498,16 +505,17 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// The frame of `byte` with its stop bit high, or low: a low ninth bit, and then a stop bit.
+/// The frame of `byte` with a high stop bit, or with a low ninth bit before the stop bit, so that the receiver of the
+/// frame finds its stop bit low.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }
 }
 
-/// A low level for `ns`, at least one character. The line is high in the last twentieth.
+/// A low level for `ns`, or for one character if that is longer. The line is high in the last twentieth of that time.
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // Ten bits are low, then half a bit is high.
+    // The line is low for ten bits, then high for half a bit.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

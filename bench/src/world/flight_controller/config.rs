@@ -7,17 +7,16 @@ use crate::world::ssi::Pace;
 /// The instants at which the flight controller's transactions begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Schedule {
-    /// One begins in each of its own control cycles: [`Config::cycle_ns`].
+    /// A transaction begins in each of the flight controller's own control cycles: [`Config::cycle_ns`].
     EveryCycle,
-    /// Each begins at an instant given with [`FlightController::place`](super::FlightController::place), and there are
-    /// no others.
+    /// Transactions begin only at the instants given with [`FlightController::place`](super::FlightController::place).
     Placed,
 }
 
-/// A transaction that is to begin at an instant of the bench's choice.
+/// A transaction that is to begin at an instant that the bench chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Placed {
-    /// The instant at which chip select falls, ns after reset, by the bench's clock.
+    /// The instant at which chip select falls, by the bench's clock, ns after reset.
     pub at_ns: u64,
     /// The number of bytes that are clocked, up to the whole image.
     pub bytes: usize,
@@ -30,27 +29,27 @@ pub struct Config {
     pub receivers: usize,
     /// The instants at which transactions begin.
     pub schedule: Schedule,
-    /// The control cycle by its own clock, ns.
+    /// The length of the control cycle by the flight controller's own clock, ns.
     pub cycle_ns: u64,
-    /// The first transaction after reset, by its own clock, ns.
+    /// The instant of the first transaction after reset, by the flight controller's own clock, ns.
     pub first_ns: u64,
-    /// The error of its crystal, parts per billion; positive values are fast.
+    /// The error of the flight controller's crystal, parts per billion; positive values are fast.
     pub crystal_ppb: i64,
     /// The pace of a transaction.
     pub pace: Pace,
-    /// It writes uplinks and commands, and reads the whole map now and then ([`super::uplinks`]); otherwise it only
-    /// reads the image.
+    /// Whether the flight controller writes uplinks and commands, and now and then reads the whole map
+    /// ([`super::uplinks`]); otherwise it only reads the image.
     pub writes: bool,
-    /// The base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)), and it
-    /// generates none of them itself.
+    /// Whether the base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)),
+    /// so that the flight controller generates none of them itself.
     pub relays: bool,
-    /// The seed of everything random while it misuses the SSI.
+    /// The seed of all random values while the flight controller misuses the SSI.
     pub seed: u64,
 }
 
 impl Config {
-    /// A 4 ms control cycle, a perfect crystal, and the first transaction one cycle after reset. On the wire it is as
-    /// fast as [`profile::ssi::timing`] allows.
+    /// Returns the ordinary settings: a control cycle of 4 ms, a perfect crystal, the first transaction one cycle after
+    /// reset, and transactions as fast as [`profile::ssi::timing`] allows.
     #[must_use]
     pub const fn new(receivers: usize) -> Self {
         Self {
@@ -82,7 +81,8 @@ impl Config {
         Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
     }
 
-    /// The time from chip select falling to chip select rising in a transaction of `bytes` bytes, by its own clock, ns.
+    /// The time from the fall of chip select to its rise in a transaction of `bytes` bytes, by the flight controller's
+    /// own clock, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.pace.transaction_ns(bytes)

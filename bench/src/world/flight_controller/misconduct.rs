@@ -7,37 +7,37 @@ use super::Config;
 use crate::faults::{Conduct, Rng};
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// The instants at which a flight controller that misuses the SSI begins its transactions.
+/// The rule by which a flight controller that misuses the SSI begins its transactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rhythm {
-    /// One begins in each of its control cycles if the one before is over.
+    /// A transaction begins in each control cycle of the flight controller if the transaction before is over.
     InCycle,
-    /// Each begins once the one before it and the gap after that are over.
+    /// Each transaction begins when the one before it and the gap after that are over.
     AtOnce,
     /// There are no transactions.
     Never,
 }
 
-/// The bytes that [`Conduct::TenThousand`] reads.
+/// The number of bytes that [`Conduct::TenThousand`] reads in a transaction.
 const MANY: usize = 10_000;
 
-/// The bytes that [`Conduct::Lies`] reads: Link-Status and Reported-Position.
+/// The number of bytes that [`Conduct::Lies`] reads in a transaction: Link-Status and Reported-Position.
 const PART: usize = 96;
 
-/// The bytes that the DPR accepts: a request and an uplink object (docs/design.md#ssi).
+/// The most bytes that the DPR accepts in a transaction: a request and an uplink object (docs/design.md#ssi).
 const TAKEN_IN: usize = 72;
 
 /// The time from one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
 const TOGGLE: u64 = 2_000;
 
-/// The shortest time for which chip select is high with [`Conduct::Every`], ns: the DPR's peripheral needs as much
-/// (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+/// The shortest time for which chip select is high with [`Conduct::Every`], ns. The DPR's peripheral needs at least
+/// this much (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
-/// The gap that [`Conduct::Hammers`] leaves, ns.
+/// The time for which [`Conduct::Hammers`] leaves chip select high between two transactions, ns.
 const HAMMER_GAP: u64 = 1_000;
 
-/// A [`Conduct`] that lasts.
+/// A misuse of the SSI that is in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Misconduct {
     conduct: Conduct,
@@ -46,13 +46,13 @@ pub(super) struct Misconduct {
 }
 
 impl Misconduct {
-    /// The conduct `conduct` of a flight controller with this configuration; `seed` decides everything random.
+    /// Begins the misuse `conduct` of a flight controller with this configuration; `seed` determines all random values.
     #[must_use]
     pub(super) const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// The instants at which its transactions begin.
+    /// The rule by which the transactions of this misuse begin.
     #[must_use]
     pub(super) const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -74,7 +74,7 @@ impl Misconduct {
         }
     }
 
-    /// Returns its next transaction.
+    /// Returns the next transaction of the misuse.
     pub(super) fn order(&mut self) -> Order {
         let pace = self.config.pace;
         let read = |bytes| Order { pace, ..Order::read(bytes) };
@@ -100,19 +100,19 @@ impl Misconduct {
         }
     }
 
-    /// Noise that differs in each transaction.
+    /// Returns noise for MOSI that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }
 
-    /// Bytes that are no request, or a request that the DPR must refuse.
+    /// Bytes in place of a request that are no request, or a request that the DPR must refuse.
     fn lie(&mut self) -> Vec<u8> {
         let image_len = self.config.image_len() as u64;
         let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // The window reaches from within the image to beyond its end.
+            // The requested window reaches from within the image to beyond its end.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -125,13 +125,13 @@ impl Misconduct {
     }
 }
 
-/// Lets chip select fall and rise once in `period_ns`.
+/// A transaction without a byte: chip select falls and rises once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// An empty request, and an intact uplink object of the flight controller from the first second.
+/// An empty request, followed by an intact uplink object of the flight controller from its first second.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

@@ -2,17 +2,19 @@
 //!
 //! # Design
 //!
-//! An ordinary flight controller: once per control cycle (4 ms) it reads the DPR image in one SPI transaction, mode 0,
-//! 8 MHz, and continues with whatever it got. It has its own crystal, so its cycle drifts through that of the DPR and
-//! meets it in every phase. [`SsiMaster`] carries its transactions: [`FlightController::next_at`] gives the instant of
-//! its next action on the wires, and [`FlightController::act`] carries it out.
+//! The flight controller is an ordinary one: once in each control cycle (4 ms) it reads the DPR's image in one SPI
+//! transaction, mode 0, 8 MHz, and continues with whatever it received. It has its own crystal, so its cycle drifts
+//! relative to the DPR's and meets it in every phase. [`SsiMaster`] carries out its transactions:
+//! [`FlightController::next_at`] gives the instant of the next action on the wires, and [`FlightController::act`]
+//! carries that action out.
 //!
-//! It uses the client for flight controllers, [`profile::ssi::client`]: the client determines what each transaction
-//! sends, finds the objects in the answer, and decides whether there is a position to fly by ([`Reading::report`]).
-//! [`Outcome`] has the bench's evaluation. The bytes of a whole and new profile go to the base station unchanged
-//! ([`stream`]). Nothing else is forwarded.
+//! The flight controller uses the client that real ones use, [`profile::ssi::client`]. The client determines what each
+//! transaction sends, finds the objects in the answer, and decides whether there is a position to fly by
+//! ([`Reading::report`]). [`Outcome`] has the bench's own evaluation. The bytes of a whole and new profile go to the
+//! base station unchanged ([`stream`]). Nothing else is forwarded.
 //!
-//! While a [`Conduct`] is set, it misuses the SSI in that way but still verifies what it reads.
+//! While a [`Conduct`] is set, the flight controller misuses the SSI in that way but still verifies the bytes that it
+//! reads.
 //!
 //! | file | what |
 //! |---|---|
@@ -45,10 +47,10 @@ use super::ssi::{Crystal, Order, Progress, SsiMaster, SsiPort, Start, Transactio
 use crate::faults::Conduct;
 use crate::faults::wires::Wires;
 
-/// Totals since reset.
+/// The flight controller's totals since reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
-    /// The number of finished transactions: the sum of the next four.
+    /// The number of finished transactions: the sum of the next four numbers.
     pub transactions: u64,
     /// The number of [`Outcome::Fresh`].
     pub fresh: u64,
@@ -58,30 +60,30 @@ pub struct Stats {
     pub busy: u64,
     /// The number of [`Outcome::BadCrc`].
     pub bad_crc: u64,
-    /// The number of profiles forwarded to the base station, which are the fresh ones.
+    /// The number of profiles forwarded to the base station, which are those of the fresh transactions.
     pub forwarded: u64,
 }
 
-/// A flight controller. See the [module](self).
+/// A flight controller. The [module](self) describes it.
 #[derive(Debug, Clone)]
 pub struct FlightController {
     config: Config,
     crystal: Crystal,
     master: SsiMaster,
-    /// The instant at which the next action is due, ns.
+    /// The instant at which the flight controller's next action is due, ns.
     next_at: u64,
-    /// The control cycle in which its next transaction begins.
+    /// The number of the control cycle in which the next transaction begins.
     cycle: u64,
-    /// The transactions that are to begin at instants of the bench's choice, in order of time.
+    /// The transactions that are to begin at instants that the bench chooses, in order of time.
     placed: VecDeque<Placed>,
-    /// Its present misuse of the SSI.
+    /// The present misuse of the SSI.
     misconduct: Option<Misconduct>,
     /// The number of episodes of misconduct.
     episodes: u64,
-    /// The instant before which no transaction begins, ns.
+    /// The instant before which no further transaction begins, ns.
     not_before: u64,
     client: Client,
-    /// Windows to request in the coming transactions.
+    /// The windows that the next transactions without another request are to request, in order.
     requests: VecDeque<Request>,
     /// The window that the present transaction requests.
     asked: Option<Request>,
@@ -89,9 +91,10 @@ pub struct FlightController {
     /// The timestamp of the last fresh profile.
     previous: Option<u32>,
     downlink: Vec<u8>,
-    /// Intact images that it has read, each with the instant (ns) at which its transaction was over.
+    /// Intact images that the flight controller has read, each with the instant (ns) at which its transaction was over.
     images: Vec<(u64, Vec<u8>)>,
-    /// Intact Port-Status followed by the base station's uplink, each with that instant.
+    /// Intact Port-Status followed by the base station's uplink, each with the instant (ns) at which its transaction
+    /// was over.
     ports: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
@@ -101,8 +104,8 @@ impl FlightController {
     ///
     /// # Panics
     ///
-    /// Panics if no profile has that number of receivers, a transaction does not fit into the control cycle, or the
-    /// crystal is more than 1 % off: the bench is set up wrongly.
+    /// Panics if no profile has that number of receivers, if a transaction does not fit into the control cycle, or if
+    /// the crystal is wrong by more than 1 %: the bench is set up wrongly.
     #[must_use]
     pub fn new(config: Config) -> Self {
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
@@ -136,13 +139,13 @@ impl FlightController {
     }
 
     /// Requests a window of the image in the next transaction without a request; the transaction after that reads just
-    /// that window. A request that met a busy DPR is repeated; the transaction after it reads its own window. Without a
-    /// request every transaction reads the whole image.
+    /// that window. A request that meets a busy DPR is repeated, and the transaction after the repetition reads the
+    /// window. Without a request every transaction reads the whole image.
     ///
     /// # Panics
     ///
-    /// Panics if the window is empty or longer than the image. A window outside the image is sent unchanged: the DPR
-    /// has to refuse it.
+    /// Panics if the window is empty or longer than the image. A window outside the image is sent unchanged, so that
+    /// the DPR has to refuse it.
     pub fn request(&mut self, window: Request) {
         assert!(
             (1..=self.config.image_len()).contains(&usize::from(window.length)),
@@ -152,7 +155,7 @@ impl FlightController {
         self.requests.push_back(window);
     }
 
-    /// Writes an object in its next ordinary transaction, and again as long as the DPR is busy.
+    /// Writes `object` in the flight controller's next ordinary transaction, and again as long as the DPR is busy.
     pub fn write(&mut self, object: Written<'_>) {
         self.client.write(object);
     }
@@ -162,7 +165,7 @@ impl FlightController {
     /// # Panics
     ///
     /// Panics if the schedule is another one, if the number of bytes is zero or exceeds the image, or if the
-    /// transaction before it and its gap are not over by then.
+    /// transaction before the placed one and the gap after it are not over by its beginning.
     pub fn place(&mut self, transaction: Placed) {
         let Placed { at_ns, bytes } = transaction;
         assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
@@ -180,8 +183,9 @@ impl FlightController {
         self.plan();
     }
 
-    /// Sets the misuse of the SSI from `at` (ns) on; a transaction under way is completed first. `None` releases all
-    /// wires and resumes reading in its cycle, as at reset.
+    /// Sets the misuse of the SSI from `at` (ns) on. An ordinary transaction that is under way is completed first, and
+    /// one of an earlier misuse is cut short. With `None` the flight controller reads in its control cycle again, as
+    /// after reset.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -191,7 +195,7 @@ impl FlightController {
             self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
             self.episodes += 1;
         } else {
-            // A transaction that is cut short ends with a whole byte and the hold time; then there is a gap.
+            // A transaction that is cut short ends with a whole byte and the hold time; then the gap follows.
             let pace = self.config.pace;
             self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
             let from = self.not_before;
@@ -200,25 +204,25 @@ impl FlightController {
         self.plan();
     }
 
-    /// The instant at which the next action is due, ns; `u64::MAX` if there is none.
+    /// The instant at which the flight controller's next action is due, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.next_at
     }
 
-    /// Whether its next action is a transfer of bytes.
+    /// Whether the flight controller's next action is a transfer of bytes.
     #[must_use]
     pub fn is_clocking(&self) -> bool {
         self.master.is_clocking()
     }
 
-    /// Carries out the due action on the DPR's pins. MISO reaches it through `wires`. Clocks without chip select are
-    /// not reported, because they are not part of a transaction. For a finished transaction, MISO is what the flight
-    /// controller received, and [`Self::last`] is its evaluation.
+    /// Carries out the due action on the DPR's pins. `wires` changes the bytes of MISO before the flight controller
+    /// gets them. Clocks without chip select are not reported, because they are not part of a transaction. In a
+    /// finished transaction MISO is what the flight controller received, and [`Self::last`] is its evaluation.
     ///
     /// # Panics
     ///
-    /// Panics if no action is due at any time.
+    /// Panics if no action will ever be due.
     pub fn act(&mut self, port: &mut impl SsiPort, wires: &mut Wires) -> Option<Progress> {
         if self.master.is_idle() {
             let start = self.start().expect("a transaction is due");
@@ -240,29 +244,29 @@ impl FlightController {
         self.last.as_ref()
     }
 
-    /// Takes what it has sent to the base station since the last call.
+    /// Takes the bytes that the flight controller has sent to the base station since the last call.
     #[must_use]
     pub fn take_downlink(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.downlink)
     }
 
-    /// Takes the whole images that it has read since the last call, each with the instant (ns) at which its transaction
-    /// was over: Link-Status and the profile's objects, each of them intact or vacant. A forwarder of Link-Status can
-    /// use them whether or not the profile is new.
+    /// Takes the whole images that the flight controller has read since the last call, each with the instant (ns) at
+    /// which its transaction was over. An image is Link-Status and the profile's objects, each of them intact or
+    /// vacant. A forwarder of Link-Status can use the image whether or not its profile is new.
     #[must_use]
     pub fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.images)
     }
 
-    /// Takes Port-Status and the base station's uplink, 128 bytes, for each time that it has read them since the last
-    /// call. Port-Status is intact, the uplink as it was read. Each has the instant (ns) at which its transaction was
-    /// over.
+    /// Takes Port-Status and the base station's uplink, 128 bytes, for each time that the flight controller has read
+    /// them since the last call. Port-Status is intact, and the uplink is as it was read. Each has the instant (ns) at
+    /// which its transaction was over.
     #[must_use]
     pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.ports)
     }
 
-    /// Totals.
+    /// The flight controller's totals since reset.
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.stats
@@ -274,7 +278,7 @@ impl FlightController {
         &self.config
     }
 
-    /// Determines its next action.
+    /// Determines the instant of the flight controller's next action.
     fn plan(&mut self) {
         if self.master.is_idle() {
             let from = self.master.free_at().max(self.not_before);
@@ -287,12 +291,12 @@ impl FlightController {
         }
     }
 
-    /// The beginning of the next transaction in its own cycle.
+    /// The beginning of the next transaction in the flight controller's own control cycle.
     fn in_cycle(&self) -> Start {
         Start { bench_ns: 0, own_ns: self.config.first_ns + self.cycle * self.config.cycle_ns }
     }
 
-    /// The beginning of its next transaction.
+    /// The beginning of the next transaction; `None` if there is none.
     fn start(&self) -> Option<Start> {
         let at = |bench_ns| Start { bench_ns, own_ns: 0 };
         match (self.misconduct.as_ref().map(Misconduct::rhythm), self.config.schedule) {
@@ -321,20 +325,20 @@ impl FlightController {
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
         let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
         let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
-        // An uplink from the radio goes first and replaces a generated one.
+        // An uplink that came by radio goes first and replaces a generated uplink.
         let is_free = uplinks::is_free(&mosi);
         let made_up = made_up.filter(|object| is_free && !(self.config.relays && of_base_station(object)));
         if let Some(object) = made_up {
             uplinks::put(&object, &mut mosi);
         }
         let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
-        // The client reads the image; the judge checks what follows it in the map.
+        // The client evaluates only the image; the judge checks the objects behind it in the map.
         let reads_map = self.config.writes && bytes == self.config.image_len() && uplinks::reads_map(self.cycle);
         let bytes = if reads_map { self.config.layout().map_len() } else { bytes };
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
     }
 
-    /// Ends a transaction.
+    /// Evaluates a finished transaction and forwards its profile.
     fn conclude(&mut self, transaction: &Transaction) {
         let own_us = self.crystal.own_ns(transaction.selected_ns) / 1_000;
         let image = transaction.miso.get(..self.config.image_len()).unwrap_or(&transaction.miso);
@@ -367,7 +371,7 @@ impl FlightController {
             self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
-            // A busy DPR has not received the request.
+            // A busy DPR has not received the request, so the request is repeated.
             if let Some(unheard) = self.asked.take() {
                 self.requests.push_front(unheard);
             }

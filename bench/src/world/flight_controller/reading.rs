@@ -7,9 +7,10 @@ use profile::{Layout, LinkValues, Rejection};
 /// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// Everything is intact, the image was read whole, and the profile differs from the one forwarded last.
+    /// Everything is intact, the whole image was read, and its profile differs from the one that was forwarded last.
     Fresh,
-    /// Everything is intact but not new: the same profile again, none yet, or a window without one.
+    /// Everything is intact, but there is no new profile: it is the same one again, there is none yet, or the window
+    /// has none.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,
@@ -24,27 +25,28 @@ pub struct Reading {
     pub selected_ns: u64,
     /// The result.
     pub outcome: Outcome,
-    /// The offset in the image of the first byte.
+    /// The offset in the image of the first byte that was read.
     pub offset: usize,
     /// Link-Status, if it was read and intact.
     pub link: Option<LinkValues>,
-    /// The timestamp of the first valid object, ms since HORUS start: that of Reported-Position if it is valid.
+    /// The timestamp of the first valid object, ms since HORUS's start: that of Reported-Position if Reported-Position
+    /// is valid.
     pub timestamp: Option<u32>,
     /// The number of valid objects of the profile.
     pub valid: usize,
-    /// The number of places of objects that were read and are vacant.
+    /// The number of objects whose bytes were read and are vacant.
     pub vacant: usize,
-    /// The first damage, if any: its offset in the image, and its kind.
+    /// The first damage, if there is any: its offset in the image, and its kind.
     pub damage: Option<(usize, Rejection)>,
-    /// The profile that was forwarded to the base station, if any: only for [`Outcome::Fresh`].
+    /// The profile that was forwarded to the base station; `None` for every outcome but [`Outcome::Fresh`].
     pub forwarded: Option<Vec<u8>>,
-    /// The client's report: whether there is a position to fly by, and its age.
+    /// The client's report: whether there is a position to fly by, and the position's age.
     pub report: Report,
 }
 
 impl Reading {
-    /// Evaluates a transaction that began at `selected_ns`, with its contents in `view` and the client's report in
-    /// `report`. `previous` is the timestamp of the profile that was forwarded last.
+    /// Evaluates a transaction that began at `selected_ns`. `view` has its contents, `report` is the client's report,
+    /// and `previous` is the timestamp of the profile that was forwarded last.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,
@@ -65,7 +67,7 @@ impl Reading {
         match view.link() {
             Some(Shown::Intact(link)) => reading.link = Some(link.values()),
             Some(Shown::Damaged(why)) => reading.damage = Some((image::LINK_STATUS, why)),
-            // Each image has Link-Status.
+            // Every image has a Link-Status, so a vacant one counts as damaged.
             Some(Shown::Vacant) => reading.damage = Some((image::LINK_STATUS, Rejection::Crc)),
             None => {}
         }

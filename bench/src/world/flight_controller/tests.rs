@@ -67,7 +67,7 @@ impl Rig {
         self.controller.act(&mut self.pins, &mut self.wires)
     }
 
-    /// Runs one transaction against a DPR that shows `shown`, and zeros after it. Returns what was on MOSI.
+    /// Runs one transaction against a DPR that sends `shown`, and zeros after it. Returns the bytes that were on MOSI.
     fn transact(&mut self, shown: &[u8]) -> Vec<u8> {
         self.pins.shown = shown.to_vec();
         loop {
@@ -77,7 +77,7 @@ impl Rig {
         }
     }
 
-    /// Runs to `end` (ns) and returns the transactions that were over by then.
+    /// Runs to `end` (ns) and returns the transactions that ended by then.
     fn run(&mut self, end: u64) -> Vec<Transaction> {
         let mut over = vec![];
         while self.controller.next_at() <= end {
@@ -134,7 +134,7 @@ fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
         rig.controller.next_at()
     };
     assert_eq!(at_cycle_1000(0), 4_000_000_000);
-    // 50 ppm of 4 s are 200 µs, less a second-order 10 ns.
+    // The crystal's error of 50 ppm makes 200 µs of 4 s, less 10 ns of second order.
     assert_eq!(at_cycle_1000(50_000), 4_000_000_000 - 199_990);
     assert_eq!(at_cycle_1000(-50_000), 4_000_000_000 + 200_010);
 }
@@ -209,8 +209,8 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // The age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because its time in the
-    // DPR never changes here.
+    // The position's age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because the
+    // DPR's time in the images never changes here.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -227,7 +227,7 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
     let mut rig = rig();
     rig.transact(&[0xff; 276]);
     assert_eq!(rig.outcome(), Outcome::Busy);
-    // A bus that reads zero has no Link-Status.
+    // A bus that reads zero carries no Link-Status.
     rig.transact(&[]);
     assert_eq!(rig.outcome(), Outcome::BadCrc);
     let image = image_of(&profile(10));
@@ -238,7 +238,7 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
         assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
     }
     assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
-    // The same profile is still new when it is read well at last.
+    // The same profile is still new when it is read without damage for the first time.
     rig.transact(&image);
     assert_eq!(rig.outcome(), Outcome::Fresh);
     let stats = rig.controller.stats();
@@ -331,7 +331,7 @@ fn a_window_that_met_a_busy_dpr_is_read_next() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // The window that was granted stays, and the request of this transaction is lost.
+    // The granted window stays the next one, and the request of this transaction is lost.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);
@@ -354,7 +354,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // The flight controller's own uplink would be due in this cycle.
+            // In this cycle the flight controller would generate an uplink of its own.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -366,7 +366,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     let ports = rig.controller.take_ports();
     assert_eq!(ports.len(), 4, "each tenth cycle");
     assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
-    // Without Port-Status no port is reported.
+    // If Port-Status is damaged, the flight controller reports neither it nor the uplink behind it.
     let mut damaged = map;
     damaged[280] ^= 1;
     for cycle in 40..50 {
@@ -375,7 +375,7 @@ fn an_uplink_from_the_radio_takes_the_place_of_a_generated_one() {
     assert_eq!(rig.controller.take_ports(), []);
 }
 
-/// Port-Status and what follows it, in the map of three receivers.
+/// Port-Status and the objects behind it, in the map of three receivers.
 fn port_bytes(map: &[u8]) -> &[u8] {
     &map[276..340]
 }
@@ -413,7 +413,7 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     let mut vacant = image[32..].to_vec();
     vacant[184..].fill(0);
     assert_eq!(rig.last().forwarded, Some(vacant));
-    // The requested window decides where an object is read.
+    // An object is read at the offset that the requested window gives it.
     rig.controller.request(Request { offset: 216, length: 60 });
     rig.transact(&image);
     rig.transact(&image[216..]);
@@ -422,8 +422,8 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
 
 // ---- misuses
 
-/// Runs a misuse of the SSI from 10 ms to 50 ms; returns the transactions that began meanwhile, all of them, and the
-/// pins.
+/// Runs a misuse of the SSI from 10 ms to 50 ms. Returns the transactions that began in that time, all transactions,
+/// and the pins with their flight controller.
 fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
     let mut rig = rig();
     rig.pins.shown = image.to_vec();
@@ -460,7 +460,7 @@ fn misconduct_ends_on_time_and_the_normal_cycle_resumes() {
 #[test]
 fn each_conduct_keeps_the_rate_that_it_states() {
     let image = image_of(&profile(10));
-    // The transactions that begin in 40 ms, and the bytes of each.
+    // Each row has the number of transactions that begin in 40 ms, and the number of bytes of each.
     for (conduct, count, bytes) in [
         (Conduct::Hammers, 8_000, 1),
         (Conduct::ZeroBytes, 3_077, 0),
@@ -479,7 +479,8 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // Each takes a microsecond of set-up, one for the byte, two of hold, and 0.3 between two transactions.
+        // Each of these transactions takes 1 µs of set-up, 1 µs for the byte and 2 µs of hold; 0.3 µs lie between two
+        // of them.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);
@@ -487,7 +488,7 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         for over in &meanwhile[..meanwhile.len().saturating_sub(1)] {
             assert_eq!(over.bytes, bytes, "{conduct:?}");
         }
-        // The last one may be cut short.
+        // The last transaction of the 40 ms may be cut short.
         assert!(meanwhile.last().is_none_or(|last| last.bytes.abs_diff(bytes) <= 1 || count > 1), "{conduct:?}");
         let past: usize =
             rig.pins.done.iter().map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi.len() } else { 0 }).sum();

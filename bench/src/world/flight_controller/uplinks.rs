@@ -4,15 +4,16 @@ use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// The number of control cycles from one uplink to the next, of the base station and of the flight controller in turn:
-/// each writer's comes every 80 ms, and images in between show everything that was written.
+/// The number of control cycles from one uplink to the next. The uplinks of the base station and of the flight
+/// controller take turns, so each writer's uplink comes every 80 ms, and images read in between show everything that
+/// was written.
 const UPLINK_EVERY: u64 = 10;
 
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The cycle of every [`UPLINK_EVERY`] in which nothing is written and the whole map is read, with Port-Status and
-/// uplinks.
+/// The control cycle of every [`UPLINK_EVERY`] in which nothing is written and the whole map is read, with Port-Status
+/// and the uplinks.
 const MAP_READ: u64 = 8;
 
 /// One millisecond, ns.
@@ -24,8 +25,8 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// The bytes after the request in control cycle number `cycle`, which begins at `own_ns` by the flight controller's
-/// clock; empty in most.
+/// The object to write in control cycle number `cycle`, which begins at `own_ns` by the flight controller's clock;
+/// `None` in most cycles.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
@@ -40,20 +41,20 @@ pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     }
 }
 
-/// Whether no object follows the request on MOSI yet.
+/// Whether no object follows the request in the bytes for MOSI yet.
 #[must_use]
 pub fn is_free(mosi: &[u8]) -> bool {
     mosi.iter().skip(REQUEST_SIZE).take(Uplink::SIZE).all(|byte| *byte == 0)
 }
 
-/// Appends an object to the request on MOSI.
+/// Appends an object to the request in the bytes for MOSI.
 pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     let end = REQUEST_SIZE + object.len();
     mosi.resize(mosi.len().max(end), 0);
     mosi[REQUEST_SIZE..end].copy_from_slice(object);
 }
 
-/// An uplink whose payload changes with the timestamp.
+/// An uplink of the writer `W` whose payload changes with its timestamp.
 fn uplink<W: WritesUplink>(timestamp: u32) -> [u8; Uplink::SIZE] {
     let bytes = timestamp.to_le_bytes();
     let payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);

@@ -1,4 +1,4 @@
-//! A DPR's pins for unit tests: they record every action and show what the test sets.
+//! A DPR's pins for unit tests: they record every action on them and send on MISO the bytes that the test sets.
 
 use emulator_part::SpiMode;
 
@@ -8,7 +8,8 @@ use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
     Select(u64),
-    /// The instants of the last edges of the first and the last byte, MOSI, and the mode.
+    /// Bytes were clocked: the instants of the last edges of the first and of the last byte, the bytes on MOSI, and the
+    /// SPI mode.
     Bytes(u64, u64, Vec<u8>, SpiMode),
     Deselect(u64),
 }
@@ -18,7 +19,7 @@ pub(crate) enum Done {
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// What MISO shows from the start of each transaction; zeros follow.
+    /// The bytes on MISO from the start of each transaction; zeros follow.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,
@@ -29,7 +30,7 @@ impl Pins {
         Self { now: 0, done: vec![], shown: shown.to_vec(), quiet: usize::MAX, index: 0 }
     }
 
-    /// Carries one transaction to its end.
+    /// Lets `master` carry out one transaction to its end.
     pub(crate) fn carry(&mut self, master: &mut SsiMaster, start: Start, order: Order) -> Transaction {
         master.begin(start, order);
         loop {
@@ -40,7 +41,7 @@ impl Pins {
         }
     }
 
-    /// Takes what was on MOSI since the last call.
+    /// Takes the bytes that were on MOSI since the last call.
     pub(crate) fn take_mosi(&mut self) -> Vec<u8> {
         let done = std::mem::take(&mut self.done).into_iter();
         done.flat_map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi } else { vec![] }).collect()

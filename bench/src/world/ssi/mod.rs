@@ -1,17 +1,18 @@
-//! The synchronous serial interface on the flight controller's side (docs/design.md#ssi): the pins, and the one state
-//! machine that carries a transaction on them.
+//! The synchronous serial interface on the flight controller's side (docs/design.md#ssi): the pins, and the state
+//! machine that carries out each transaction on them.
 //!
 //! [`SsiPort`] has the actions of a flight controller on the DPR's pins. [`SsiMaster`] carries them out: given an
 //! [`Order`], it lets chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap,
-//! waits for the hold time, and lets chip select rise, each at its instant by its own [`Crystal`]. It carries every SSI
-//! transaction of the bench: those of the flight controller, of a faulty flight controller, and of tests.
+//! waits for the hold time, and lets chip select rise, each at its instant by the flight controller's own [`Crystal`].
+//! It carries out every SSI transaction of the bench: those of the flight controller, of a faulty flight controller,
+//! and of tests.
 //!
-//! Bytes cross in runs of up to 16, which the DPR's model takes together when the last of them has been clocked.
-//! EasyDMA then reads and writes the DPR's memory up to 16 µs late, but no event is late: a run ends with the byte that
-//! raises one ([`SsiPort::quiet`]).
+//! Up to 16 bytes are transferred together: the DPR's model takes them when the last of them has been clocked. EasyDMA
+//! therefore reads and writes the DPR's memory up to 16 µs late. No event is late, because such a group ends with the
+//! byte that raises an event ([`SsiPort::quiet`]).
 //!
 //! An action is due at its instant, and takes effect on the DPR's pin at the next boundary of the DPR's instructions.
-//! The schedule follows from the due instants; a [`Transaction`] has the instants at the pin.
+//! The schedule follows from the due instants, while a [`Transaction`] has the instants at the pin.
 
 use cortex_m4::Cost;
 use emulator_part::SpiMode;
@@ -21,10 +22,10 @@ use crate::boards::{Dpr, SSI};
 use crate::faults::Rng;
 use emulator_node::Node;
 
-/// The most bytes that cross together.
+/// The most bytes that are transferred to the DPR's model together.
 const RUN: usize = 16;
 
-/// The number of bytes of a transaction that are kept; further ones are only counted. The longest image has 396.
+/// The number of bytes that are kept of a transaction; further bytes are only counted. The longest image has 396.
 pub const KEPT: usize = 16_384;
 
 /// The actions of a flight controller on the pins of the DPR's SSI.
@@ -35,16 +36,15 @@ pub trait SsiPort {
     /// Makes chip select fall now.
     fn select(&mut self);
 
-    /// Clocks the bytes of `mosi` in `mode`, one after the other without a gap: the last edge of the first was at
-    /// `first`, that of the last at `last` (ns), which the DPR may have passed by a few bytes. Returns what MISO
-    /// carried meanwhile: the ones of its pull-up where it is not driven, as while chip select is high.
+    /// Clocks the bytes of `mosi` in `mode`, one after the other without a gap. The last edge of the first byte was at
+    /// `first`, that of the last byte at `last` (ns), which the DPR may have passed by a few bytes. Returns the bytes
+    /// on MISO: ones, by its pull-up, where the DPR does not drive MISO, as while chip select is high.
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
 
     /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// The number of bytes that may be clocked before the DPR's peripheral raises an event; `usize::MAX` for any
-    /// number.
+    /// The number of bytes that can be clocked until the DPR's peripheral raises an event; `usize::MAX` for any number.
     fn quiet(&self) -> usize;
 }
 
@@ -79,12 +79,12 @@ impl<C: Cost> SsiPort for Node<Dpr, C> {
 /// The clock of a flight controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crystal {
-    /// Its error, parts per billion; positive values are fast.
+    /// The crystal's error, parts per billion; positive values are fast.
     pub ppb: i64,
 }
 
 impl Crystal {
-    /// Converts a duration of `own_ns` by this clock to the bench's, ns: less with a fast crystal.
+    /// Converts a duration of `own_ns` by this clock to one by the bench's clock, ns: less with a fast crystal.
     ///
     /// # Panics
     ///
@@ -93,12 +93,12 @@ impl Crystal {
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // This is own_ns * BILLION / rate, rounded to nearest; whole turns of `rate` are split off so that it fits 64
-        // bits.
+        // The result is own_ns * BILLION / rate, rounded to nearest. Whole multiples of `rate` are converted
+        // separately, so that the product fits 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
-    /// Converts a duration of `bench_ns` by the bench's clock to this one, ns: more with a fast crystal.
+    /// Converts a duration of `bench_ns` by the bench's clock to one by this clock, ns: more with a fast crystal.
     #[must_use]
     pub const fn own_ns(self, bench_ns: u64) -> u64 {
         const BILLION: i64 = 1_000_000_000;
@@ -107,17 +107,17 @@ impl Crystal {
     }
 }
 
-/// An instant that is partly known by the bench's clock and partly by the flight controller's own.
+/// An instant that is partly given by the bench's clock and partly by the flight controller's own clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// The part by the bench's clock, ns.
+    /// The part that is given by the bench's clock, ns.
     pub bench_ns: u64,
-    /// The time after that by its own clock, ns.
+    /// The time after `bench_ns`, by the flight controller's own clock, ns.
     pub own_ns: u64,
 }
 
 impl Start {
-    /// The instant by the bench's clock, `own_ns` by `crystal` later, ns.
+    /// The instant that is `own_ns` later by `crystal`, by the bench's clock, ns.
     #[must_use]
     pub const fn and(self, own_ns: u64, crystal: Crystal) -> u64 {
         self.bench_ns + crystal.by_the_bench(self.own_ns + own_ns)
@@ -127,13 +127,13 @@ impl Start {
 /// The pace of a transaction, by the flight controller's own clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
-    /// The time from chip select falling to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
+    /// The time from the fall of chip select to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
     pub setup_ns: u64,
     /// The duration of a byte on the wire, 8 bits, ns.
     pub byte_ns: u64,
-    /// The time from the last clock edge to chip select rising, ns; at least [`timing::CSN_HOLD_NS`].
+    /// The time from the last clock edge to the rise of chip select, ns; at least [`timing::CSN_HOLD_NS`].
     pub hold_ns: u64,
-    /// The shortest time from chip select rising to its next fall, ns; at least [`timing::GAP_NS`].
+    /// The shortest time from a rise of chip select to its next fall, ns; at least [`timing::GAP_NS`].
     pub gap_ns: u64,
 }
 
@@ -146,7 +146,7 @@ impl Pace {
         gap_ns: timing::GAP_NS as u64,
     };
 
-    /// The time from chip select falling to chip select rising in a transaction of `bytes` bytes, ns.
+    /// The time from the fall of chip select to its rise in a transaction of `bytes` bytes, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.setup_ns + bytes as u64 * self.byte_ns + self.hold_ns
@@ -162,18 +162,18 @@ pub enum Filler {
     Noise(Rng),
 }
 
-/// A transaction to be carried.
+/// A transaction that an [`SsiMaster`] is to carry out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
     /// Whether chip select falls; otherwise the bytes are clocked while the DPR is not selected.
     pub selects: bool,
     /// Whether chip select rises after the last byte; otherwise it stays low until [`SsiMaster::cut`].
     pub lets_go: bool,
-    /// The number of bytes that are clocked; [`Order::ENDLESS`] until [`SsiMaster::cut`].
+    /// The number of bytes that are clocked; with [`Order::ENDLESS`] bytes are clocked until [`SsiMaster::cut`].
     pub bytes: usize,
     /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// The bytes after those.
+    /// The bytes on MOSI after the first ones.
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,
@@ -182,10 +182,10 @@ pub struct Order {
 }
 
 impl Order {
-    /// The number of bytes is limited only by time.
+    /// The number of bytes of a transaction that has no end of its own.
     pub const ENDLESS: usize = usize::MAX;
 
-    /// A transaction of `bytes` bytes by the rules of docs/design.md#ssi, as fast as they allow, without a request.
+    /// A transaction of `bytes` bytes without a request, as fast as the rules of docs/design.md#ssi allow.
     #[must_use]
     pub const fn read(bytes: usize) -> Self {
         Self {
@@ -199,7 +199,7 @@ impl Order {
         }
     }
 
-    /// The byte `index` on MOSI. It must be called for each byte once, in order.
+    /// The byte at `index` on MOSI. The function must be called once for each byte, in order.
     fn mosi(&mut self, index: usize) -> u8 {
         match (self.mosi.get(index), &mut self.filler) {
             (Some(byte), _) => *byte,
@@ -214,7 +214,7 @@ impl Order {
 pub struct Transaction {
     /// The instant at which chip select fell at the DPR's pin, ns.
     pub selected_ns: u64,
-    /// The instant at which it rose there, ns.
+    /// The instant at which chip select rose at the DPR's pin, ns.
     pub deselected_ns: u64,
     /// The number of bytes that were clocked.
     pub bytes: usize,
@@ -224,10 +224,10 @@ pub struct Transaction {
     pub miso: Vec<u8>,
 }
 
-/// Bytes that crossed one after the other.
+/// Bytes that were transferred together, one after the other without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The instant of the last edge of the first byte.
+    /// The instant of the last clock edge of the first byte.
     first: Start,
     crystal: Crystal,
     byte_ns: u64,
@@ -238,13 +238,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// The instant of the last edge of the byte at `index`, ns.
+    /// The instant of the last clock edge of the byte at `index`, ns.
     #[must_use]
     pub const fn edge(&self, index: usize) -> u64 {
         self.first.and(index as u64 * self.byte_ns, self.crystal)
     }
 
-    /// The bytes: the instant of the last edge (ns) of each, MOSI, MISO.
+    /// The bytes in order, each as the instant of its last edge (ns), the byte on MOSI, and that on MISO.
     pub fn bytes(&self) -> impl Iterator<Item = (u64, u8, u8)> {
         let crossed = self.mosi.iter().zip(&self.miso).enumerate();
         crossed.map(|(index, (mosi, miso))| (self.edge(index), *mosi, *miso))
@@ -254,7 +254,7 @@ impl Run {
 /// The result of an action of an [`SsiMaster`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Chip select fell; the instant is that at the DPR's pin, ns.
+    /// Chip select fell, at this instant (ns) at the DPR's pin.
     Selected(u64),
     /// Bytes crossed.
     Clocked(Run),
@@ -262,24 +262,24 @@ pub enum Progress {
     Over(Transaction),
 }
 
-/// A transaction that is being carried.
+/// A transaction that is being carried out.
 #[derive(Clone, Debug)]
 struct UnderWay {
     order: Order,
     start: Start,
-    /// The instant at which chip select fell at the DPR's pin, ns; `None` before it was due.
+    /// The instant at which chip select fell at the DPR's pin, ns; `None` if its fall is not due yet.
     selected_ns: Option<u64>,
-    /// The number of bytes that are done.
+    /// The number of bytes that have been transferred.
     done: usize,
     /// The number of bytes that are being clocked.
     run: usize,
-    /// The instant at which it was cut short: chip select rises then.
+    /// The instant at which chip select rises because the transaction was cut short; `None` if it was not.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
 }
 
-/// Carries transactions on the SSI, one at a time. See the [module](self).
+/// Carries out transactions on the SSI, one at a time. The [module](self) describes it.
 #[derive(Clone, Debug)]
 pub struct SsiMaster {
     crystal: Crystal,
@@ -289,26 +289,26 @@ pub struct SsiMaster {
 }
 
 impl SsiMaster {
-    /// An idle one whose instants follow `crystal`.
+    /// Returns an idle state machine whose instants follow `crystal`.
     #[must_use]
     pub const fn new(crystal: Crystal) -> Self {
         Self { crystal, under_way: None, free_ns: 0 }
     }
 
-    /// Whether it has no transaction to carry.
+    /// Whether there is no transaction to carry out.
     #[must_use]
     pub const fn is_idle(&self) -> bool {
         self.under_way.is_none()
     }
 
-    /// Whether its next action is a transfer of bytes.
+    /// Whether the next action is a transfer of bytes.
     #[must_use]
     pub fn is_clocking(&self) -> bool {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// The instant from which chip select may fall after the present or the last transaction, ns: its due rise plus the
-    /// gap. `u64::MAX` while a transaction has no end.
+    /// The instant from which chip select may fall after the present or the last transaction, ns: the instant at which
+    /// its rise is due, plus the gap. `u64::MAX` while a transaction has no end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -323,7 +323,7 @@ impl SsiMaster {
     ///
     /// # Panics
     ///
-    /// Panics if one is under way.
+    /// Panics if a transaction is under way.
     pub fn begin(&mut self, start: Start, order: Order) {
         assert!(self.is_idle(), "a transaction is under way");
         let (mosi, miso) = (vec![], vec![]);
@@ -331,7 +331,7 @@ impl SsiMaster {
             Some(UnderWay { order, start, selected_ns: None, done: 0, run: 0, released: None, mosi, miso });
     }
 
-    /// The instant at which its next action is due, ns; `u64::MAX` for never.
+    /// The instant at which the next action is due, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return u64::MAX };
@@ -350,7 +350,7 @@ impl SsiMaster {
     ///
     /// # Panics
     ///
-    /// Panics if it is idle.
+    /// Panics if there is no transaction to carry out.
     pub fn act(&mut self, port: &mut impl SsiPort) -> Option<Progress> {
         let mut it = self.under_way.take().expect("a transaction is under way");
         if it.selected_ns.is_none() {
@@ -387,7 +387,7 @@ impl SsiMaster {
     }
 
     /// Releases all wires at `at` (ns): the present byte is clocked to its end, and chip select rises after the hold
-    /// time. A transaction that is not under way yet is dropped.
+    /// time. A transaction that has not begun yet is dropped.
     pub fn cut(&mut self, at: u64) {
         let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
         let end = it.done + it.run;
@@ -395,18 +395,18 @@ impl SsiMaster {
         it.run = bytes - it.done;
         it.order.bytes = bytes;
         let hold = self.crystal.by_the_bench(it.order.pace.hold_ns);
-        // A transaction without a byte so far may still be in its set-up time.
+        // A transaction that has clocked no byte may still be in its set-up time.
         let last = if bytes == 0 { at } else { self.clocked(&it, bytes).max(at) };
         it.released = Some(last + hold);
         self.under_way = Some(it);
     }
 
-    /// The instant of the last edge of the `bytes`-th byte, counted from 1, ns.
+    /// The instant of the last clock edge of the `bytes`-th byte, counted from 1, ns.
     fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
 
-    /// Exchanges the bytes that have been clocked.
+    /// Exchanges with the DPR the bytes whose clocks are over.
     fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
         let count = std::mem::take(&mut it.run);
         let pace = it.order.pace;
@@ -423,7 +423,7 @@ impl SsiMaster {
     }
 }
 
-/// Returns `it` with the run of bytes that is clocked next.
+/// Returns the transaction with the number of bytes that are clocked next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it
