@@ -305,3 +305,15 @@ proptest! {
         prop_assert_eq!(judge(&read), judge(&log));
     }
 }
+
+#[test]
+fn the_example_log_is_judged_without_a_violation_and_damage_to_it_is_found() {
+    let text = include_str!("../example.log");
+    let log = Log::read(text.as_bytes()).unwrap();
+    let verdict = judge(&log);
+    assert_eq!(verdict.violations, []);
+    assert!(verdict.figures.sample_to_readable.is_some());
+    // Without its ticks, as if HORUS had no time of its own.
+    let events = log.events.iter().filter(|event| event.what != What::Tick).cloned().collect();
+    assert_ne!(judge(&Log { header: log.header.clone(), events }).violations, []);
+}
