@@ -1,6 +1,6 @@
 //! The regions that HORUS's memory protection unit opens ([`firmware_common::mpu`])
 //!
-//! | addresses | what | start | tasks |
+//! | addresses | what | access at the start | access of tasks |
 //! |---|---|---|---|
 //! | 0x0000_0000 | null page, where flash is mirrored | – | – |
 //! | 0x0800_0000 to 112 KiB | flash: the program and its budget | read, execute | read, execute |
@@ -8,23 +8,23 @@
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. Nothing below that address is open, so an
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. No region opens the addresses below, so an
 //! overflow of the stack violates the memory protection.
 //!
-//! *Peripherals*: the tasks have no access to what only the start needs: reset and clock control, the flash interface
-//! (so that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
-//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: I2S2's and I2S3's
-//! extensions, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
+//! *Peripherals*: the tasks cannot access what only the start needs: reset and clock control, the flash interface (so
+//! that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
+//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: the extensions of I2S2 and
+//! I2S3, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// The flash. Of the region's 128 KiB 112 are open, as in `memory.x`.
+/// The flash: 112 KiB of the region's 128 KiB are open, as in `memory.x`.
 const FLASH: Region = Region::new("flash", 0x0800_0000, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
     .only([true, true, true, true, true, true, true, false]);
 
-/// The RAM. Of the region's 256 KiB 192 are open: SRAM1 to SRAM3 (RM0090, "Memory organization").
+/// The RAM: 192 KiB of the region's 256 KiB are open, SRAM1 to SRAM3 (RM0090, "Memory organization").
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
     .only([true, true, true, true, true, true, false, false]);
 
@@ -55,7 +55,7 @@ pub const TASKS: Table<8> = Table::new([
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 
-/// Names in words the area in which `address` lies.
+/// Returns the name of the memory or peripheral area in which `address` lies.
 #[must_use]
 pub fn area(address: u32) -> &'static str {
     match address {
