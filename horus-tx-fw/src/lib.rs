@@ -13,7 +13,7 @@
 //!
 //! | module | what it decides |
 //! |---|---|
-//! | [`receiver`] | bytes of one GNSS receiver → its latest solution, and how old each part of it may get |
+//! | [`receiver`] | how bytes of one GNSS receiver become its latest solution, and how old each part of it may get |
 //! | [`cycle`] | how solutions become the objects of one tick, with their timestamps and status bits |
 //! | [`transmitter`] | what the poller's state machine does and when, and to which slot a loaded frame belongs |
 //! | [`source`] | what UART, I2C and SPI have in common: rings, messages to a receiver, the trait |

@@ -193,7 +193,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // The rest of the start and the first cycles get all of the watchdog's time, after which the tasks decide.
+        // The rest of the start and the first cycles get the watchdog's full time; then the tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -337,7 +337,7 @@ mod app {
     fn rf_slot(mut cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
-                // At the tick itself a division, or an access to a slow bus, would delay the slot's interrupt.
+                // At the tick a division of the vote, or an access to a slow bus, would delay the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }

@@ -22,17 +22,17 @@
 //!
 //! **Period.** Each kind of message has its own period, learned from the steps of the receiver's time of week and
 //! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
-//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once, a longer one only
-//! when [`LONGER_STEPS`] in a row were longer, and then the shortest of these: messages that are lost now and then do
-//! not lengthen the period, and a step that is too short by chance (as at a first fix) is forgotten.
+//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once; a longer period only
+//! when [`LONGER_STEPS`] steps in a row were longer, and then the shortest of these. So messages that are lost now and
+//! then do not lengthen the period, and a step that is too short by chance (as at a first fix) is corrected.
 //!
 //! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser reads at most [`BUFFER`] bytes of
 //! an unfinished message beyond these.
 //!
-//! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never come,
-//! and it may already hold good messages. After [`GAP_MS`] of silence it is given 0xFF until it gives these bytes up,
-//! so that the messages are found now and not with the next epoch. (Zeros would not do: six of them after the two sync
-//! bytes are a whole message, with the right checksum. A length of 0xFF bytes is longer than any message.)
+//! **A damaged length ends with the line's silence.** It makes the parser wait for bytes that never come, although the
+//! parser may hold good messages already. After [`GAP_MS`] of silence the parser is given 0xFF until it drops the
+//! damaged message, so that the good ones are found now and not with the next epoch. (Zeros would not do: six zeros
+//! after two sync bytes are a whole message with the right checksum. A length of 0xFF bytes is longer than any.)
 
 use core::f64::consts::PI;
 

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! [`horus_tx_fw::ddc`] decides the order of events; this file has the registers. Interrupts are those of events and
-//! errors, not of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock
-//! held in between. A DMA stream reads, with LAST to refuse the last byte, and its end raises an interrupt.
+//! [`horus_tx_fw::ddc`] decides what follows from each event; this file has the registers. Only events and errors raise
+//! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the
+//! clock held in between. A DMA stream reads, with LAST to refuse the last byte, and raises an interrupt at its end.
 //!
 //! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
 //! write could request it twice (RM0090, "I2C", control register 1).

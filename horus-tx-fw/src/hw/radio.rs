@@ -254,8 +254,8 @@ impl Port for Radio {
             to.store(*from, Ordering::Relaxed);
         }
         let (out, into) = (SHORT_OUT.as_ptr() as u32, SHORT_IN.as_ptr() as u32);
-        // SAFETY: both are statics of `Short::MAX` atomic bytes, which `len` does not exceed. The streams are off: the
-        // executor starts a transfer only after the previous one has ended, which switches them off, or was aborted.
+        // SAFETY: both buffers are statics of `Short::MAX` atomic bytes, which `len` does not exceed. The streams are
+        // off: the executor starts a transfer only after the last one ended, which switches them off, or was aborted.
         unsafe { self.begin(None, out, into, self.len, true) };
     }
 
