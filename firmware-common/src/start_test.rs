@@ -19,8 +19,8 @@
 //! ```
 //!
 //! The march finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits
-//! of different words. All bits of a word have the same value in it, so it does not find a bit that drags along another
-//! one of its word; the [test at run time](crate::patrol::ram) finds that, where the contents make the bits differ.
+//! of different words. It gives all bits of a word the same value, so it does not find a bit that changes together with
+//! another bit of its word; the [test at run time](crate::patrol::ram) does, where the contents make the bits differ.
 //!
 //! A reset in the middle of the test costs the contents of two words of `.uninit`; all data kept there have a CRC.
 //!

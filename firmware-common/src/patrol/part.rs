@@ -46,8 +46,8 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Returns the memory that is re-verified all the time. `shut_end` is the end of the part of the program that the
-/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, without the log.
+/// Returns the layout of the memory that is verified all the time. `shut_end` is the end of the part of the program
+/// that the memory protection unit has shut; `apart` is RAM that not only the processor accesses, without the log.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     let mut all = [const { 0..0 }; APART];
