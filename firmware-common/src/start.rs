@@ -16,11 +16,10 @@
 //!
 //! No RAM except [`RESET_FLAGS`] is used before `__prepare_memory`, which is reached by a branch with the reset
 //! handler's return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot`
-//! it copies the section `.hot` to where its code runs; the linker script places the section (the DPR's does,
-//! `dpr-fw/hot.x`). On the nRF52840 the section is fetched at 0x0080_0000 and written at 0x2000_0000, the data address
-//! of the same bytes (PS v1.7, 4.2). The copy is assembler also because a compiler may call the section's own `memcpy`.
-//! The barriers at its end make sure that all is stored before an instruction is fetched from there (ARMv7-M ARM,
-//! A3.8).
+//! it copies the section `.hot` to where its code runs; the linker script places it (the DPR's does, `dpr-fw/hot.x`).
+//! On the nRF52840 the section is fetched at 0x0080_0000 and written at 0x2000_0000, the data address of the same bytes
+//! (PS v1.7, 4.2). The copy is assembler also because a compiler may call the section's own `memcpy`. Barriers at its
+//! end make sure that all is stored before an instruction is fetched from there (ARMv7-M ARM, A3.8).
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

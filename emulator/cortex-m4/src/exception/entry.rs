@@ -13,7 +13,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes one word of an exception frame. It returns a data fault, which the caller turns into a stacking fault.
+    /// Writes one word of an exception frame. If that fails, returns a data fault, which the caller turns into a
+    /// stacking fault.
     pub(super) fn push_word<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -67,7 +68,8 @@ impl<C: Cost> Core<C> {
         self.take_best(bus, exc_return);
     }
 
-    /// Takes in what arrived during an entry or a return, so that it takes part in the choice of the next exception.
+    /// Takes in the signals that changed during an entry or a return, so that they count in the choice of the next
+    /// exception.
     fn take_late_arrivals<B: Bus>(&mut self, bus: &mut B) {
         let before = self.system.nvic.best;
         if bus.due() <= self.cycle {
