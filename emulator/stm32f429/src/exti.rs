@@ -50,7 +50,8 @@ impl Exti {
         self.hit(hits);
     }
 
-    /// Handles an event on `lines`. In figure 41 the pending register is before the mask, so it shows masked lines too.
+    /// Handles an event on `lines`. In figure 41 the pending register comes before the mask, so it shows masked lines
+    /// too.
     fn hit(&mut self, lines: u32) {
         self.pr |= lines;
         self.events |= lines & self.emr;
