@@ -10,11 +10,11 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | RATEOVERRIDE, and AAR, which shares the block | both are reported |
+//! | RATEOVERRIDE, and AAR, which shares the block | both make a finding |
 //! | the contents of the scratch area | no document defines them |
-//! | MAXPACKETSIZE | it only stores what is written |
+//! | MAXPACKETSIZE | the register only stores the written value |
 //!
-//! Key stream generation takes 50 µs. A packet takes as long as it does on the air, including its MIC (both are
+//! Key stream generation takes 50 µs. A packet takes the time that it takes on the air, including its MIC (both are
 //! assumptions).
 use crate::clocks::{Clocks, cycles};
 use crate::ecb::encrypt;
@@ -28,7 +28,7 @@ const ENDKSGEN_CRYPT: u32 = 0;
 const CCM: u32 = 2;
 const AAR: u32 = 3;
 const KEY_STREAM: u64 = cycles(50_000);
-/// The bytes of header, length and one reserved byte.
+/// The number of bytes of header, length and one reserved byte.
 const HEADER: u32 = 3;
 const MIC: usize = 4;
 

@@ -120,7 +120,8 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The value that reloads NDTR in circular mode. The next field is the position in the transfer of that length.
+    /// The number of items that reloads NDTR in circular mode. The next field is the number left of the present
+    /// transfer.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,

@@ -161,8 +161,8 @@ pub(crate) struct Tim {
     /// The number of transfers left in a DMA burst. The next field is the next register of the burst.
     burst_left: u32,
     burst_next: u32,
-    /// The number of rising edges of the trigger output that were not reported yet. In the modes that have one, the
-    /// next field is its level.
+    /// The number of rising edges of the trigger output that were not reported yet. The next field is the output's
+    /// level, in the modes in which it has one.
     trigger_pulses: u8,
     trigger_level: bool,
     /// The outputs that were last reported. The next fields are the references and the trigger level.
