@@ -180,7 +180,7 @@ impl Early {
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
-            // LEN counts its own byte, too.
+            // LEN counts its own byte as well as the payload.
             *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
@@ -203,7 +203,7 @@ impl Early {
                 return;
             };
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
-            // The barrier keeps the compiler from branching between intact and damaged objects.
+            // The barrier keeps the compiler from making a branch between intact and damaged objects.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             // Every object begins with its timestamp; the timestamp of a damaged object is not used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {

@@ -92,7 +92,7 @@ fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     for (to, from) in turns.iter_mut().zip(from_turns) {
         copy(to, from);
     }
-    // Both object sizes are multiples of four.
+    // The sizes of Reported-Position and of a GPS object are both multiples of four.
     copy(rest, from_rest);
 }
 
@@ -159,7 +159,7 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The image goes out with the status of the cycle that it shows.
+                // The image is published with the status of the cycle whose objects it has.
                 self.publish(health, images);
                 published += 1;
             }
@@ -228,7 +228,7 @@ impl<const N: usize> Commit<N> {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // Objects that wait for a second frame are too old by now.
+            // The objects in an image that waits for a second frame are too old by now.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;

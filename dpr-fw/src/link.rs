@@ -208,7 +208,7 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // Beside the deadline itself, one more has passed for each further period.
+            // The deadline that has passed counts once, and once more for each further period.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -355,7 +355,7 @@ impl Link {
 
     /// Returns the µs since `instant_us`. The result saturates, also if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // The computation has no branch, so that it takes equally long if there was no instant.
+        // The computation has no branch, so that it takes equally long if no such instant was recorded.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has the number and the sample in µs of two frames, and how many frames were due between them.
+        // Each row has the number and the sample in µs of two frames, and how many frames were missed between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -550,7 +550,7 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // For this time no frame comes.
+        // During this time no frame comes.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);

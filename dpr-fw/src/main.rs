@@ -19,8 +19,8 @@
 //! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After
 //! 100 ms the watchdog resets the part.
 //!
-//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that never stops to make
-//! transactions cannot keep the other tasks from running: the pause between two transactions that are served, and the
+//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that makes transactions
+//! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
 //! number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for the log ([`firmware_common::log_section`]).
@@ -382,7 +382,7 @@ mod app {
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // No more transactions can wait than the SSI task grants between two images.
+        // At most as many transactions wait as the SSI task grants between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

@@ -60,13 +60,13 @@ pub const TASKS: Table<8> = Table::new([
     NULL_PAGE,
     RAM,
     CODE_RAM,
-    // Three eighths are open, with SPIM0, SPIS1 and GPIOTE.
+    // Three eighths of this region are open: those of SPIM0, SPIS1 and GPIOTE.
     Region::new("serial interfaces and GPIOTE", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, true, true, false, true, false]),
-    // Three eighths are open, with TIMER0 to TIMER2.
+    // Three eighths of this region are open: those of TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    // Two eighths of 8 KiB are open, with the WDT and RTC1, and with TIMER3 and TIMER4.
+    // Two eighths of 8 KiB are open: that of the WDT and RTC1, and that of TIMER3 and TIMER4.
     Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, false, false, false, true, false, false]),
     Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),

@@ -186,7 +186,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // The sender may be off, so this need not be a fault.
+                        // The sender may be switched off, so silence need not be a fault of the front end.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }

@@ -449,7 +449,7 @@ fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
 
 #[test]
 fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
-    // The bound is the share of SPI and the chip in the 0.1 ms: 40 µs. The processor gets the rest.
+    // SPI and the chip get 40 µs of the 0.1 ms that the design allows; the processor gets the rest.
     every_profile_arrives::<1>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<2>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<3>(ReadMode::WhileFilling, 40_000);
@@ -458,7 +458,7 @@ fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
 
 #[test]
 fn profiles_arrive_by_store_and_forward() {
-    // 247 bytes and the command take 0.248 ms of SPI.
+    // The SPI takes 0.248 ms for the 247 bytes of a frame and the read command.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
 }
@@ -717,8 +717,8 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         }
         dpr.run_to(silent_from + 450_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
-        // The front end is brought up anew after 0.5 s of silence and after another second. It counts as lost
-        // meanwhile.
+        // The front end is brought up anew after 0.5 s of silence and after another second. Until it receives a frame
+        // it counts as lost.
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");

@@ -33,7 +33,7 @@
 //!
 //! # Result
 //!
-//! [`take`] returns the result once. A start that has not tested its memory has no result: not the same as sound.
+//! [`take`] returns the result once. Memory that was not tested at this start does not count as sound.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

@@ -138,7 +138,7 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The watchdog has run since the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
+        // The watchdog was started by the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
         // The watchdog is fed after its reload value has arrived, so that it counts from that value.
@@ -249,7 +249,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most interrupts leave this loop no work and cost it only this query.
+            // Most interrupts leave the idle loop no work, and cost it only this query.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;

@@ -39,17 +39,17 @@ pub const START: Table<3> = Table::new([
 pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // Three eighths are open, with TIM2 and TIM3, TIM4 and TIM5, and the IWDG.
+    // Three eighths of this region are open: those of TIM2 and TIM3, of TIM4 and TIM5, and of the IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // Four eighths are open, with USART2, UART5, I2C2 and UART7.
+    // Four eighths of this region are open: those of USART2, UART5, I2C2 and UART7.
     Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, true, true, false, false, false, true]),
-    // Two eighths are open, with SPI1, and with SYSCFG and EXTI.
+    // Two eighths of this region are open: that of SPI1, and that of SYSCFG and EXTI.
     Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, false, false, false, true, true]),
     Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
-    // Three eighths are open, with the ports A to F.
+    // Three eighths of this region are open: those of the ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_their_neighbours() {
-        // The addresses are those of RM0090, table 1.
+        // The addresses of the peripherals are those of RM0090, table 1.
         let used = [
             0x4000_0000,
             0x4000_0400,

@@ -216,7 +216,7 @@ pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
 // The divisions of the clocks are exact, so the cycle is exactly 10 ms.
 const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
-// These are the values of DS13541 and of the design for the air; a change of either makes the assertion fail.
+// The constants are those of DS13541 and of the design for the air; a change of either fails here.
 const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
 // The last frame has ended, and its receiver has had its gap, before the next cycle's first frame starts.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);

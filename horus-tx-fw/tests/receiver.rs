@@ -206,7 +206,7 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // These bytes are a header that promises 200 bytes, and then a whole message.
+    // The bytes are the header of a message of 200 bytes, and then a whole message.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -407,7 +407,7 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         // A message with a repeated time of week brings nothing new.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
-        // This is a time of week that no receiver has.
+        // No receiver sends such a time of week, beyond the end of the week.
         (week + 2_000, 2 * week + 300, 1_700),
         (u32::MAX, 0, u32::MAX % week),
     ] {

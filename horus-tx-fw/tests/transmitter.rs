@@ -155,7 +155,7 @@ fn run_on(
     let mut transmitter = Transmitter::start(PollerConfig::new(), telemetry, Bench::new(config));
     let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
-    // This holds the events with an instant of their own: the slots and the offer of the present tick.
+    // The queue holds the events with an instant of their own: the slots and the offer of the present tick.
     let mut due: Vec<(u64, Option<usize>)> = Vec::new();
     let mut tick = 0;
     let mut next_tick = CYCLE_NS;

@@ -429,7 +429,7 @@ fn one_of_three(runs: u64) {
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
-                // A right position at a wrong time of week is still right.
+                // A position with a wrong time of week is still right.
                 Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
                 Kind::Jump | Kind::Height if outcome.apart == 0 => {
                     assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");

@@ -133,7 +133,7 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
     assert!(image[468..].iter().all(|&byte| byte == 0));
     let link = bench.album.link::<3>();
     assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
-    // The sample is at 50 ms, the last bit 4.915 ms later, and the commit another 0.09 ms later.
+    // The sample is taken at 50 ms, the last bit comes 4.915 ms later, and the commit another 0.09 ms later.
     assert_eq!((link.timestamp, link.age_100us), (55, 50));
     // The sequence was found with three cycles of four objects each, which are rejected.
     let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
@@ -164,7 +164,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
     assert_eq!(bench.album.shown::<2>(), []);
     let link = bench.album.link::<2>();
     assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
-    // From sample to last bit 3.922 ms pass, and then another 22.5 ms.
+    // From the sample to the last bit 3.922 ms pass, and until the image another 22.5 ms.
     assert_eq!((link.frames_missed, link.age_100us), (2, 262));
     bench.frame(70, 0, 70_000, false);
     assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
@@ -584,8 +584,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // The frame waits for its second. The image that was newest at the frame's end stays until the frame's own
-        // deadline, since a frame restarts the deadline.
+        // The frame waits for the cycle's second frame. The image that was newest when the frame ended stays until the
+        // deadline, which the frame has restarted.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number

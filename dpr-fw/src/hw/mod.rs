@@ -223,7 +223,7 @@ pub(crate) fn init(
 /// does not start, the DPR enters the safe state: without the crystal its clock is too coarse to judge HORUS's
 /// (docs/decisions/0023-start-and-clocks.md).
 fn start_crystal(clock: &pac::CLOCK) {
-    // The event may still be set from an earlier start (anomaly 36).
+    // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();
     // SAFETY: 1 is a valid value of a task register.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });

@@ -211,7 +211,7 @@ impl Port for RfPort {
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // A task that was preempted for long sets the value after the counter has passed it, so it is called now.
+            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
             call(Task::rf_timer);
         }
     }

@@ -242,7 +242,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // The same memory is passed over again before the pass over the other one ends; that does not count.
+            // Passes over the same memory, before that over the other memory ends, do not count for the self-test.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);

@@ -172,8 +172,8 @@ impl WritePort {
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Bytes that did not come in are zero, since areas are scrubbed. So this is an idle line: the transaction only
-        // reads, as most do.
+        // Bytes that did not come in are zero, since areas are scrubbed. So all zeros mean an idle line: the
+        // transaction only reads, as most do.
         if area.iter().all(|word| *word == 0) {
             return false;
         }

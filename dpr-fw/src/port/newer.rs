@@ -87,7 +87,7 @@ mod tests {
                     prop_assert!(!replay.accept(timestamp));
                 }
             }
-            // Somebody sends an object again and again that was accepted before.
+            // Somebody sends an object that was accepted before, again and again.
             let mut known = Timestamps::new();
             let mut last = 0;
             for (number, _) in (0_u32..).zip(&timestamps) {

@@ -134,7 +134,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // This is the shortcut from END to ACQUIRE.
+                    // The shortcut from END to ACQUIRE takes effect here.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;

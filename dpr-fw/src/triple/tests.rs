@@ -184,7 +184,7 @@ proptest! {
         let mut frame = 0;
         for step in steps {
             match step {
-                // A frame arrives.
+                // A frame arrives in this step.
                 0 | 1 => {
                     frame += 1;
                     let in_hand = usize::from(reading.is_some()) + usize::from(scrubbing.is_some());
@@ -210,7 +210,7 @@ proptest! {
                 },
                 3 => if let Some(read) = reading.take() { rotation.done(read); },
                 4 => if scrubbing.is_none() { scrubbing = rotation.take_dirty(); },
-                // A frame begins to arrive and is given up.
+                // A frame begins to arrive in this step, and is not delivered.
                 5 => {
                     filling.memory().write(u32::MAX);
                     let (next, found) = rotation.replace(filling);
@@ -316,7 +316,7 @@ fn with_two_receive_buffers_a_frame_during_a_read_is_given_up() {
     assert_eq!(rotated, Rotated::Handed);
     let read = rotation.read().expect("a frame waits");
 
-    // The commit task is late: the second and the third frame come while it reads.
+    // The commit task is late: the second and the third frame come while it still reads the first.
     let mut filling = filling;
     for frame in 2..=3 {
         filling.memory().write(frame);

@@ -83,7 +83,7 @@ impl<C: Cost> Core<C> {
                 if change.stop {
                     return Exit::Stopped;
                 }
-                // The change may have moved the next due cycle.
+                // The change may have moved the cycle of the next event.
                 continue;
             }
             let stalled = self.stalled_until > self.cycle;

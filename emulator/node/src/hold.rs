@@ -174,7 +174,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             step.place = place;
         } else if executed || entered && FAULTS.contains(&place.2) {
             self.hold.step = None;
-            // A watchpoint is the more specific reason to halt.
+            // Where both apply, a watchpoint is the more specific reason to halt.
             if exit != Exit::Watchpoint {
                 self.halt_for(Halt::Stepped);
             }

@@ -153,7 +153,7 @@ impl Instance for Ccm {
         match offset {
             0x000 => self.ready_at = Some(cx.now + KEY_STREAM),
             0x004 => {
-                // A byte takes this many µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s and 500 kbit/s.
+                // A byte takes 8, 4, 64 or 16 µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s and 500 kbit/s.
                 let byte = [8, 4, 64, 16][(self.mode >> 16 & 3) as usize];
                 // The length of an encrypted packet includes its MIC.
                 let mic = if self.mode & 1 == 0 { MIC } else { 0 };

@@ -165,7 +165,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
-    // Sometimes the instruction is in an IT block.
+    // In some cases the faulting instruction is in an IT block.
     let it = random.once_in(3);
     let kind = random.below(12);
     // After CPSID i, SVC and other faults escalate to HardFault.

@@ -254,11 +254,11 @@ mod tests {
         }
         for (port, pin, function) in left {
             let known = match function {
-                // These functions are SAI1 and the I2S extensions of SPI2.
+                // The functions AF6 that are not modelled are SAI1 and the I2S extensions of SPI2.
                 6 => matches!(port, 'B' | 'C' | 'D' | 'E' | 'F' | 'I'),
-                // These functions are I2S_CKIN on PC9 and I2S3ext on PC11.
+                // The functions AF5 that are not modelled are I2S_CKIN on PC9 and I2S3ext on PC11.
                 5 => port == 'C' && (pin == 9 || pin == 11),
-                // This function is I2S3ext on PB4.
+                // The function AF7 that is not modelled is I2S3ext on PB4.
                 7 => port == 'B' && pin == 4,
                 _ => false,
             };

@@ -32,7 +32,7 @@ pub(crate) const STUBS: u8 = 57;
 /// The number of the DAC. It is among the peripherals without a model, since the DAC schedules no event.
 pub(crate) const DAC: u8 = STUBS + 3;
 pub(crate) const COUNT: usize = 70;
-/// The number of addresses at which the part has nothing.
+/// The number that stands for an address at which the part has nothing.
 pub(crate) const NOTHING: u8 = 255;
 
 /// The names in the manual.

@@ -193,7 +193,7 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // Once flash is restored it passes again, in the first pass that begins after that.
+        // Once the flipped bit is restored, flash passes again, in the first pass that begins after that.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }

@@ -143,7 +143,7 @@ impl UartSource {
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both interrupts are switched off, since after the last bit that of the data register is still on.
+                // Both interrupts are switched off; the data register's may still be on after the last bit.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);

@@ -10,8 +10,8 @@
 //! - **Every number is finite.** Positions, velocities and accuracies are integers until they were found plausible
 //!   ([`Stated`]); attitude and acceleration take part only if they are finite.
 //! - **The work does not depend on the data.** The voter computes all pairs, all 2ᴺ - 1 sets, and all medians by a
-//!   fixed sorting network; values that do not count are selected away, not skipped. A sixth of the time still varies:
-//!   float64 and square roots by software, and moves that the compiler makes depend on a choice.
+//!   fixed sorting network; values that do not count are selected away, not skipped. A sixth of the time still varies,
+//!   since float64 and square roots are done in software, and the compiler makes some selections conditional.
 //! - **The work is small.** Values that only depend on a receiver's message are computed on its arrival ([`Fix::new`]),
 //!   all metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
 //! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time, and a

@@ -137,8 +137,8 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // Here times of week lie just before and after half a week from the first, which is wrong, so none can be
-        // compared.
+        // In this row, times of week lie just before and after half a week from the first, which is wrong, so none can
+        // be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
         // In these rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
@@ -268,7 +268,7 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
-/// This is a limit of the voter that decision 15 states.
+/// Decision 15 states this limit of a majority vote.
 #[test]
 fn two_that_agree_on_a_wrong_place_are_believed() {
     let wrong = GOOD.moved(10_000.0, 0.0);
@@ -750,8 +750,7 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // There may be ticks without an altitude in between: the altitude shown last counts, and the way possible since
-    // then.
+    // If there are ticks without an altitude, the altitude shown last counts, and the way that is possible since then.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);

@@ -23,7 +23,7 @@ pub(super) fn decode(address: u32, h: u16) -> Do {
         0x2C..=0x2F => miscellaneous(address, h),
         0x30..=0x33 => multiple(h),
         0x34..=0x37 => conditional_branch(address, h),
-        // This is B in encoding T2.
+        // The encoding is that of B, T2.
         0x38 | 0x39 => Do::B { target: address.wrapping_add(4).wrapping_add(signed(h, 11) << 1) },
         _ => UNDEFINED,
     }

@@ -26,7 +26,7 @@ impl<C: Cost> Core<C> {
             return Err(Fault::MemData(address));
         }
         let access = self.stack_access(address, Purpose::Stack, privileged);
-        // A stack in the private peripheral bus takes a fault.
+        // Stacking into the private peripheral bus takes a fault.
         if address >> 20 == 0xE00 || bus.write(&access, value).is_err() {
             return Err(Fault::BusData(address));
         }

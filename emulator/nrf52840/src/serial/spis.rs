@@ -246,7 +246,7 @@ impl Serial {
                     self.say(SpisEvent::Ready, cx);
                 }
             }
-            // A release cancels a pending acquire.
+            // A release of the semaphore cancels an acquire that is still pending.
             Semaphore::CpuPending => self.semaphore = Semaphore::Spis,
             Semaphore::Free | Semaphore::Spis => {}
         }

@@ -273,7 +273,7 @@ impl Peripheral for Spi {
                 self.check_mode_fault(cx);
                 self.drive((self.cr1, before), cx);
             }
-            // Only CRCERR can be written, and only to zero.
+            // Software can write only CRCERR in SR, and only to zero.
             0x08 => self.sr &= value | !CRCERR,
             0x0C => {
                 self.tx = value as u16 & self.mask();
@@ -332,7 +332,7 @@ impl Peripheral for Spi {
         let apb2 = matches!(self.number, 1 | 4 | 5 | 6);
         self.pclk = if apb2 { cx.clocks.pclk2 } else { cx.clocks.pclk1 };
         if let Some(flight) = &mut self.flight {
-            // The rest of the frame continues at the new rate.
+            // After a change of PCLK the rest of the frame continues at the new rate.
             let was = u64::from(if apb2 { old.pclk2 } else { old.pclk1 });
             let left = flight.ends.saturating_sub(cx.now).div_ceil(was);
             flight.ends = cx.now + left * u64::from(self.pclk);
