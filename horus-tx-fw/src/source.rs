@@ -30,7 +30,7 @@ const _: () = assert!(RING.is_power_of_two());
 pub struct Backlog {
     /// The number of reads in a row that must leave no byte in the receiver after a pause.
     proofs: u8,
-    /// The number of such reads that are still to come. If it is 0, the bytes that come are new.
+    /// The number of reads that still have to leave no byte in the receiver. If it is 0, the bytes that come are new.
     missing: u8,
     /// The number of ticks since the last read ended.
     ticks: u8,

@@ -86,7 +86,7 @@ pub struct StateInputs {
     pairs: [Pair; INPUTS],
 }
 
-/// The state that an active input means, in the order of the inputs.
+/// HORUS's state while an input is active, for each input in their order.
 const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 

@@ -91,11 +91,11 @@ pub trait FrontEndPort: executor::Port {
 /// Who has to act before the state machine can go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The executor: a transfer or a wait is under way.
+    /// The executor has to act: a transfer or a wait is under way.
     Executor,
-    /// The cycle: the chip is prepared for a frame, and there is nothing to send.
+    /// The cycle has to act: the chip is prepared for a frame, and there is nothing to send.
     Cycle,
-    /// The slot: a frame whose head is loaded waits for it.
+    /// The slot's interrupt has to act: a frame whose head is loaded waits for its slot.
     Slot,
 }
 

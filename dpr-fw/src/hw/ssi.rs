@@ -137,8 +137,8 @@ impl SsiPort {
         }
         // SAFETY: the compare register takes any value.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // The expiry timer runs from here on, although there is no image yet that it could take away. SAFETY: 1 is a
-        // valid value of a task register.
+        // The expiry timer runs from here on, although there is no image yet that it could take away.
+        // SAFETY: 1 is a valid value of a task register.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());
         // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
@@ -210,9 +210,9 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
-        // The counter is cleared before the event is, so the event that is cleared belongs to
-        // the previous pause, which this one replaces. SAFETY: 1 is a valid value of a task
-        // register.
+        // The counter is cleared before the event is, so the event that is cleared belongs to the previous pause, which
+        // this one replaces.
+        // SAFETY: 1 is a valid value of a task register.
         self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
         self.pause.events_compare[PAUSE_COMPARE].reset();
         // SAFETY: 1 is a valid value of a task register. The timer has stopped after the previous pause, or runs.

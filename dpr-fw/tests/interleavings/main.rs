@@ -11,8 +11,7 @@
 //!
 //! | who | steps |
 //! |---|---|
-//! | tasks | each critical section, each access to a register; a task of higher priority runs where it is called and
-//! not masked |
+//! | tasks | each critical section, each register access; a higher task runs where it is called and not masked |
 //! | flight controller | selects, and deselects at any time, also before it has clocked in a whole request |
 //! | EasyDMA | carries each half of a transaction, out and in, and each half of a frame, at any time in between |
 //! | air | a frame ends or is lost |

@@ -110,8 +110,8 @@ pub struct Core<C: Cost> {
     pub(crate) attention: bool,
     /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
     pub(crate) system: System,
-    /// The MPU rights that an aligned read of memory needs to take the short way ([`Core::load`]). The next field is
-    /// the same for a write. Both are 0 while no access may take the short way.
+    /// The MPU rights that an aligned read needs to access memory directly, without the checks of other reads
+    /// ([`Core::load`]). The next field is the same for a write. Both are 0 while no access may go directly to memory.
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
     /// The cache of decoded instructions.
@@ -131,7 +131,7 @@ pub struct Core<C: Cost> {
     pub(crate) kept_flags: (bool, bool, bool, bool),
     /// The address of the last word of code that was fetched, for the wait states. An odd value means none.
     pub(crate) fetched: u32,
-    /// The core executes nothing before this cycle.
+    /// The cycle before which the core executes nothing, since the bus stalls it.
     pub(crate) stalled_until: u64,
     /// An event in place of an instruction, which [`Core::run`] returns.
     pub(crate) paused: Option<Exit>,

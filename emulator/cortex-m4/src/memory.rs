@@ -53,8 +53,8 @@ const fn bit_band(address: u32) -> Option<(u32, u32)> {
 }
 
 impl<C: Cost> Core<C> {
-    /// Finds out which accesses may take the short way: accesses to memory that answers at once and that the MPU opens.
-    /// Neither privilege nor watching changes while instructions execute without a break.
+    /// Finds out which accesses may go directly to memory, without further checks: those to memory that answers at once
+    /// and that the MPU opens. Neither privilege nor watching changes while instructions execute without a break.
     #[inline(always)]
     pub(crate) fn note_short_way(&mut self) {
         let short = C::BOUND.is_none() && !self.watching();

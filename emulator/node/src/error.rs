@@ -48,7 +48,7 @@ pub enum Error {
         /// The requested name.
         symbol: String,
     },
-    /// A function does not hold certain bytes at exactly one place.
+    /// A function of the image does not hold the bytes that were looked for at exactly one place.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
         /// The name of the function.

@@ -31,7 +31,7 @@ impl Pclk16m {
         at / CYCLES_PER_TICK
     }
 
-    /// The cycle at which the count reaches `tick`.
+    /// The core cycle at which the count of PCLK16M reaches `tick`.
     #[inline]
     pub(crate) const fn instant(self, tick: u64) -> Cycle {
         tick * CYCLES_PER_TICK

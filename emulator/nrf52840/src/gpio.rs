@@ -12,8 +12,7 @@
 //! |---|---|
 //! | drive strength, slew rate | a level is either high or low |
 //! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS frees them | NFCT is not modelled, and the pins are free |
-//! | the waveform of a serial peripheral | a frame crosses as a whole at its own instant; only chip selects move as
-//! pins |
+//! | the waveform of a serial peripheral | a frame crosses at its own instant; only chip selects move as pins |
 //!
 //! A peripheral reads a pin through the same input buffer as IN does. It reads 0 from a pin whose buffer PIN_CNF
 //! disconnects. This is an assumption: the PS demands the buffer only by the direction "Input" in the table of pins of

@@ -9,8 +9,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | stalling a core that accesses flash from code in RAM | such a core reads the new data; a second operation is a
-//! finding |
+//! | stalling a core that accesses flash from code in RAM | it reads the new data; a second operation is a finding |
 //! | the limits of two writes to a word, and of erase cycles | no firmware here comes near |
 //! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is a finding |
 //! | ACL | use of its registers is a finding |

@@ -4,8 +4,7 @@
 //! |---|---|
 //! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22 |
 //! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
-//! | a compare register written with the present count or the next one does not match until the counter has wrapped |
-//! 6.22 |
+//! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
 //! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more, so on the part CC = COUNTER +
 //! 1 matches sometimes. Here it never matches, which is a finding, because firmware must not rely on it.

@@ -58,7 +58,7 @@ impl Exti {
         self.edges |= lines;
     }
 
-    /// The pending lines that are passed to the core.
+    /// The lines whose pending bit is set and is passed to the core by IMR.
     pub(crate) fn live(&self) -> u32 {
         self.pr & self.imr
     }

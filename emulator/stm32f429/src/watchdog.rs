@@ -2,8 +2,7 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `IWDG_KR` | 0xCCCC starts the watchdog and LSI, 0xAAAA reloads, 0x5555 opens `PR` and `RLR`; any other key closes
-//! them |
+//! | `IWDG_KR` | 0xCCCC starts watchdog and LSI, 0xAAAA reloads, 0x5555 opens `PR`, `RLR`; any other key closes them |
 //! | `IWDG_PR`, `RLR`, `SR` | Take effect 5 ticks of LSI after the write; `PVU`, `RVU` are set until then, 21.4.4 |
 //! | `IWDG` count | Counts prescaled LSI exactly; the part restarts when it passes 0, 21.3 |
 //! | `WWDG_CR`, `CFR` | Counts PCLK1 over 4096 over `WDGTB`; too early or too late a write restarts the part, 22.3 |

@@ -42,7 +42,7 @@ impl Steps {
         let timer = self.registers();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // The update comes ARR + 1 counts after the start.
+        // The timer's update comes ARR + 1 counts after its start.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());

@@ -149,7 +149,7 @@ pub struct Verdict {
     pub members: u8,
     /// The receivers that were excluded from this vote or are excluded from the next vote on.
     pub excluded: u8,
-    /// The place of the result; `None` if there is no result.
+    /// The position of the result; `None` if there is no result.
     pub position: Option<Position>,
     /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of these
     /// members agree.

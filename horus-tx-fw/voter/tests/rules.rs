@@ -512,7 +512,7 @@ fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
     assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
 }
 
-/// This is the case for which the rule exists: the mean would be 100°.
+/// The rule about opposite yaws exists for this case, in which the mean would be 100°.
 #[test]
 fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
     let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);

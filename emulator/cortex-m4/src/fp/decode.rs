@@ -128,7 +128,7 @@ fn load_store(first: u16, second: u16, double: bool) -> Option<FpOp> {
             (false, _) => Some(FpOp::Vstr { d, words, base, add, imm8 }),
         };
     }
-    // Defined are increment after, with or without write-back, and decrement before with write-back.
+    // FPv4-SP has increment after, with or without write-back, and decrement before with write-back.
     if before == add {
         return None;
     }

@@ -9,7 +9,7 @@ const C_HALT: u32 = 1 << 1;
 const C_STEP: u32 = 1 << 2;
 const C_MASKINTS: u32 = 1 << 3;
 
-/// The value that the program counter reads as in a lockup (ARM ARM B1.5.15).
+/// The value of the program counter in a lockup (ARM ARM B1.5.15).
 const LOCKUP_ADDRESS: u32 = 0xFFFF_FFFE;
 
 const MON_EN: u32 = 1 << 16;

@@ -17,8 +17,7 @@
 //! | left out | why |
 //! |---|---|
 //! | legacy SPI and TWI | a finding when enabled |
-//! | IFTIMING, DCX, STALLSTAT | these registers only store values: nothing stalls here, and no display is wired to
-//! SPIM3 |
+//! | IFTIMING, DCX, STALLSTAT | they only store values: nothing stalls, and no display is wired to SPIM3 |
 //! | bits within a byte on the pins | the outside exchanges bytes |
 //! | EasyDMA outside data RAM | the part may fault (PS 4.6); here it is a finding: TXD reads ORC, RXD is dropped |
 

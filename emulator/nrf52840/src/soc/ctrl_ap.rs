@@ -3,16 +3,14 @@
 //! | covered | PS |
 //! |---|---|
 //! | CTRL-AP: RESET, ERASEALL, ERASEALLSTATUS, APPROTECTSTATUS, IDR | 4.8.1 |
-//! | ERASEALL of flash, UICR and RAM; the AHB-AP is then open until the next reset at which UICR is read | 4.8.1, 4.8.2
-//! |
+//! | ERASEALL of flash, UICR and RAM; the AHB-AP is then open until UICR is next read, at a reset | 4.8.1, 4.8.2 |
 //! | UICR.APPROTECT, read at a reset by power, brown-out, pin, watchdog or wake-up | 4.8.2, 5.3.7.8 |
 //! | APPROTECT.DISABLE and FORCEPROTECT, on build codes Fxx and later | 4.8.2 |
 //!
 //! | left out | why |
 //! |---|---|
 //! | any answer but zeros of a locked part's AHB-AP | none is documented; to tools, AP 0 is no memory AP |
-//! | an ERASEALL that is interrupted | a watchdog reset during it (anomaly 176) leaves everything as it was, and locked
-//! |
+//! | an ERASEALL that is interrupted | a watchdog reset in it (anomaly 176) leaves everything as it was, and locked |
 //!
 //! A soft reset, by AIRCR or by CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*).
 //! The port stays open or locked as it was, as Nordic's answers say (devzone.nordicsemi.com, "nRF52840 locked with

@@ -364,7 +364,7 @@ proptest::proptest! {
         rig.write(SR, 0);
         rig.write(CR1, control & 0x7E | CEN);
         rig.run(later.2);
-        // Preloaded values of these registers may wait for an update.
+        // Preloaded values of PSC and ARR may have to wait for an update.
         rig.write(PSC, later.0);
         rig.write(ARR, later.1);
         let mut stepped = rig.clone();
