@@ -424,7 +424,7 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // Of each cycle the first frame, the second or both are received; the first four cycles find the sequence.
+        // In each cycle the first frame, the second or both are received; the first four cycles find the sequence.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {

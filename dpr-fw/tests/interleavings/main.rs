@@ -69,7 +69,7 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// Of two frames that wait, the newer is read first.
+    /// If two frames wait, the newer one is read first.
     RotationOrder,
     /// No buffer is scrubbed.
     NoScrub,
