@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rerun-if-changed={script}");
     }
     println!("cargo:rustc-link-search={}", out.display());
-    // The script has the word behind the program for its CRC; `firmware-common` writes the script.
+    // The linker script has a place for the program's CRC behind the program; `firmware-common` writes the script.
     if env::var("CARGO_CFG_TARGET_OS")? == "none" {
         println!("cargo:rustc-link-arg-bins=-Tprogram_crc.x");
     }

@@ -2,26 +2,26 @@
 //!
 //! # Design
 //!
-//! Each object is accepted or rejected by itself: the frame's length tells the object's place, then the object's CRCs,
-//! identifier and timestamp decide (black channel; paper, section 2.3). What the front end reports of the frame
-//! (CRC-16, framing, overflow) is counted elsewhere and decides nothing. Only a wrong length rejects a frame as a
-//! whole, since then no object has a place.
+//! Each object is accepted or rejected by itself: the frame's length tells where in the profile each object lies, then
+//! the object's CRCs, identifier and timestamp decide (black channel; paper, section 2.3). The errors that the front
+//! end reports of a frame (CRC-16, framing, overflow) are counted elsewhere and decide nothing. Only a wrong length
+//! rejects a whole frame, since then it is not known where an object lies.
 //!
-//! A cycle is all that carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a
+//! All frames of a cycle carry one timestamp: one frame for up to three receivers, two for five. The timestamp of a
 //! frame is that of its first intact object; an intact object with another timestamp is rejected, so no image ever
 //! mixes cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an
-//! intact object carries no timestamp and leaves the sequence as it is.
+//! intact object has no timestamp and leaves the sequence as it is.
 //!
-//! The sequence compares timestamps with the DPR's clock. The instant that counts is that of the cycle's sample: the
-//! end of the frame less the time that HORUS takes from sample to last bit, which is a constant of each frame of the
-//! profile ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is received. The second frame
-//! of a cycle shares the verdict on the first, if it has the same timestamp, comes in a place that has not been there
-//! yet, and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that
-//! was held back for any time would be accepted. Any other frame with a timestamp is another cycle, also one that
+//! The sequence compares timestamps with the DPR's clock, at the instant of the cycle's sample: the end of the frame
+//! less the time that HORUS takes from sample to last bit, which is a constant of each frame of the profile
+//! ([`air::age_at_end_us`]). So either of a cycle's two frames gives the same instant. The verdict on the first frame
+//! of a cycle also holds for the second, if the second has the same timestamp, carries objects that have not come yet,
+//! and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was
+//! held back for any time would be accepted. Any other frame with a timestamp is judged as another cycle, even if it
 //! repeats the timestamp.
 //!
-//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies them
-//! under the mask that results.
+//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies the
+//! accepted ones under a mask.
 
 use core::hint::black_box;
 
@@ -35,8 +35,8 @@ use profile::{
 /// The most objects that a profile can have.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The most by which the two frames of a cycle may differ in the instant of their sample, µs: the tolerance of the
-/// sequence for a step of 0 ms.
+/// The most by which the two frames of a cycle may differ in the instant of their sample, µs: the tolerance that the
+/// sequence has for two equal timestamps.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
@@ -59,7 +59,7 @@ impl Objects {
         Self(((2_u16 << receivers) - 1) as u8)
     }
 
-    /// Returns the objects that a frame at `place` carries.
+    /// Returns the objects that a frame carries which begins at `place` in the profile.
     #[must_use]
     pub const fn at(place: Place) -> Self {
         Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
@@ -71,13 +71,13 @@ impl Objects {
         index < MAX_OBJECTS && self.0 >> index & 1 == 1
     }
 
-    /// Returns the objects that are in either set.
+    /// Returns the objects that are in either of two sets.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether no object is in both sets.
+    /// Whether two sets have no object in common.
     #[must_use]
     pub const fn is_disjoint(self, other: Self) -> bool {
         self.0 & other.0 == 0
@@ -95,27 +95,27 @@ impl Objects {
     }
 }
 
-/// The relation of a frame to the cycles before it.
+/// How a frame relates to the cycles that were received before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
-    /// No object is intact, so no timestamp is known.
+    /// No object of the frame is intact, so no timestamp is known.
     Unknown,
-    /// The frame was still missing from the current cycle; the verdict on the cycle's first frame holds.
+    /// The frame was still missing from the current cycle; the verdict on the cycle's first frame holds for it too.
     Same,
-    /// The frame belongs to another cycle, which the sequence judges so.
+    /// The frame belongs to another cycle, of which the sequence gives this judgement.
     Next(Judgement),
 }
 
 /// The verdict on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// The frame's place in the profile.
+    /// Where the frame's objects lie in the profile.
     pub place: Place,
-    /// When the sample of the frame was taken, as the frame's place says, µs on the DPR's clock.
+    /// When the sample of the frame was taken, from the frame's number in its cycle, µs on the DPR's clock.
     pub sampled_us: u64,
-    /// The relation of the frame to the cycles before it.
+    /// How the frame relates to the cycles before it.
     pub cycle: Cycle,
-    /// The objects that were accepted.
+    /// The objects of the frame that were accepted.
     pub accepted: Objects,
 }
 
@@ -133,7 +133,7 @@ impl Verdict {
     }
 }
 
-/// Returns the number of the frame with that place in its cycle: 0 if it carries Reported-Position, otherwise 1.
+/// Returns the number of a frame in its cycle from its place in the profile: 0 with Reported-Position, otherwise 1.
 const fn frame_number(place: Place) -> usize {
     if place.first() == 0 {
         0
@@ -144,16 +144,16 @@ const fn frame_number(place: Place) -> usize {
 
 /// The objects of a frame that were verified while it was still arriving.
 ///
-/// Most of the work on a frame is verifying, and all but the last bytes of the last object are there before the frame
-/// ends.
+/// Verifying is most of the work on a frame, and all of the frame but the last bytes of its last object is in the
+/// buffer before the frame ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Early {
     timestamps: [u32; MAX_OBJECTS],
-    /// The frame CRC of the object that follows, over the bytes that are there.
+    /// The frame CRC of the next object to be verified, over those of its bytes that have arrived.
     begun: Begun,
-    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. A `u8`, as it goes from task to task.
+    /// The payload length that LEN announced, bytes; 0 if nothing has arrived. It is a `u8` as tasks pass it on.
     length: u8,
-    /// The number of objects verified, from the front.
+    /// The number of objects of the frame that are verified, counted from the front.
     done: u8,
     intact: Objects,
 }
@@ -180,13 +180,13 @@ impl Early {
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
-            // LEN counts its own byte, too.
+            // LEN counts its own byte as well as the payload.
             *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
     }
 
-    /// Verifies the objects that are complete in `payload`, the part of the payload that is there.
+    /// Verifies the objects that are complete in `payload`, the part of the frame's payload that has arrived.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
         let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
@@ -203,7 +203,7 @@ impl Early {
                 return;
             };
             let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
-            // The barrier keeps the compiler from branching between intact and damaged objects.
+            // The barrier keeps the compiler from making a branch between intact and damaged objects.
             self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             // Every object begins with its timestamp; the timestamp of a damaged object is not used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
@@ -218,7 +218,7 @@ impl Early {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
     sequence: Sequence,
-    /// The places of the current cycle whose frame has been received.
+    /// The objects of the current cycle whose frame has been received.
     seen: Objects,
     /// Whether the current cycle is in sequence.
     in_sequence: bool,
@@ -228,7 +228,7 @@ impl<const N: usize> Acceptance<N> {
     /// The age of the sample at the end of each frame of a cycle, µs.
     const AGE_AT_END_US: [u32; 2] = {
         let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
-        // If there is no second frame, no place is that of a second frame.
+        // A cycle of one frame has no second frame, so this value is not used then.
         let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
         [first, second]
     };
@@ -240,7 +240,7 @@ impl<const N: usize> Acceptance<N> {
     }
 
     /// Judges a frame that ended at `ended_us` on the DPR's clock, µs, and of which `early` has verified a part. Frames
-    /// are to be judged in the order of their ends.
+    /// must be judged in the order of their ends.
     ///
     /// # Errors
     ///
@@ -248,8 +248,8 @@ impl<const N: usize> Acceptance<N> {
     pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
-        // Objects count as not verified if they were verified under another length than that of the whole frame. A
-        // payload that has a place is shorter than 256 bytes.
+        // If the objects were verified while LEN announced another length than the whole frame has, they count as not
+        // verified. Every payload length of this profile is below 256 bytes.
         let length = payload.len() as u8;
         let mut early = if early.length == length { *early } else { Early::of(length) };
         early.advance::<N>(payload);
@@ -275,7 +275,7 @@ impl<const N: usize> Acceptance<N> {
         &self.sequence
     }
 
-    /// Records that a frame with that timestamp came for these places.
+    /// Records that a frame with this timestamp came, with the objects `places`.
     fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
         let Some(timestamp) = timestamp else { return Cycle::Unknown };
         let current = self.sequence.last();
@@ -297,7 +297,7 @@ mod tests {
     use crate::commit::testing::{frames, profile};
     use proptest::prelude::*;
 
-    /// Returns when frame number `frame` of a cycle that is sampled at `sampled_us` ends.
+    /// Returns when frame number `frame` ends if its cycle is sampled at `sampled_us`.
     fn end<const N: usize>(sampled_us: u64, frame: usize) -> u64 {
         sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
     }
@@ -309,7 +309,7 @@ mod tests {
         acceptance.judge(payload, &Early::default(), end::<N>(sampled_us, frame)).expect("the length is right")
     }
 
-    /// Returns a state in sequence: the last cycle was 40, sampled at 40 ms.
+    /// Returns a state that is in sequence: the last cycle had timestamp 40 and was sampled at 40 ms.
     fn in_sequence<const N: usize>() -> Acceptance<N> {
         let mut acceptance = Acceptance::new();
         for cycle in 1..=4_u32 {
@@ -328,7 +328,7 @@ mod tests {
         assert_eq!((place(0), place(1)), (Objects(0b111), Objects(0b11_1000)));
         let set = Objects(0b0110);
         assert_eq!([0, 1, 2, 3, 6, 8, 9].map(|index| set.has(index)), [false, true, true, false, false, false, false]);
-        // No object has this bit.
+        // No object has bit 6 of the set.
         assert!(!Objects(1 << 6).has(6));
         assert_eq!(set.union(Objects(0b1010)), Objects(0b1110));
         assert!(set.is_disjoint(Objects(0b1001)) && !set.is_disjoint(Objects(0b0100)));
@@ -416,7 +416,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // This is the earliest end of the first frame if it was sent after the second.
+        // This is when a cycle's first frame would end at the earliest if HORUS sent it after the second.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
@@ -424,7 +424,7 @@ mod tests {
 
     #[test]
     fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
-        // The first frame of each cycle is received, the second or both; the first four cycles find the sequence.
+        // In each cycle the first frame, the second or both are received; the first four cycles find the sequence.
         for heard in 0..3_usize.pow(6) {
             let mut acceptance = Acceptance::<5>::new();
             for cycle in 1..=6_u32 {
@@ -539,7 +539,7 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_length_of_a_frame_are_no_objects() {
-        // GPS3 follows, intact and in its place in the profile, behind the last object of a cycle's first frame.
+        // GPS3 follows the last object of a cycle's first frame; it is intact and has the right offset in the profile.
         let sent = profile::<5>(70);
         let mut arrived = vec![185];
         arrived.extend(&sent.as_bytes()[..244]);
@@ -556,7 +556,7 @@ mod tests {
         arrived.extend(sent.as_bytes());
         let mut early = Early::default();
         early.follow::<3>(&arrived[..65]);
-        // An object is judged by the bytes that were there when it was verified.
+        // An object is judged by the bytes that had arrived when it was verified.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
         let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");

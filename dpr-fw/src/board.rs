@@ -1,7 +1,7 @@
 //! Wires and allocated peripherals of the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
 //! header.
 //!
-//! To move a signal to another pin, or to use another peripheral, change this file: only it names the two.
+//! To move a signal to another pin, or to use another peripheral, change this file: only it names pins and peripherals.
 //!
 //! | signal | pin | Arduino header | direction |
 //! |---|---|---|---|

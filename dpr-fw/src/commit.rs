@@ -38,28 +38,28 @@ use crate::{
     ImageMemory,
 };
 
-/// HORUS wrote what comes over the air.
+/// The right to write HORUS's objects: what comes over the air was written by HORUS.
 const HORUS: Writer<Horus> = Writer::claim();
-/// The DPR itself writes Link-Status.
+/// The right to write the DPR's objects: the DPR itself writes Link-Status.
 const DPR: Writer<Dpr> = Writer::claim();
 
 /// The place to which the commit task's images go.
 pub trait Images {
-    /// Returns the image being filled: the same one until it is published, and scrubbed when first returned.
+    /// Returns the image being filled. It stays the same until it is published, and is clean when first returned.
     fn filling(&mut self) -> &mut ImageMemory;
-    /// Copies Port-Status and the uplinks, which are sealed already, to their place in the image being filled, in the
-    /// layout of a map for `N` receivers.
+    /// Copies Port-Status and the uplinks, which the port task has sealed, to their place in the image being filled,
+    /// which has the layout of a map for `N` receivers.
     fn place_port<const N: usize>(&mut self);
-    /// Makes the image that was filled the newest one.
+    /// Makes the image that was filled the newest one, which the next SSI transaction gets.
     fn publish(&mut self);
 }
 
-/// A frame out of a receive buffer.
+/// A frame that was received, in its receive buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     /// The frame's payload, as received.
     pub payload: &'a [u8],
-    /// The counter, µs, when the front end reported the frame's end, which is before [`Commit::frame`] gets it.
+    /// The µs counter's value when the front end reported the frame's end, which is before [`Commit::frame`] is called.
     pub ended_us: u32,
     /// The part of the frame that was verified while it arrived.
     pub early: &'a Early,
@@ -71,11 +71,11 @@ pub struct Commit<const N: usize> {
     acceptance: Acceptance<N>,
     monitor: Monitor<N>,
     link: Link,
-    /// The objects in the image being filled.
+    /// The objects of HORUS in the image being filled.
     shown: Objects,
-    /// If the image being filled waits for its second frame: when that frame's cycle was sampled, µs since start.
+    /// When the cycle in the image being filled was sampled, µs since start, if its second frame is waited for.
     open: Option<u64>,
-    /// Whether Port-Status and the uplinks are in the image being filled.
+    /// Whether Port-Status and the uplinks have been copied into the image being filled.
     port_placed: bool,
 }
 
@@ -92,7 +92,7 @@ fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
     for (to, from) in turns.iter_mut().zip(from_turns) {
         copy(to, from);
     }
-    // Both object sizes are multiples of four.
+    // The sizes of Reported-Position and of a GPS object are both multiples of four.
     copy(rest, from_rest);
 }
 
@@ -120,21 +120,21 @@ impl<const N: usize> Commit<N> {
     }
 
     /// Publishes an image without objects at the DPR's start, so that the flight controller can read Link-Status from
-    /// now on. `now_us` is the value of the DPR's µs counter, as in the other methods; it never goes back from one call
-    /// to the next.
+    /// now on. `now_us` is the value of the DPR's µs counter, here and in the other methods; it never goes back from
+    /// one call to the next.
     pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
         self.link.advance(now_us);
         self.monitor.begin(now_us);
         self.publish(health, images);
     }
 
-    /// Takes a frame in, and restarts the deadline from its end. Frames are to be taken in in the order of their ends.
-    /// Returns how many images were published: one, none if the second frame of a cycle is waited for, and one more if
-    /// another image had to go out first.
+    /// Takes a frame in, and restarts the deadline from the frame's end. Frames must be taken in in the order of their
+    /// ends. Returns how many images were published: one, or none if the second frame of a cycle is waited for; and one
+    /// more if an earlier image had to be published first.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if the frame has no place in this profile; then nothing has changed and the deadline
+    /// [`Rejection::Length`] if no frame of this profile has that length; then nothing has changed and the deadline
     /// stands.
     pub fn frame(
         &mut self,
@@ -159,7 +159,7 @@ impl<const N: usize> Commit<N> {
             let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
             let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
             if other_slot || other_cycle {
-                // The image goes out with the status of the cycle that it shows.
+                // The image is published with the status of the cycle whose objects it has.
                 self.publish(health, images);
                 published += 1;
             }
@@ -176,9 +176,9 @@ impl<const N: usize> Commit<N> {
     }
 
     /// Publishes an image if the deadline has passed at `now_us`: with the objects of a cycle whose second frame has
-    /// not come, or without objects if no frame has. Moves the deadline on. To be called at any time after the frames
-    /// that wait were taken in; however long ago the deadline has passed, the work is the same. Returns whether an
-    /// image was published.
+    /// not come, or without objects if no frame has come. Moves the deadline on. To be called once all frames that wait
+    /// were taken in; the work is the same however long ago the deadline has passed. Returns whether an image was
+    /// published.
     pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         self.lapse(now_us, health, images)
@@ -193,13 +193,13 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// Publishes an image without objects at once, because the one that is shown must not be shown. Returns whether it
-    /// did. It does not if another image replaces the shown one soon:
+    /// Publishes an image without objects at once, because the one that the flight controller reads was found damaged.
+    /// Returns whether it was published. It is not if another image is about to replace the damaged one:
     ///
-    /// - while the image being filled holds objects of a newer cycle, which goes out within
+    /// - while the image being filled holds objects of a newer cycle, since it is published within
     ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
-    /// - while a frame's end is due, since publishing would delay that frame: the frame brings the next image, or else
-    ///   its deadline does, 2.7 ms later.
+    /// - while a frame is about to end, since publishing would delay that frame: the frame brings the next image, or
+    ///   else its deadline does, 2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {
@@ -222,13 +222,13 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Does what the deadlines that have passed until `until_us` demand. Returns whether there was one, so that an
-    /// image was published.
+    /// Does what each deadline that has passed until `until_us` demands. Returns whether a deadline had passed, so that
+    /// an image was published.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
         if lapse.silent {
-            // Objects that wait for a second frame are too old by now.
+            // The objects in an image that waits for a second frame are too old by now.
             images.filling().fill(0);
             self.port_placed = false;
             self.shown = Objects::NONE;
@@ -237,13 +237,13 @@ impl<const N: usize> Commit<N> {
         true
     }
 
-    /// Copies the accepted objects into the image, and zeros in place of the rejected ones, at the same cost.
+    /// Copies the accepted objects into the image, and zeros in place of the rejected ones, in the same time.
     fn deposit(&mut self, payload: &[u8], verdict: &Verdict, images: &mut impl Images) {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // The barrier keeps the compiler from telling the two masks apart: it would copy or clear, at different
-            // costs.
+            // The barrier hides from the compiler which of the two masks it is; otherwise the compiler might copy in
+            // one case and clear in the other, which take different times.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
             copy_masked(place, object, mask);
@@ -272,7 +272,7 @@ const _: () = assert!(GpsObject::SIZE.is_multiple_of(4) && ReportedPosition::SIZ
 pub(crate) mod testing {
     use profile::{air, GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
 
-    /// Returns a sealed profile whose every value tells its timestamp and its place.
+    /// Returns a sealed profile in which every value tells the profile's timestamp and the value's place.
     pub(crate) fn profile<const N: usize>(timestamp: u32) -> Profile<N> {
         let reported = ReportedValues {
             timestamp,

@@ -1,31 +1,31 @@
-//! Whether the debug port stays open after a reset.
+//! Keeps the debug port open after a reset, where the part's UICR allows that.
 //!
 //! # Design
 //!
 //! The nRF52840 can lock its debug port (access port protection, PS v1.7 and later, "Debug and trace"). Parts up to
-//! build code Dxx are open unless UICR.APPROTECT says otherwise. Parts of build code Fxx and later, which Nordic calls
-//! revision 3, are locked after every power-on, pin reset, brown-out and watchdog reset, until both of these hold:
+//! build code Dxx are open unless UICR.APPROTECT says otherwise. Parts of build code Fxx and later, Nordic's revision
+//! 3, lock it at every power-on, pin reset, brown-out and watchdog reset, and open it only if both values are set:
 //!
 //! | what | value | who writes it |
 //! |---|---|---|
 //! | UICR.APPROTECT, 0x1000_1208 | 0x5A, HwDisabled | the flashing tool, once: `cargo xtask flash dpr` |
 //! | APPROTECT.DISABLE, 0x4000_0558 | 0x5A, SwDisable | the firmware, after every reset |
 //!
-//! So a firmware that does not write APPROTECT.DISABLE can be flashed once. After the next power-on its board answers
-//! no debugger any more, until everything is erased.
+//! So a part whose firmware does not write APPROTECT.DISABLE can be flashed once. After the next power-on no debugger
+//! can connect to it any more, until everything is erased.
 //!
 //! [`open`] does the same as Nordic's own start-up code (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
-//! `nrf52_handle_approtect`): on such a part the value in UICR decides. A board that was locked on purpose, by another
-//! value there, stays locked. The firmware never writes UICR, which is non-volatile memory; a part whose UICR is erased
-//! has no debugger attached that could need it.
+//! `nrf52_handle_approtect`): on a part of revision 3, UICR.APPROTECT decides. A board that was locked on purpose, by
+//! another value in that register, stays locked. The firmware never writes UICR, which is non-volatile memory; a part
+//! whose UICR is erased has no debugger attached that could need it.
 //!
 //! # How a part is recognised
 //!
 //! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in
 //! ASCII, for example 0x4141_4630 for AAF0. Build codes from F on count as locked by default, as in embassy-rs/embassy
-//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code reads two words of FICR that the
-//! product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`). Both take a part that
-//! is newer than those they have listed for one of the locked kind.
+//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code reads two words of FICR instead,
+//! which the product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`). Both treat a
+//! part that is newer than those they list as one that starts locked.
 
 /// The value of UICR.APPROTECT, bits 7..0, that opens the hardware's half of the lock (HwDisabled).
 pub const HW_DISABLED: u32 = 0x5A;
@@ -33,7 +33,7 @@ pub const HW_DISABLED: u32 = 0x5A;
 /// The value of APPROTECT.DISABLE that opens the software's half of the lock (SwDisable).
 pub const SW_DISABLE: u32 = 0x5A;
 
-/// The first letter of the build codes of parts that start locked.
+/// The first letter of the lowest build code of parts that start locked.
 const FIRST_LOCKED: u8 = b'F';
 
 /// The registers that decide about the debug port.

@@ -1,11 +1,11 @@
-//! How waiting frames become published images, which the tasks `commit` and `deadline` both do.
+//! How frames that wait become published images; both tasks `commit` and `deadline` do this.
 //!
 //! # Design
 //!
 //! Both tasks run the same function at the same priority: first they take in every frame that waits, then they check
-//! the deadline. So it does not matter which of the two was called. A frame that came in time has moved the deadline
-//! before the deadline is checked, even if the timer's interrupt came first; and a frame of a wrong length, which moves
-//! nothing, cannot keep the deadline from being noticed.
+//! the deadline. So it does not matter which of the two tasks was called. A frame that came in time has moved the
+//! deadline before the deadline is checked, even if the timer's interrupt came first. A frame of a wrong length does
+//! not move the deadline, so it cannot keep a passed deadline from being noticed.
 
 use core::borrow::BorrowMut;
 
@@ -23,25 +23,25 @@ use crate::{
     ReceiveMemory,
 };
 
-/// The DPR's µs counter, and the timer that uses it to call the task `deadline`.
+/// The DPR's µs counter, and the timer that calls the task `deadline` by that counter.
 pub trait Timer {
     /// Returns the counter's value.
     fn now_us(&self) -> u32;
-    /// Makes the timer call when the counter has the value `at_us`, or at once if that has passed.
+    /// Makes the timer call the task when the counter has the value `at_us`, or at once if it has passed that value.
     fn set(&mut self, at_us: u32);
 }
 
-/// What other tasks have left for the tasks `commit` and `deadline`.
+/// What other tasks have to tell the tasks `commit` and `deadline`.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
-    /// Whether a frame arrives, so that its image is to be prepared. Otherwise no image is prepared, since the next one
-    /// is to have what is written over the SSI until the next frame.
+    /// Whether a frame is arriving, so that its image is to be prepared. At other times no image is prepared, since the
+    /// next image must contain whatever is written over the SSI until the next frame.
     pub frame_arrives: bool,
     /// The state of the front end.
     pub front_end: FrontEnd,
-    /// The findings of the idle loop.
+    /// The findings of the idle loop, which verifies the memory.
     pub integrity: &'a Integrity,
-    /// The image that the flight controller reads.
+    /// The image that the flight controller reads at present.
     pub shown: S,
 }
 
@@ -54,15 +54,15 @@ pub struct Intake<const N: usize> {
 }
 
 impl<const N: usize> Intake<N> {
-    /// The state after a start of the DPR, whose cause was `reset_reason`.
+    /// Returns the state after a start of the DPR, whose cause was `reset_reason`.
     #[must_use]
     pub const fn new(reset_reason: ResetReason) -> Self {
         Self { commit: Commit::new(), started: false, reset_reason }
     }
 
     /// Serves a call of either task: publishes the first image at the first call, takes in the frames that wait, checks
-    /// the deadline, and withdraws what the idle loop wants withdrawn. Then it sets the timer anew and begins the next
-    /// image. Returns whether there was any of that; otherwise it prepares an image at most.
+    /// the deadline, and withdraws an image that the idle loop wants withdrawn. Then it sets the timer anew and begins
+    /// the next image. Returns whether it did any of these; if not, it prepares an image at most.
     pub fn serve<B, I, M, D, S>(
         &mut self,
         rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -85,7 +85,7 @@ impl<const N: usize> Intake<N> {
         }
         let before = telemetry.publications.get();
         called_for |= take_in(&mut self.commit, rotation, || timer.now_us(), &health, outbox, telemetry);
-        // An image that was just published has replaced the one that was shown.
+        // An image that was just published has replaced the one that the flight controller read.
         let replaced = telemetry.publications.get() != before;
         if notices.integrity.take_withdrawal(notices.shown.generation()) && !replaced {
             called_for |= self.commit.withdraw(timer.now_us(), &health, outbox);
@@ -115,8 +115,8 @@ impl<const N: usize> Intake<N> {
 }
 
 /// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
-/// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`]. Returns whether there was a frame or
-/// the deadline had passed.
+/// `now_us` reads the µs counter. [`Commit::deadline_us`] then gives the next deadline. Returns whether there was a
+/// frame or the deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,

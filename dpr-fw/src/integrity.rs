@@ -1,19 +1,19 @@
-//! How the DPR verifies the image that the flight controller reads, and the memory behind everything.
+//! Verifies the image that the flight controller reads, and all memory that the firmware uses.
 //!
 //! # Design
 //!
-//! The idle loop does all of this work, one [slice](firmware_common::patrol) every 2.5 ms:
+//! The idle loop does all of the verifying, in one [slice](firmware_common::patrol) every 2.5 ms:
 //!
-//! - *The published image*, object by object ([`ImageCheck`]): an object must have its CRC, or be zero throughout where
-//!   nothing was accepted. The idle loop copies the words first, and takes the verdict only if the image is of the same
-//!   *generation* before and after: the SSI task counts the generation up whenever it exchanges the image. So the idle
-//!   loop holds no lock, and neither the SSI nor the commit is ever delayed. A wrong object is read a second time
+//! - *The published image*, object by object ([`ImageCheck`]): an object must have a right CRC, or be zero throughout
+//!   where nothing was accepted. The idle loop copies the object's words first, and uses the copy only if the image is
+//!   of the same *generation* before and after: the SSI task counts the generation up whenever it exchanges the image.
+//!   So the idle loop holds no lock, and never delays the SSI or the commit. A wrong object is read a second time
 //!   before it counts as wrong, so that a wrong copy is not taken for a wrong image.
 //! - *Flash, code in RAM, guard words, RAM in use*: [`firmware_common::patrol`] verifies them.
 //!
 //! Each finding has a consequence:
 //!
-//! | finding | what follows |
+//! | finding | consequence |
 //! |---|---|
 //! | an object of the published image | the commit task publishes an image without objects, "RAM fault" set |
 //! | flash | the commit task does so with "flash fault"; no object is shown until a pass finds flash intact |
@@ -21,21 +21,21 @@
 //! | a guard word | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it, also at the start | Link-Status says "RAM fault" |
 //!
-//! *Why faulty RAM does not stop the DPR:* every object that the DPR shows has a CRC, a timestamp and an identifier of
-//! its writer, which the reader verifies. So faulty RAM can make the DPR lose an object, or show none, but not change
-//! one unnoticed. Buffers are scrubbed and taken out of use by themselves ([`triple`](crate::triple)); the RAM that DMA
-//! reaches is left out of the test.
+//! *Why faulty RAM does not stop the DPR:* every object in an image has a CRC, a timestamp and an identifier of its
+//! writer, which the reader verifies. So faulty RAM can make the DPR lose an object, or show no objects, but it cannot
+//! change an object unnoticed. Buffers are scrubbed and taken out of use by themselves ([`triple`](crate::triple)); the
+//! test of RAM leaves out the RAM that DMA reaches.
 //!
-//! *Why the image that replaces a damaged one shows no object:* an image with the other objects would have to be built
+//! *Why the image that replaces a damaged one has no objects:* an image with the other objects would have to be built
 //! from the damaged image or from a copy of it. But each image is built from scratch out of objects that were just
-//! accepted, and nothing is ever carried over from the previous image ([`commit`](crate::commit)); FRESH would announce
-//! objects of an older cycle a second time, and they would stay readable for longer than one image may. Only the rest
-//! of one cycle is lost, 10 ms at most; then the next frame brings all objects into another buffer.
+//! accepted, and nothing is ever carried over from the previous image ([`commit`](crate::commit)). Otherwise FRESH
+//! would announce objects of an older cycle a second time, and they would stay readable for longer than one image may.
+//! The loss is the rest of one cycle, 10 ms at most; then the next frame brings all objects into another buffer.
 //!
 //! # Time to detect
 //!
-//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold as long
-//! as the idle loop gets its slices; if it gets none for 100 ms, the watchdog resets the part.
+//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while
+//! the idle loop gets its slices; if it gets none for 100 ms, the watchdog resets the part.
 
 use core::{
     ops::Range,
@@ -55,37 +55,37 @@ use profile::{
 
 use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
 
-/// The words that a slice verifies: together with an object of the image they take about 1 % of the processor's time on
-/// the pessimistic clock.
+/// The number of words of each memory that a slice verifies. Together with an object of the image they take about 1 %
+/// of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, ram_words: 2 };
 
-/// The number of slices that a self-test does in place of one.
+/// The number of slices that the idle loop does at a time, instead of one, while a self-test runs.
 pub const SELF_TEST_SLICES: u32 = 3;
 
-/// The end of the part of flash that the memory protection unit has shut.
+/// The end of the lowest part of flash, the null page, which the memory protection unit denies to all accesses.
 pub const SHUT_END: u32 = NULL_PAGE_END;
 
-/// The most bytes of flash; the next two are RAM that holds code, and RAM with stack and statics (`memory.x`).
+/// The most bytes of flash of the program; the next two are of the RAM for code and for stack and statics (`memory.x`).
 const FLASH_BYTES: u32 = 96 * 1024;
 const CODE_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
 /// The number of objects of the published image that a slice verifies. With three receivers all eight objects take four
-/// slices, which is as long as an image is shown while frames come.
+/// slices, which last as long as an image is shown while frames come.
 pub const OBJECTS_PER_SLICE: u32 = 2;
 
-/// The time from a flip in the published image until an image replaces it, µs, for a profile of five receivers: each
-/// slice verifies two of the ten objects, and the idle loop may have slept until the next deadline.
+/// The time from a flipped bit in the published image until another image replaces it, µs, for a profile of five
+/// receivers: each slice verifies two of the ten objects, and the idle loop may have slept until the next deadline.
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
-/// The time from a flip in flash until Link-Status shows it, µs, at most: two passes over the program's whole budget.
+/// The time from a flipped bit in flash until Link-Status tells it, µs, at most: two passes over all 96 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
 
-/// The time from a flip in RAM code to the safe state, µs, at most: one pass over all the RAM that code may have.
+/// The time from a flipped bit of code in RAM to the safe state, µs, at most: one pass over all RAM that holds code.
 pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;
 
-/// The time from when a bit of RAM in use sticks until Link-Status shows it, µs, at most: one pass over that RAM.
+/// The time from when a bit of RAM in use sticks until Link-Status tells it, µs, at most: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + FRAME_DEADLINE_US;
 
 /// The longest that a self-test lasts, µs: a pass over flash or one over RAM, whichever takes longer.
@@ -104,7 +104,7 @@ const _: () = {
 /// The image that the flight controller reads at present, for a task that may be interrupted by the task that exchanges
 /// the image.
 pub trait Shown {
-    /// Returns the count of images shown so far, 0 before the first. While it stays the same, so does the image.
+    /// Returns how many images were streamed so far, 0 before the first. An equal count means the same image.
     fn generation(&self) -> u32;
 
     /// Copies words of the image from word `first` on. If the image was exchanged meanwhile, the copy is arbitrary.
@@ -114,18 +114,18 @@ pub trait Shown {
 /// The length of the longest object of an image, words.
 const OBJECT_WORDS: usize = 16;
 
-/// Re-verifies the map for `N` receivers, one object per call.
+/// Verifies the objects of the published map for `N` receivers again, one object per call.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ImageCheck<const N: usize> {
     next: usize,
 }
 
-/// The result of verifying an object of an image.
+/// The result of verifying one object of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
     Intact,
     Damaged,
-    /// The image was exchanged meanwhile, or there is none.
+    /// The image was exchanged while it was read, or there is no image.
     Unknown,
 }
 
@@ -136,18 +136,18 @@ impl<const N: usize> ImageCheck<N> {
     /// The number of Port-Status among the objects.
     const PORT_STATUS: usize = N + 2;
 
-    /// A check that begins with Link-Status.
+    /// Returns a check that begins with Link-Status.
     #[must_use]
     pub const fn new() -> Self {
         Self { next: 0 }
     }
 
-    /// Verifies the next [`OBJECTS_PER_SLICE`] objects; returns the image's generation if one is damaged.
+    /// Verifies the next [`OBJECTS_PER_SLICE`] objects. Returns the image's generation if one of them is damaged.
     pub fn slice(&mut self, shown: &impl Shown) -> Option<u32> {
         (0..OBJECTS_PER_SLICE).fold(None, |damaged, _| damaged.or_else(|| self.step(shown)))
     }
 
-    /// Verifies the next object; returns the image's generation if the object is damaged.
+    /// Verifies the next object of the image. Returns the image's generation if the object is damaged.
     pub fn step(&mut self, shown: &impl Shown) -> Option<u32> {
         let generation = shown.generation();
         let object = self.next;
@@ -160,7 +160,7 @@ impl<const N: usize> ImageCheck<N> {
         damaged.then_some(generation)
     }
 
-    /// Returns the bytes that an object has in the image.
+    /// Returns the range of bytes that an object has in the image.
     fn place(object: usize) -> Option<Range<usize>> {
         if object == 0 {
             return Some(0..LinkStatus::SIZE);
@@ -184,7 +184,7 @@ impl<const N: usize> ImageCheck<N> {
         if shown.generation() != generation {
             return Found::Unknown;
         }
-        // Link-Status and Port-Status are there in every image.
+        // Link-Status and Port-Status are in every image, so they must not be zero.
         let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
         if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
             Found::Intact
@@ -194,18 +194,18 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// The state that the idle loop and the commit task share.
+/// What the idle loop's findings are, for the commit task and the port task.
 #[derive(Debug)]
 pub struct Integrity {
-    /// The generation of the image that was found damaged; 0 for none.
+    /// The generation of the image that was found damaged; 0 if none was.
     damaged: AtomicU32,
     flash_fault: AtomicBool,
-    /// Whether flash was found changed, and no image without objects was published since.
+    /// Whether flash was found changed, and no image without objects was published since then.
     withdraw: AtomicBool,
     self_test: AtomicU32,
 }
 
-/// The states of a self-test; from [`PASSED`] on there is a result.
+/// The states of a self-test. The states from [`PASSED`] on are results.
 const NONE: u32 = 0;
 const REQUESTED: u32 = 1;
 const RUNNING: u32 = 2;
@@ -219,7 +219,7 @@ impl Default for Integrity {
 }
 
 impl Integrity {
-    /// The state before anything was found.
+    /// Returns the state before anything was found.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -230,20 +230,20 @@ impl Integrity {
         }
     }
 
-    /// Whether flash was found changed and was not found intact since, so that no object may be shown.
+    /// Whether flash was found changed and was not found intact since, so that images must have no objects.
     #[must_use]
     pub fn flash_fault(&self) -> bool {
         self.flash_fault.load(Ordering::Relaxed)
     }
 
     /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. The commit task
-    /// asks, and gets each withdrawal once.
+    /// asks this, and each withdrawal is returned only once.
     pub fn take_withdrawal(&self, generation: u32) -> bool {
         let damaged = self.damaged.swap(0, Ordering::Relaxed);
         self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
     }
 
-    /// Asks for a self-test: one whole pass over flash and one over RAM in use. A test under way begins anew.
+    /// Asks for a self-test: one whole pass over flash and one over RAM in use. A self-test under way begins anew.
     pub fn request_self_test(&self) {
         self.self_test.store(REQUESTED, Ordering::Relaxed);
     }
@@ -254,16 +254,16 @@ impl Integrity {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Returns whether the self-test that has ended passed; once for each, `None` if none has ended since.
+    /// Returns whether the self-test that has ended passed. Each result is returned once; without one this is `None`.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
-        // The exchange does not lose a request that comes in between.
+        // The exchange does not lose a request for a self-test that comes between load and exchange.
         let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         taken.then_some(state == PASSED)
     }
 
-    /// Serves a caller that wants self-tests: `wanted` holds until one is done. Returns each result once.
+    /// Serves a caller that wants a self-test while `wanted` is true: asks for one, and returns each result once.
     pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
         if !wanted || self.is_self_test_running() {
             return None;
@@ -275,12 +275,12 @@ impl Integrity {
         result
     }
 
-    /// Takes note that the image of `generation` was found damaged.
+    /// Records that the image of `generation` was found damaged.
     fn image_damaged(&self, generation: u32) {
         self.damaged.store(generation, Ordering::Relaxed);
     }
 
-    /// Takes note that a pass over flash is complete.
+    /// Records that a pass over flash is complete, and whether it found flash intact.
     fn flash_pass(&self, intact: bool) {
         if !intact && !self.flash_fault.load(Ordering::Relaxed) {
             self.withdraw.store(true, Ordering::Relaxed);
@@ -294,33 +294,33 @@ impl Integrity {
 pub enum Consequence {
     /// The idle loop has to do nothing.
     None,
-    /// Call the commit task, because there is something that it must withdraw.
+    /// The idle loop calls the commit task, because an image has to be withdrawn.
     Withdraw,
-    /// Enter the safe state for this cause, with this detail.
+    /// The idle loop enters the safe state for this cause, with this detail.
     Stop(Cause, u32),
 }
 
-/// The results of a self-test so far.
+/// The results of the passes that a self-test has made so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     flash: Option<bool>,
     ram: Option<bool>,
 }
 
-/// Judges what the idle loop's slices find.
+/// Judges what the idle loop's slices find, and says what follows.
 #[derive(Debug, Default)]
 pub struct Judge {
     self_test: SelfTest,
 }
 
 impl Judge {
-    /// A judge while no self-test is under way.
+    /// Returns a judge that has no self-test under way.
     #[must_use]
     pub const fn new() -> Self {
         Self { self_test: SelfTest { flash: None, ram: None } }
     }
 
-    /// Whether a self-test was asked for, so that the passes have to begin anew.
+    /// Whether a self-test was asked for, so that the passes over flash and RAM have to begin anew.
     pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
         let state = &integrity.self_test;
         let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
@@ -330,7 +330,7 @@ impl Judge {
         begins
     }
 
-    /// Judges a slice; `damaged` is what [`ImageCheck::step`] returned in it.
+    /// Judges a slice. `damaged` is what [`ImageCheck::step`] returned in that slice.
     pub fn judge(
         &mut self,
         slice: &Slice,
@@ -360,7 +360,7 @@ impl Judge {
             }
         }
         self.end_self_test(integrity);
-        // The worst finding comes last, so that it decides.
+        // The worst finding comes last, so that its consequence is the one that is returned.
         if let Some(address) = slice.code {
             consequence = Consequence::Stop(Cause::CodeInRam, address);
         }
@@ -373,7 +373,7 @@ impl Judge {
     fn end_self_test(&mut self, integrity: &Integrity) {
         let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
         let result = if flash && ram { PASSED } else { FAILED };
-        // A request that came meanwhile is kept.
+        // If a self-test was asked for meanwhile, the exchange fails, and that request stays.
         let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
     }
 }

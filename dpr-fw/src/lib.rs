@@ -2,21 +2,21 @@
 //!
 //! # Design
 //!
-//! This library has everything that decides; it needs no MCU, and the host tests it. The binary beside it is an RTIC
-//! table of tasks, and only the binary's module `hw` accesses registers. One cycle, from top to bottom:
+//! This library has all the firmware's logic; it needs no MCU, and the host tests it. The binary beside it is an RTIC
+//! table of tasks, and only the binary's module `hw` accesses registers. The modules of the library:
 //!
 //! | module | what it does | where it runs |
 //! |---|---|---|
 //! | [`rf`] | carries out the steps of the ST25R3916's listener machine, hands frames on | RFID interrupts |
 //! | [`triple`] | receive buffers and images: written, read, scrubbed | handed from task to task |
-//! | [`intake`] | takes in the frames that wait, then looks at the deadline | commit |
+//! | [`intake`] | takes in the frames that wait, then checks the deadline | commit |
 //! | [`accept`] | verifies the objects of a frame, each by itself, and the sequence of its cycle | commit |
 //! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
 //! | [`integrity`] | re-verifies the published image; what follows from a change of memory | idle |
 //! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
 //! | [`protection`] | the regions that the memory protection unit opens | start |
 //! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
-//! | [`ssi`] | what the flight controller asked for, and how much it may ask for | SSI interrupt |
+//! | [`ssi`] | what the flight controller asked for, and how many transactions it gets | SSI interrupt |
 //! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`reset`] | why the part last started | start |
@@ -71,7 +71,7 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 
 /// The words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// The words of an image buffer: the map for five receivers, which is the longest.
+/// The number of words of an image buffer: it holds the map for five receivers, which is the longest.
 pub const IMAGE_WORDS: usize = profile::map::Map::<5>::LEN.div_ceil(4);
 
 /// The memory of one air frame.

@@ -12,26 +12,26 @@ use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 /// of two crystals and the jitter of a start-up. It is measured from each frame anew, not by a local tick, so that
 /// drift never adds up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// For this time before and after the instant at which a frame should end, µs, nothing is published that can wait for
-/// it: it is more than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and more than two
-/// crystals drift apart in a cycle.
+/// The time before and after the instant at which a frame should end in which nothing is published that can wait, µs.
+/// It is longer than publishing an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and longer than
+/// two crystals drift apart in a cycle.
 pub const FRAME_DUE_US: u32 = 200;
-/// While HORUS is silent, a frame counts as missed once in this time, µs: the cycle.
+/// The time in which one frame counts as missed while HORUS is silent, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends
-/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
+/// The time from the end of a cycle's first frame to the latest end of its second, µs (five receivers). The second ends
+/// 3.935 ms after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first frame 10 ms after the first.
 pub const SECOND_FRAME_US: u32 = 7_000;
-/// How long a restart of HORUS stays shown, µs: no control cycle can overlook it.
+/// How long Link-Status shows that HORUS has restarted, µs: no control cycle can overlook it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
 
 const _: () = {
     let first = air::age_at_end_us::<5>(0).expect("the first frame of two");
     let second = air::age_at_end_us::<5>(1).expect("the second frame of two");
-    // A second frame that belongs to the first never comes after its deadline.
+    // A second frame of the same cycle never comes after the deadline for second frames.
     assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
 };
 
-/// The DPR's time, which a free-running counter of µs carries on.
+/// The DPR's time, 64 bits of µs, which a free-running counter of 32 bits of µs carries on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clock {
     counter_us: u32,
@@ -41,14 +41,14 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The clock at the start.
+    /// Returns the clock at the DPR's start.
     #[must_use]
     pub const fn new() -> Self {
         Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
     }
 
-    /// Moves on to counter value `now_us`, which must not be before that of the last call. To be called at least every
-    /// 71 minutes; the DPR calls it every 12.5 ms.
+    /// Moves the clock on to counter value `now_us`, which must not be before that of the last call. To be called at
+    /// least every 71 minutes; the DPR calls it every 12.5 ms.
     pub fn advance(&mut self, now_us: u32) {
         let passed = now_us.wrapping_sub(self.counter_us);
         self.counter_us = now_us;
@@ -58,13 +58,13 @@ impl Clock {
         self.below_ms_us = us % 1000;
     }
 
-    /// Returns the ms since start, which wrap after 49 days.
+    /// Returns the ms since the DPR's start, which wrap after 49 days.
     #[must_use]
     pub const fn ms(&self) -> u32 {
         self.ms
     }
 
-    /// Returns the µs since start, which never wrap.
+    /// Returns the µs since the DPR's start, which never wrap.
     #[must_use]
     pub const fn us(&self) -> u64 {
         self.us
@@ -77,20 +77,20 @@ impl Clock {
     }
 }
 
-/// What the deadline waits for.
+/// Which frame the deadline is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
     /// The deadline waits for any frame; nothing was received yet, so none is missed.
     Any,
     /// The deadline waits for the second frame of the current cycle.
     Second,
-    /// The deadline waits for the next cycle's first frame; the current one's second is counted as missed.
+    /// The deadline waits for the next cycle's first frame; the second frame of this cycle is counted as missed.
     First,
-    /// The deadline waits for a whole cycle.
+    /// The deadline waits for one more cycle, while no frame comes.
     Cycle,
 }
 
-/// A frame's place in time.
+/// The cycle and the number of a frame that was received.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     sampled_us: u64,
@@ -98,28 +98,28 @@ struct Slot {
     frame: u32,
 }
 
-/// The meaning of deadlines that have passed.
+/// What follows from the deadlines that have passed since the last call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lapse {
     /// The number of frames that count as missed now.
     pub missed: u32,
-    /// Whether no frame came in time after the last one, so that nothing may be shown any more. Otherwise only a
+    /// Whether no frame came in time after the last one, so that images must have no objects any more. Otherwise only a
     /// cycle's second frame is late.
     pub silent: bool,
 }
 
 /// The missed-frame monitor: a deadline that each frame restarts, and the count of the frames that did not come.
 ///
-/// A frame is missed if its time has passed. During silence the deadlines count; when a frame arrives, the instants of
-/// the samples say how many frames were due between it and the previous one, and those that no deadline has counted are
-/// added. So the count does not depend on whether a damaged frame could be told apart from its neighbours: it counts as
-/// received.
+/// A frame is missed if its time has passed. While HORUS is silent, each deadline that passes counts. When a frame
+/// arrives, the instants of the samples tell how many frames were due between it and the previous one, and the missed
+/// frames that no deadline has counted are added. So the count does not depend on whether a damaged frame could be told
+/// apart from its neighbours: it counts as received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
     deadline_us: u32,
     last: Option<Slot>,
-    /// The number of frames counted as missed since the last one arrived.
+    /// The number of frames that were counted as missed since the last frame arrived.
     counted: u32,
 }
 
@@ -134,7 +134,7 @@ impl<const N: usize> Monitor<N> {
     const FRAMES: u32 = air::frames(N) as u32;
     const CYCLE_US: u32 = 1_000 * CYCLE_MS;
 
-    /// A monitor that waits for the first frame. Until a frame is received none is expected, so none is missed.
+    /// Returns a monitor that waits for the first frame. Until a frame is received none is expected, so none is missed.
     #[must_use]
     pub const fn new() -> Self {
         Self { due: Due::Any, deadline_us: 0, last: None, counted: 0 }
@@ -152,7 +152,7 @@ impl<const N: usize> Monitor<N> {
     }
 
     /// Takes a frame that ended at counter value `ended_us`, number `frame` of a cycle sampled at `sampled_us` on the
-    /// DPR's clock, and restarts the deadline. Returns the missed frames before it that no deadline counted.
+    /// DPR's clock, and restarts the deadline. Returns the missed frames before it that no deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -173,13 +173,13 @@ impl<const N: usize> Monitor<N> {
     }
 
     /// Whether a cycle's first frame ends within [`FRAME_DUE_US`] of the counter value `now_us`, or has ended, if HORUS
-    /// keeps its cycle. Later than a cycle after the last frame it may be true of an instant at which none is due.
+    /// keeps its cycle. More than a cycle after the last frame this may be true although no frame is due.
     #[must_use]
     pub const fn is_frame_due(&self, now_us: u32) -> bool {
         if !matches!(self.due, Due::Cycle) {
             return false;
         }
-        // This is the time from the end of a cycle's first frame to that of its last.
+        // This is the time from the end of a cycle's first frame to the end of the cycle's last frame.
         let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
             (Some(first), Some(last)) => last - first,
             _ => 0,
@@ -188,14 +188,14 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
-    /// Whether the deadline has passed at counter value `now_us`, or passes then. It is less than 35 minutes ago.
+    /// Whether the deadline has passed at counter value `now_us` or passes then; it must be less than 35 minutes ago.
     #[must_use]
     pub const fn has_lapsed(&self, now_us: u32) -> bool {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Returns `None` if the deadline has not passed at counter value `now_us`. If it has, and however many others
-    /// since, returns what that means; the next deadline is after `now_us`.
+    /// Returns what it means that the deadline has passed at counter value `now_us`, and however many others since;
+    /// `None` if it has not. The next deadline is then after `now_us`.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -208,7 +208,7 @@ impl<const N: usize> Monitor<N> {
         }
         let silent = self.has_lapsed(now_us);
         if silent {
-            // There was one deadline, and one more for each further period.
+            // The deadline that has passed counts once, and once more for each further period.
             let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
             self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
             let (due, frames) = match self.due {
@@ -224,12 +224,12 @@ impl<const N: usize> Monitor<N> {
     }
 }
 
-/// What other tasks know and Link-Status shows.
+/// The state of the DPR that other tasks hold and Link-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Whether a scrub has found a stuck bit since start.
     pub ram_fault: bool,
-    /// Whether the RFID front end is lost at the moment.
+    /// Whether the RFID front end is lost at the moment, so that no frame can be received.
     pub front_end_fault: bool,
     /// Whether the RFID front end works and senses no field of the sender.
     pub no_field: bool,
@@ -243,7 +243,7 @@ pub struct Health {
     pub uplink_rejected: bool,
 }
 
-/// What Link-Status tells, kept from publication to publication.
+/// The values of Link-Status, kept from one publication to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     clock: Clock,
@@ -266,7 +266,7 @@ impl Default for Link {
 }
 
 impl Link {
-    /// The state before anything was received: the age is saturated, and the sequence is searched for.
+    /// Returns the state before anything was received: the age is saturated, and the sequence is searched for.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -317,8 +317,8 @@ impl Link {
 
     /// Returns the Link-Status of an image that shows `shown` of the `expected` objects and is published now.
     ///
-    /// The link is up if the cycle that the image shows brought at least one object that may be shown. The age is that
-    /// of the sample of the last Reported-Position that was accepted.
+    /// The link is up if the cycle in the image brought at least one object that may be shown. The age is that of the
+    /// sample of the last Reported-Position that was accepted.
     #[must_use]
     pub fn seal(&self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
         let held = self.sequence.is_held(self.clock.us());
@@ -347,15 +347,15 @@ impl Link {
         })
     }
 
-    /// Returns objects accepted, objects rejected, frames received and frames missed; since start, wrapping.
+    /// Returns the numbers of objects accepted and rejected, and of frames received and missed; since start, wrapping.
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
     }
 
-    /// Returns the µs since `instant_us`; saturates, as it does if there was no such instant.
+    /// Returns the µs since `instant_us`. The result saturates, also if there was no such instant.
     fn since_us(&self, instant_us: Option<u64>) -> u32 {
-        // The computation has no branch, so that it takes equally long if there was no instant.
+        // The computation has no branch, so that it takes equally long if no such instant was recorded.
         let never = u64::from(instant_us.is_none()).wrapping_neg();
         let passed = self.clock.us().wrapping_sub(instant_us.unwrap_or_default()) | never;
         u32::try_from(passed).unwrap_or(u32::MAX)
@@ -431,7 +431,7 @@ mod tests {
         assert_eq!(monitor.deadline_us(), 32_500);
         assert_eq!(monitor.lapse(32_499), None);
         assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
-        // Three frames were due, at 20, 30 and 40 ms, of which deadlines have counted two.
+        // Three frames were due, at 20, 30 and 40 ms, two of which the deadlines have counted.
         assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
         assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
         assert_eq!(monitor.deadline_us(), 72_500);
@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn frames_that_were_due_between_two_are_counted_by_their_slots() {
-        // Each row has frame number and sample in µs of two frames, and how many were due between them.
+        // Each row has the number and the sample in µs of two frames, and how many frames were missed between them.
         for (one, other, missed) in [
             ((0, 0), (1, 0), 0),
             ((1, 0), (0, 10_000), 0),
@@ -469,7 +469,7 @@ mod tests {
         assert_eq!(monitor.frame(0, 80_000, 85_000), 3);
     }
 
-    /// A first frame ends at 0, then none comes: the second (3.9 ms) is lost, and both of every later cycle.
+    /// A first frame ends at 0, then none comes: its second (3.9 ms) is lost, and both frames of each later cycle.
     #[test]
     fn each_lost_frame_is_counted_when_its_time_has_passed() {
         let mut monitor = Monitor::<5>::new();
@@ -486,11 +486,11 @@ mod tests {
             }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
-        // The tenth cycle's second frame comes: the second of the ninth was missed, and the first of the tenth.
+        // The tenth cycle's second frame comes: the ninth cycle's second frame was missed, and the tenth's first.
         assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
     }
 
-    /// Returns a verdict on the first frame of a cycle of three receivers, of which `accepted` are accepted.
+    /// Returns a verdict on the first frame of a cycle of three receivers, of whose objects `accepted` are accepted.
     fn verdict(accepted: Objects, cycle: Cycle, sampled_us: u64) -> Verdict {
         Verdict { place: Place::of_frame::<3>(0).expect("a frame"), sampled_us, cycle, accepted }
     }
@@ -509,7 +509,7 @@ mod tests {
         assert_eq!(values(&link).age_100us, 51);
         link.advance(50_000 + 12_500);
         assert_eq!(values(&link).age_100us, 176);
-        // The age goes on without Reported-Position.
+        // The age grows while no Reported-Position is accepted.
         link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
         assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {
@@ -550,12 +550,12 @@ mod tests {
             let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
             assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
         }
-        // No frame comes for this time.
+        // During this time no frame comes.
         link.advance(40_000 + 267_700);
         assert!(!values(&link).status.out_of_sequence());
         link.advance(40_000 + 267_701);
         assert!(values(&link).status.out_of_sequence());
-        // The timestamp stays frozen until the next cycle comes.
+        // The timestamp counts as frozen until the next cycle comes.
         let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
         assert_eq!(judged(&mut link, 40, 400_000), frozen);
         assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));

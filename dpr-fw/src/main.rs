@@ -1,10 +1,10 @@
-//! The firmware of the DPR. This file is the table of tasks; the library has what they do, `hw` has the registers, and
-//! `board` has pins, vectors and channels.
+//! The firmware of the DPR. This file is the table of tasks; the library has what the tasks do, `hw` has the registers,
+//! and `board` has pins, vectors and channels.
 //!
-//! | task | when | has to be through within |
+//! | task | when it is called | has to be done within |
 //! |---|---|---|
 //! | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
-//! | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
+//! | `ssi_pause` | 95 µs after a transaction's end was served: the next end may call `ssi_end` | 10 µs |
 //! | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
 //! | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
 //! | `scrub` | a buffer was read | 10 ms |
@@ -14,14 +14,14 @@
 //! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
 //! in [`dpr_fw::task`] of these attributes.
 //!
-//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on air, and a
-//! task that verifies an object early takes about 30 µs (the front end's FIFO holds what arrives meanwhile). 0.1 ms is
-//! what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After 100
-//! ms the watchdog bites.
+//! The bounds have these reasons. After 10 µs the flight controller may select again. 40 µs are two bytes on the air; a
+//! task that verifies an object early takes about 30 µs, and the front end's FIFO holds what arrives meanwhile. 0.1 ms
+//! is what the design allows from the last bit to a readable image. After 10 ms the next frame needs the buffer. After
+//! 100 ms the watchdog resets the part.
 //!
-//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that never stops cannot
-//! keep the others from running: how often the highest tasks run is bounded by the pause between two transactions that
-//! they serve, and by what they grant ([`dpr_fw::ssi`]).
+//! The priorities fall in the order SSI, RFID, commit, scrub, port, idle. A flight controller that makes transactions
+//! without end cannot keep the other tasks from running: the pause between two transactions that are served, and the
+//! number that is granted between two images, bound how often the SSI tasks run ([`dpr_fw::ssi`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for the log ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -89,13 +89,13 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// Whether the RFID side has called for an image to be prepared.
+    /// Whether the RFID task has called for an image to be prepared.
     static FRAME_ARRIVES: AtomicBool = AtomicBool::new(false);
 
-    /// The least time between two calls of the tasks for signs of life, which come once a cycle, µs.
+    /// The least time between two calls of the tasks to make them check in, which are made once a cycle, µs.
     const SIGNS_OF_LIFE_US: u32 = 9_000;
 
-    /// The state that `commit` and `deadline`, which have one priority, share.
+    /// The state that the tasks `commit` and `deadline` share; both have one priority.
     pub struct Committing {
         intake: Intake<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
@@ -139,7 +139,7 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
-        // This is the memory that EasyDMA reaches, and the counters that a debugger reads.
+        // The patrol leaves out the memory that EasyDMA reaches, and the counters that a debugger reads.
         let mut shared = [const { 0..0 }; APART - 2];
         shared[0] = memory::span(cx.local.receive);
         shared[1] = memory::span(cx.local.images);
@@ -201,8 +201,8 @@ mod app {
         )
     }
 
-    /// Has the lowest priority: re-verifies what is stored, logs changes and a summary each second, feeds the watchdog,
-    /// and sleeps.
+    /// Has the lowest priority: verifies memory and the published image, logs changes and a summary each second, feeds
+    /// the watchdog, and sleeps.
     #[idle(local = [watchdog, patrol, memory], shared = [front_end])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut shown = FrontEnd::Starting;
@@ -211,7 +211,7 @@ mod app {
         let mut judge = Judge::new();
         let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
-            // Most interrupts leave this loop nothing to do, and cost it only this question.
+            // Most interrupts leave this loop no work and cost it only this query of the pace.
             let due = pace.due(hw::now_us());
             if due == 0 {
                 cortex_m::asm::wfi();
@@ -228,7 +228,7 @@ mod app {
             let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
             for number in 0..due * each {
                 let slice = cx.local.patrol.slice(cx.local.memory);
-                // A self-test concerns flash and RAM: the image is verified as often as otherwise.
+                // A self-test concerns flash and RAM, so the image is verified as often as at other times.
                 let damaged = if number < due { image.slice(&hw::ShownImage) } else { None };
                 match judge.judge(&slice, damaged, &INTEGRITY, &TELEMETRY) {
                     Consequence::None => {}
@@ -268,7 +268,7 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over: the next end may call `ssi_end` again, and does if it has come.
+    /// Runs when the pause after a transaction is over. The next end then calls `ssi_end`, or has come and does so now.
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
@@ -323,7 +323,7 @@ mod app {
         CHECK_IN.check_in(Task::commit);
     }
 
-    /// Runs when no frame came in time: what was valid must not stay readable.
+    /// Runs when no frame came in time, so that objects that were valid once do not stay readable.
     #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
@@ -354,7 +354,7 @@ mod app {
         }
     }
 
-    /// Scrubs buffers that were read or replaced, then asks the other tasks for signs of life, once a cycle.
+    /// Scrubs buffers that were read or replaced, then calls the other tasks so that they check in, once a cycle.
     #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
@@ -366,7 +366,7 @@ mod app {
             return;
         }
         *cx.local.asked_us = now_us;
-        // Tasks that a frame has already called need no other call.
+        // Tasks that have checked in already, because a frame has called them, need no other call.
         for task in [Task::rf_spi, Task::rf_irq, Task::rf_timer, Task::commit, Task::deadline] {
             if !CHECK_IN.has_checked_in(task) {
                 board::call(task);
@@ -376,13 +376,13 @@ mod app {
         board::call(Task::port);
     }
 
-    /// Runs when a transaction has brought something or an image was published: judges what came in and prepares what
-    /// the next image shows of it.
+    /// Runs when a transaction has brought something or an image was published: judges what came in and prepares
+    /// Port-Status and uplinks for the next image.
     #[task(binds = SWI2_EGU2, priority = 1, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared])]
     fn port(mut cx: port::Context) {
         let start = DWT::cycle_count();
         let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
-        // There are at most as many as the SSI task grants between two images.
+        // At most as many transactions wait as the SSI task grants between two images.
         let mut changed = false;
         while let Some(brought) = areas.take() {
             changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());

@@ -1,7 +1,7 @@
 //! Why the part last started.
 //!
-//! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared; after power-on and after a brown-out it
-//! is zero, since both come from the on-chip reset generator. A word of RAM that is not initialised tells these two
+//! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared. It is zero after power-on and after a
+//! brown-out, since both come from the on-chip reset generator. A word of RAM that no start initialises tells these two
 //! apart: if the word has kept its value, the supply only dipped.
 
 use profile::ResetReason;
@@ -15,10 +15,10 @@ const SREQ: u32 = 1 << 2;
 /// Bit 3 stands for lockup.
 const LOCKUP: u32 = 1 << 3;
 
-/// Returns the reason that RESETREAS `bits` tell, given whether the word of RAM had kept its value.
+/// Returns the reason that the RESETREAS value `bits` tells, given whether the word of RAM has kept its value.
 ///
-/// If the pin's bit is set, the others are ignored (anomaly 136). Bits of wake-up from System OFF, which is never
-/// entered, count as "other".
+/// If the bit of the reset pin is set, all others are ignored (anomaly 136). The bits of a wake-up from System OFF,
+/// which the firmware never enters, count as "other".
 #[must_use]
 pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
     if bits & RESETPIN != 0 {

@@ -1,27 +1,27 @@
-//! The RFID side: carries out the steps of the ST25R3916's listener machine, and hands frames on.
+//! The RFID side: carries out the steps of the ST25R3916's listener, and hands frames on to the commit task.
 //!
 //! # Design
 //!
-//! The machine ([`st25r3916::Listener`]) decides what to send to the chip; the [`FrontEndPort`] starts SPI transfers by
-//! EasyDMA and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: a transfer has ended,
-//! the IRQ pin has risen, the timer has elapsed. All three call [`Reception::serve`], and the cyclic check-in, which
-//! calls the task as well, serves what a lost edge of the IRQ pin has left waiting.
+//! The listener, a state machine ([`st25r3916::Listener`]), decides what to send to the chip; the [`FrontEndPort`]
+//! starts SPI transfers by EasyDMA and a timer; the driver's [`Executor`] stands between the two. Three interrupts call
+//! [`Reception::serve`]: a transfer has ended, the IRQ pin has risen, the timer has elapsed. The cyclic check-in calls
+//! it too, and serves what a lost edge of the IRQ pin has left waiting.
 //!
 //! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives that byte
-//! just before the place where the data go. For the first read this is the last of the [`LEAD`] bytes, for later ones
-//! the last byte of the previous chunk, which the port keeps and puts back. So frames lie where they are wanted without
-//! a copy.
+//! just before the place where the data go. For the first read of a frame this place is the last of the [`LEAD`] bytes;
+//! for later reads it is the last byte of the previous chunk, which the port keeps and puts back. So a frame's bytes
+//! lie in one piece without being copied.
 //!
 //! # Buffers
 //!
-//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. A buffer in
-//! which a frame was begun that is not delivered is replaced by a clean one as well: no frame is ever received into a
+//! [`Reception::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. If a frame
+//! began but will not be delivered, its buffer is replaced by a clean one as well: no frame is ever received into a
 //! buffer that holds bytes of another.
 //!
 //! # The end of a frame
 //!
 //! A frame's end is the rising edge of the IRQ pin (I_rxe), whose instant the hardware captures
-//! ([`FrontEndPort::irq_edge_us`]). The instant depends neither on when the processor looks, nor on whether the
+//! ([`FrontEndPort::irq_edge_us`]). The instant depends neither on when the processor reacts, nor on whether the
 //! interrupt was read in a status read that the edge caused or in one that a time-out had caused before.
 
 use rtic_core::Mutex;
@@ -42,10 +42,10 @@ use crate::{
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
-/// How long the chip is left alone after a frame, µs: the commit takes 50 µs. The next sync is at least 0.45 ms after
-/// the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Until then reading takes
-/// 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms; the setting that is read back afterwards may take until
-/// after that sync.
+/// How long the chip is left alone after a frame, µs: the commit takes 50 µs. The next sync comes at least 0.45 ms
+/// after the end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync). Before that sync,
+/// reading takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms; the read-back of a setting that comes
+/// afterwards may last until after that sync.
 pub const RESUME_AFTER_US: u32 = 80;
 
 /// The hardware that the executor needs, with the receive buffer that is being written. A response does not include the
@@ -59,41 +59,41 @@ pub trait FrontEndPort: executor::Port {
     /// Exchanges the receive buffer. Called while no transfer runs.
     fn exchange(&mut self, with: impl FnOnce(Filling<Self::Buffer>) -> Filling<Self::Buffer>);
     /// Returns the first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs,
-    /// since a read would put its own bytes in.
+    /// since a read temporarily overwrites a byte of the frame.
     fn arrived(&self, len: usize) -> &[u8];
 }
 
-/// The state of the RFID front end.
+/// The state of the RFID front end, as the RFID task last saw it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FrontEnd {
-    /// The front end has never listened yet.
+    /// The front end has not listened since the DPR's start.
     Starting,
     /// The front end is configured and listens.
     Listening {
-        /// Whether the front end senses the sender's field, or has received a frame and not lost the field since.
+        /// Whether the front end senses the sender's field, or has received a frame and has not lost the field since.
         field: bool,
     },
-    /// The front end was lost, for this reason, and is being brought up again. After [`Fault::Silence`] it stays in
-    /// this state until a frame comes, since only a frame shows that it receives.
+    /// The front end was lost, for this reason, and is being brought up again. After [`Fault::Silence`] this state
+    /// lasts until a frame comes, since only a frame shows that the front end receives.
     Lost(Fault),
 }
 
 impl FrontEnd {
-    /// Whether the front end works, as far as is known, and senses no field. After other faults the field is unknown.
+    /// Whether the front end works, as far as is known, and senses no field. After a fault other than silence: false.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
     }
 
-    /// Whether the front end is out of order, as far as is known, also if it receives nothing although the sender's
-    /// field is there. Without that field silence says nothing about the DPR's side.
+    /// Whether the front end is out of order, as far as is known. That includes a front end that receives nothing
+    /// although the sender's field is there; without a field, silence says nothing about the DPR's side.
     #[must_use]
     pub const fn is_out_of_order(self) -> bool {
         matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
     }
 
-    /// Takes note that the front end says that the field is there, or is gone.
+    /// Records whether the front end reports that the field is there or is gone.
     fn note_field(&mut self, there: bool) {
         if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
             *field = there;
@@ -101,12 +101,12 @@ impl FrontEnd {
     }
 }
 
-/// What is known of a frame beside its bytes.
+/// What is known of a received frame beside its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameInfo {
     /// The number of payload bytes.
     pub len: usize,
-    /// The counter, µs, at the frame's end.
+    /// The value of the µs counter at the frame's end.
     pub ended_us: u32,
     /// The part of the frame that was verified while it arrived.
     pub early: Early,
@@ -120,7 +120,7 @@ impl FrameInfo {
     }
 }
 
-/// The tasks that the RFID tasks have to call.
+/// The tasks that the RFID task has to call after an interrupt was served.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
     /// No task has to be called.
@@ -139,7 +139,7 @@ pub struct Reception<P> {
 }
 
 impl<P: FrontEndPort> Reception<P> {
-    /// Makes the first step of the front end's bring-up.
+    /// Makes the first step of the front end's bring-up, and returns the state of the RFID task.
     pub fn start(listener: Listener, port: P) -> Self {
         let mut executor = Executor::new(listener, port);
         // A bring-up begins with a transfer, never with an event.
@@ -148,9 +148,9 @@ impl<P: FrontEndPort> Reception<P> {
         Self { executor, early: Early::default() }
     }
 
-    /// Carries the driver on as far as it goes, for a profile of `N` receivers. A frame goes into `rotation`, and the
-    /// driver goes on with a clean buffer. While a frame arrives, this already verifies the objects that are complete,
-    /// so that less work is left after the last bit. Returns which tasks to call.
+    /// Carries the driver on as far as possible, for a profile of `N` receivers. A frame goes into `rotation`, and the
+    /// driver goes on with a clean buffer. While a frame arrives, the objects that are complete are already verified
+    /// here, so that less work is left after the last bit. Returns which tasks to call.
     pub fn serve<const N: usize>(
         &mut self,
         mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
@@ -186,7 +186,7 @@ impl<P: FrontEndPort> Reception<P> {
                 }),
                 ListenerEvent::Fault(fault) => {
                     match fault {
-                        // The sender may be off, so this need not be a fault.
+                        // The sender may be switched off, so silence need not be a fault of the front end.
                         Fault::Silence { .. } => telemetry.rf_silences.add(1),
                         _ => telemetry.rf_faults.add(1),
                     }
@@ -236,7 +236,7 @@ impl<P: FrontEndPort> Reception<P> {
     }
 }
 
-/// Puts a clean buffer in place of one in which a frame was begun that will not be delivered.
+/// Puts a clean buffer in place of the one in which a frame began that will not be delivered.
 fn replace_buffer<P: FrontEndPort>(
     executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,

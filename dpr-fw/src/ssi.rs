@@ -2,24 +2,24 @@
 //!
 //! # Design
 //!
-//! A transaction shows the window of the [map](profile::map) that the previous transaction asked for, and the map from
-//! its start if that one asked for nothing. A request is eight bytes with a CRC; eight bytes 0x00, or 0xFF (an undriven
-//! line), ask for nothing. After anything else (a damaged request, one that reaches beyond the map) the next
-//! transaction shows the map from its start.
+//! A transaction shows the window of the [map](profile::map) that the previous transaction asked for, or the map from
+//! its start if the previous one asked for nothing. A request is eight bytes with a CRC; eight bytes 0x00, or 0xFF (an
+//! undriven line), ask for nothing. After anything else (a damaged request, a request that reaches beyond the map) the
+//! next transaction shows the map from its start.
 //!
-//! Only the request is judged here, because the next transaction waits for it. The rest of what a transaction brought
-//! is judged by a task of low priority ([`port`](crate::port)), which gets the whole receive area.
+//! Only the request is judged here, because the next transaction waits for it. The other bytes that a transaction
+//! brought are judged by a task of low priority ([`port`](crate::port)), which gets the whole receive area.
 //!
 //! The SSI interrupt has a higher priority than all others, so a flight controller that selects and deselects the DPR
 //! in a loop could keep the RFID side from running. The peripheral reports only the end of granted transactions,
-//! whether bytes were clocked in them or not, and two bounds hold for those:
+//! whether bytes were clocked in them or not, and two bounds hold for granted transactions:
 //!
 //! - [`PAUSE_US`]: after the task has served the end of one transaction, the end of the next does not call it before
-//!   that time is over. The events that call it are masked until a timer lifts the mask; the shortcut from END to
-//!   ACQUIRE has taken the buffers from the peripheral meanwhile, so the flight controller reads 0xFF. So the task runs
-//!   between the last bit of a frame and its image at most once, whatever the flight controller does.
-//! - [`Budget`] counts these transactions, and when it is used up the buffer is not granted again until the next image
-//!   is published. So the load is bounded, including that of the port task.
+//!   this time is over. The events that call the task are masked until a timer unmasks them; meanwhile the shortcut
+//!   from END to ACQUIRE has taken the buffers from the peripheral, so the flight controller reads 0xFF. So the task
+//!   runs at most once between the last bit of a frame and its image, whatever the flight controller does.
+//! - [`Budget`] counts the granted transactions, and when it is used up the buffer is not granted again until the next
+//!   image is published. So the load of the SSI task is bounded, and that of the port task too.
 
 use core::ops::Range;
 
@@ -28,12 +28,12 @@ use profile::{
     Uplink, Violation,
 };
 
-/// The bytes behind the object in which nothing may be written: a transaction that drives them wants to write more than
-/// there is place for.
+/// The number of bytes behind the object in which nothing may be written: a transaction that drives them tries to write
+/// more than one object.
 pub const BEYOND_BYTES: usize = 8;
 
-/// The bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. The peripheral drops whatever
-/// else is clocked in.
+/// The number of bytes that a transaction can bring in: a request, an object, and [`BEYOND_BYTES`]. The peripheral
+/// drops all bytes that are clocked in after them.
 pub const RECEIVE_BYTES: usize = REQUEST_SIZE + Uplink::SIZE + BEYOND_BYTES;
 
 /// The memory for what a transaction brings in.
@@ -48,26 +48,26 @@ pub enum Asked {
     Nothing,
     /// The transaction asked for a window of the map.
     Window,
-    /// The transaction was too short to ask; whether that is a violation depends on what it brought instead.
+    /// The transaction was too short for a request; whether that is a violation depends on what it brought instead.
     Short,
-    /// The transaction asked for what it may not have.
+    /// The transaction asked for something that it may not have.
     Refused(Violation),
 }
 
-/// The windows of a map of `LEN` bytes.
+/// The window of a map of `LEN` bytes that the next transaction shows.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Windows<const LEN: usize> {
     next: Option<ssi::Request>,
 }
 
 impl<const LEN: usize> Windows<LEN> {
-    /// The state in which the next transaction shows the whole map.
+    /// Returns the state in which the next transaction shows the whole map.
     #[must_use]
     pub const fn new() -> Self {
         Self { next: None }
     }
 
-    /// Takes the end of a transaction in which `mosi` came in. Its request decides what the next one shows.
+    /// Takes the end of a transaction in which `mosi` came in. Its request decides what the next transaction shows.
     pub fn transaction(&mut self, mosi: &[u8]) -> Asked {
         let (asked, next) = match mosi.first_chunk().map(|request| ssi::parse(request, LEN)) {
             Some(Ok(Parsed::Nothing)) => (Asked::Nothing, None),
@@ -89,20 +89,20 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// After the SSI task has served the end of a transaction, the next end does not call it for this time, µs. It is
-/// longer than the way of a frame from its last bit to its image with the SSI task in it (docs/timing.md#sums), and
-/// shorter than the least time from end to end of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) without
-/// the time in which the first of them is served.
+/// The time for which the end of a transaction does not call the SSI task after that task has served the end of
+/// another, µs. It is longer than the time from a frame's last bit to its image with one run of the SSI task in it
+/// (docs/timing.md#sums). It is shorter than the least time from end to end of two transactions of 96 bytes
+/// ([`ssi::timing::SPACING_NS`]) less the time in which the first of the two is served.
 pub const PAUSE_US: u32 = 95;
 
 const _: () = assert!(PAUSE_US * 1_000 + ssi::timing::GAP_NS < ssi::timing::SPACING_NS);
 
 /// The number of transactions that are granted between two publications: in 10 ms a control cycle of 1 ms needs ten.
-/// Each takes 7 µs of interrupt, and the port task 10 to 20 µs for what it brought; so the processor's load stays below
-/// a tenth even if a flight controller never stops (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
+/// Each takes 7 µs of interrupt, and 10 to 20 µs of the port task; so the processor's load stays below a tenth even if
+/// a flight controller never stops (on the bench's fast clock: `bench/tests/babble.rs`, `ports.rs`).
 pub const BUDGET: u32 = 16;
 
-/// The number of transactions that may still be granted.
+/// The number of transactions that may still be granted until the next image is published.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget(u32);
 
@@ -113,7 +113,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// A budget of [`BUDGET`] transactions.
+    /// Returns a budget of [`BUDGET`] transactions.
     #[must_use]
     pub const fn new() -> Self {
         Self(BUDGET)
@@ -133,8 +133,8 @@ impl Budget {
 }
 
 /// Decides when the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction
-/// under way will call it, and such a call should not delay its end. So its end is waited for, but for at most
-/// [`SignOfLife::MOST`] cycles: a flight controller that never deselects the DPR must not reset it.
+/// under way will call the task at its end, and a call before might delay that end. So the end is waited for, but for
+/// [`SignOfLife::MOST`] cycles at most: a flight controller that never deselects the DPR must not reset it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SignOfLife {
     transactions: u32,
@@ -142,19 +142,19 @@ pub struct SignOfLife {
 }
 
 impl SignOfLife {
-    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it: with
-    /// the cycle of the call they are half of the watchdog's 100 ms.
+    /// The number of cycles, of 12.5 ms at most, that a transaction may last before the task is called during it.
+    /// Together with the cycle of that call they are half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// The state at the start, which has taken up to a third of the watchdog's time: a transaction that is already
-    /// under way is waited for during one cycle.
+    /// Returns the state at the start, which has taken up to a third of the watchdog's time. So a transaction that is
+    /// already under way then is waited for during one cycle only.
     #[must_use]
     pub const fn new() -> Self {
         Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
-    /// Whether the task is to be called, after this number of transactions in all, and while the DPR is selected or
-    /// not. To be asked once a cycle.
+    /// Whether to call the task so that it checks in, given the number of transactions so far and whether the DPR is
+    /// selected. To be asked once a cycle.
     pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
         let has_come = transactions != self.transactions;
         self.transactions = transactions;

@@ -5,13 +5,13 @@ use crate::triple::Scrubbed;
 firmware_common::counters! {
     /// The static `DPR_TELEMETRY` in the program: 32-bit counters in this order, all zero at start. Totals wrap.
     pub struct Telemetry {
-        /// Frames that had a right length.
+        /// Frames of a length that the profile has.
         frames_received,
         /// Frames whose deadline passed.
         frames_missed,
-        /// Objects that were accepted.
+        /// HORUS's objects that were accepted.
         objects_accepted,
-        /// Objects that were rejected, each by itself.
+        /// HORUS's objects that were rejected, each by itself.
         objects_rejected,
         /// Frames that were rejected as a whole.
         wrong_length,
@@ -46,9 +46,9 @@ firmware_common::counters! {
         rxe_to_publish_us,
         /// The longest time from the end of a frame to its publication, µs.
         rxe_to_publish_worst_us,
-        /// SSI transactions that clocked more bytes out than their window had; the extra bytes read 0xFF.
+        /// SSI transactions that clocked out more bytes than their window had; for the extra bytes they read 0xFF.
         ssi_over_reads,
-        /// SSI transactions that clocked more bytes in than fit into a receive area; the extra bytes were dropped. A
+        /// SSI transactions that clocked in more bytes than fit into a receive area; the extra bytes were dropped. A
         /// transaction that reads more than 80 bytes always does so.
         ssi_overflows,
         /// How often an image expired in hardware because none replaced it in time.
@@ -63,7 +63,7 @@ firmware_common::counters! {
         image_faults,
         /// Passes of the patrol over the RAM in use.
         ram_passes,
-        /// How often the RAM in use did not hold what was written to it, also at the start.
+        /// How often a word of the RAM in use did not hold what was written to it, also at the start.
         ram_errors,
         /// How often the transactions that are granted between two images were used up.
         ssi_budgets_spent,
@@ -79,14 +79,14 @@ firmware_common::counters! {
         field_losses,
         /// How often the front end was brought up anew since nothing had been received for long.
         rf_silences,
-        /// The last register of the front end that did not read as it was set, or 0: its address (with 0x40 in space B)
-        /// in bits 23 to 16, then the value that was set, then the value that was read.
+        /// The last register of the front end that did not read as it was set, or 0 if none: its address (with 0x40 in
+        /// space B) in bits 23 to 16, then the value that was set, then the value that was read.
         rf_register,
     }
 }
 
 impl Telemetry {
-    /// Counts what scrubs did and found.
+    /// Counts the result of scrubs.
     pub fn scrubbed(&self, found: Scrubbed) {
         self.scrubs.add(found.buffers);
         self.scrub_faults.add(found.stuck_bits);

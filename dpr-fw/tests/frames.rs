@@ -1,6 +1,7 @@
-//! The way from the air to the image, without an MCU: what the firmware's tasks call, on the chip model.
+//! Tests the way from the air to the image, without an MCU: the functions that the firmware's tasks call, on a chip
+//! model.
 //!
-//! Time is virtual and byte-exact on SPI at 8 MHz; the work of the firmware's tasks takes no time here.
+//! Time is virtual. SPI takes its time byte by byte at 8 MHz; the work of the firmware's tasks takes none.
 
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
@@ -33,7 +34,7 @@ const BIT_AS: u64 = 2_359_882_005_899;
 const CYCLE_NS: u64 = 10_000_000;
 /// The first byte of a status read, which reads registers from 0x19 on.
 const STATUS_READ: u8 = 0x59;
-/// The first cycle's sample, ns: bring-up is over, and the field has been on for a while.
+/// The instant of the first cycle's sample, ns: the bring-up is over, and the field has been on for a while.
 const FIRST_TICK_NS: u64 = 33_000_000;
 
 /// Returns the timestamp of cycle number `cycle`, ms.
@@ -41,7 +42,7 @@ fn timestamp(cycle: u64) -> u32 {
     10 * (cycle as u32 + 1)
 }
 
-/// A transfer on its way.
+/// An SPI transfer between processor and front end that is under way.
 #[derive(Default)]
 struct Transfer {
     mosi: Vec<u8>,
@@ -58,7 +59,7 @@ struct World {
     /// Whether SPIM0 hangs, so that transfers that are started never end.
     stuck: bool,
     irq: bool,
-    /// When the IRQ pin last rose, ns.
+    /// When the IRQ pin rose last, ns.
     irq_rose_ns: u64,
     /// How often the IRQ pin rose while a status was being read.
     rises_in_status_reads: u32,
@@ -97,7 +98,7 @@ impl World {
         }
     }
 
-    /// Sends a frame whose first bit is on the air at `at`.
+    /// Sends a frame whose first bit is on the air at the instant `at`, ns.
     fn send(&mut self, at: u64, payload: &[u8], damage: impl FnOnce(&mut [u8])) {
         let mut data = vec![payload.len() as u8 + 1];
         data.extend(payload);
@@ -139,14 +140,15 @@ impl<T> Mutex for Own<'_, T> {
     }
 }
 
-/// The port does the same as the hardware: a read lands one byte early, and that byte is put back.
+/// The port does the same as the hardware: the first byte of a read overwrites the byte before the data, and the port
+/// puts that byte back.
 struct SimPort {
     world: Rc<RefCell<World>>,
     buffer: Option<Filling<Buffer>>,
     response: Vec<u8>,
     read: Option<(usize, usize)>,
     timer_ns: u64,
-    /// Whether every buffer that was put in to be written was clean.
+    /// Whether every buffer that was put into the port was clean.
     always_clean: bool,
 }
 
@@ -236,7 +238,7 @@ impl rf::FrontEndPort for SimPort {
     }
 }
 
-/// The images that were published, each with its time.
+/// The images that were published, each with the instant of its publication.
 struct Album {
     filling: ImageMemory,
     published: Vec<(u64, ImageMemory)>,
@@ -254,7 +256,7 @@ impl Images for Album {
     }
 }
 
-/// The DPR for `N` receivers.
+/// The DPR in a profile of `N` receivers, with the chip model.
 struct Dpr<const N: usize> {
     world: Rc<RefCell<World>>,
     receiver: Reception<SimPort>,
@@ -264,7 +266,7 @@ struct Dpr<const N: usize> {
     commit: Commit<N>,
     album: Album,
     telemetry: Telemetry,
-    /// Whether the commit task does not run.
+    /// Whether the commit task is held back, so that frames wait.
     commit_waits: bool,
 }
 
@@ -315,7 +317,8 @@ impl<const N: usize> Dpr<N> {
         self.world.borrow_mut().send(at, payload, |_| ());
     }
 
-    /// Sends the frames of cycle number `cycle`, counted from 0, at their slots; returns the instant of its last bit.
+    /// Sends the frames of cycle number `cycle`, counted from 0, in their slots. Returns the instant of the last bit,
+    /// ns.
     fn send_cycle(&mut self, cycle: u64) -> u64 {
         let sent = profile_at::<N>(timestamp(cycle));
         let tick = FIRST_TICK_NS + CYCLE_NS * cycle;
@@ -328,7 +331,7 @@ impl<const N: usize> Dpr<N> {
         end
     }
 
-    /// Returns a link that runs and is in sequence: cycles 0 to 3 have come, and the last of them is shown.
+    /// Returns a running link that is in sequence: cycles 0 to 3 have come, and an image shows the objects of cycle 3.
     fn in_sequence(read_mode: ReadMode) -> Self {
         let mut dpr = Self::new(read_mode);
         for cycle in 0..4 {
@@ -363,7 +366,7 @@ impl<const N: usize> Dpr<N> {
         }
     }
 
-    /// Does what the RFID, commit and scrub tasks call, one after the other.
+    /// Makes the calls that the RFID, commit and scrub tasks make, one task after the other.
     fn serve(&mut self) {
         let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry, commit_waits } = self;
         let called = receiver.serve::<N>(Own(rotation), Own(front_end), telemetry) != Call::None;
@@ -389,7 +392,7 @@ impl<const N: usize> Dpr<N> {
     }
 }
 
-/// Returns a profile whose values tell its timestamp.
+/// Returns a profile in which every value tells the profile's timestamp.
 fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     let (latitude, longitude, altitude) =
         (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);
@@ -418,8 +421,8 @@ fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
     Profile::seal(&reported, &[gps; N])
 }
 
-/// Sends 20 cycles; every profile except those of the search for the sequence has to be shown, byte for byte, and
-/// published within `bound_ns` of the last bit.
+/// Sends 20 cycles. Every profile, except those that come while the sequence is searched for, must be shown byte for
+/// byte and published within `bound_ns` of its last bit.
 fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
     let mut dpr = Dpr::<N>::new(read_mode);
     let ends: Vec<_> = (0..20).map(|cycle| dpr.send_cycle(cycle)).collect();
@@ -446,7 +449,7 @@ fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
 
 #[test]
 fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
-    // The bound is the share of 0.1 ms that SPI and the chip get, 40 µs; the processor gets the rest.
+    // SPI and the chip get 40 µs of the 0.1 ms that the design allows; the processor gets the rest.
     every_profile_arrives::<1>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<2>(ReadMode::WhileFilling, 40_000);
     every_profile_arrives::<3>(ReadMode::WhileFilling, 40_000);
@@ -455,7 +458,7 @@ fn profiles_of_any_number_of_receivers_arrive_while_the_fifo_fills() {
 
 #[test]
 fn profiles_arrive_by_store_and_forward() {
-    // 247 bytes and the command take 0.248 ms of SPI.
+    // The SPI takes 0.248 ms for the 247 bytes of a frame and the read command.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
 }
@@ -472,7 +475,7 @@ fn no_transfer_reaches_the_chip_for_its_rest_time_after_a_frame() {
     let (frame_ns, _) = dpr.album.published[4];
     let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
-        // Each step calls the task once more, as an edge that is reported twice or the check-in does.
+        // Each step calls the task once more, as a doubly reported edge or the check-in does.
         dpr.run_to(frame_ns + later_ns);
         assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
     }
@@ -487,7 +490,8 @@ fn a_receive_buffer_just_holds_the_longest_frame() {
     assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
 }
 
-/// Returns what of each frame of a cycle of `N` receivers was verified before the frame's last byte was there.
+/// Returns which objects of each frame of a cycle of `N` receivers were verified before the frame's last byte had
+/// arrived.
 fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     let mut dpr = Dpr::<N>::in_sequence(read_mode);
     dpr.commit_waits = true;
@@ -496,7 +500,8 @@ fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     std::iter::from_fn(|| dpr.rotation.read()).map(|received| received.about().early).collect()
 }
 
-/// Returns what is verified of a cycle's frames if all but the last `missing` bytes of each have arrived.
+/// Returns which objects of each frame of a cycle are verified if all but the frame's last `missing` bytes have
+/// arrived.
 fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
     let sent = profile_at::<N>(timestamp(4));
     let early = air::split(&sent).map(|payload| {
@@ -510,7 +515,7 @@ fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
 
 #[test]
 fn all_but_a_frames_last_bytes_are_verified_while_it_arrives() {
-    // The bytes after the third read's begin are left for the end, and two of them are the frame's CRC-16.
+    // The bytes that arrive after the third read has begun are read at the frame's end; two of them are its CRC-16.
     assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(TAIL - 2));
     assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(TAIL - 2));
     assert_eq!(verified_early::<5>(ReadMode::WhileFilling), early_without::<5>(TAIL - 2));
@@ -558,7 +563,7 @@ fn a_frame_of_another_length_is_counted_and_the_next_is_shown() {
     assert!(dpr.receiver.port().always_clean);
 }
 
-/// The reason why a frame does not arrive.
+/// Why a frame is not delivered.
 #[derive(Clone, Copy, Debug)]
 enum Lost {
     /// The field goes off during the frame.
@@ -580,7 +585,7 @@ fn a_buffer_with_a_lost_frame_is_scrubbed_before_the_next_one() {
             world.air.push_back(end);
             world.air.push_back((tick + 5_500_000, AirEvent::FieldOn));
         }
-        // Bytes of the frame are read into the buffer on the way.
+        // The listener reads bytes of the frame into the buffer while it arrives.
         dpr.run_to(tick + 4_750_000);
         let buffer_is_clean = |dpr: &mut Dpr<3>| {
             dpr.receiver.port().buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS])
@@ -653,8 +658,9 @@ fn a_missing_field_is_told_from_air_that_loses_frames() {
 
 #[test]
 fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
-    // A LEN that was damaged on the air moves the listener's timed status reads by whole bytes, and a bit rate that is
-    // off moves the frame's end between them: some reads meet the end, which then ends no wait for the IRQ pin.
+    // A LEN that was damaged on the air shifts the listener's timed status reads by whole bytes, and a bit rate that is
+    // off shifts the frame's end between the reads. So some reads find the frame's end, and no wait for the IRQ pin
+    // does.
     let mut met = 0;
     for (more, slow) in (4..=12).flat_map(|more| (0..10).map(move |slow| (more, slow))) {
         let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
@@ -663,7 +669,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         let at = FIRST_TICK_NS + 4 * CYCLE_NS + 1_000 * u64::from(slot_us);
         dpr.world.borrow_mut().send(at, sent.as_bytes(), |data| data[0] += more);
         {
-            // The bit rate is off by tenths of a percent, each 2.5 µs at the frame's end.
+            // The bit rate is off by tenths of a percent, each of which is 2.5 µs at the frame's end.
             let longer = |span: u64| span + span / 1_000 * slow;
             let mut world = dpr.world.borrow_mut();
             for (instant, event) in &mut world.air {
@@ -677,7 +683,7 @@ fn a_frame_that_ends_during_a_status_read_keeps_its_instant() {
         dpr.run_to(at + 5_000_000);
         met += dpr.world.borrow().rises_in_status_reads - met_before;
         assert_eq!(dpr.profile(4), sent.as_bytes(), "LEN + {more}, {slow}");
-        // The age counts from the end of the frame; from the sync it would be 2.4 ms more.
+        // The age counts from the end of the frame. If it counted from the sync, it would be 2.4 ms more.
         let (published, _) = dpr.album.published[4];
         let age_100us = (published - (FIRST_TICK_NS + 4 * CYCLE_NS)) / 100_000;
         assert!(u64::from(dpr.link().age_100us).abs_diff(age_100us) <= 1, "LEN + {more}, {slow}: {:?}", dpr.link());
@@ -711,11 +717,12 @@ fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
         }
         dpr.run_to(silent_from + 450_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
-        // The front end is brought up anew after 0.5 s and after another second; it is lost meanwhile.
+        // The front end is brought up anew after 0.5 s of silence and after another second. Until it receives a frame
+        // it counts as lost.
         dpr.run_to(silent_from + 600_000_000);
         let silence = FrontEnd::Lost(Fault::Silence { field });
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
-        // Without a field the sender is missing.
+        // Without a field the silence is the sender's fault, not the front end's.
         assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
         dpr.run_to(silent_from + 1_700_000_000);
         assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");

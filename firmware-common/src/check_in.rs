@@ -1,9 +1,9 @@
 //! Records which tasks have checked in, so that the watchdog may be fed.
 //!
-//! A board's only watchdog is fed from its idle loop, which runs only when nothing else wants to, and only when every
-//! task has checked in since the watchdog was last fed. So a task that hangs, a task that starves those below it and an
-//! interrupt that never comes all end in the same reset. No task may need the outside world in order to check in; each
-//! firmware's list of tasks says what makes them run.
+//! A board's only watchdog is fed from its idle loop, which runs only when no task is ready, and only when every task
+//! has checked in since the watchdog was last fed. So a task that hangs, a task that starves those of lower priority
+//! and an interrupt that never comes all end in the same reset. No task may need an event from outside the board in
+//! order to check in; each firmware's list of tasks says what makes them run.
 
 use core::{
     marker::PhantomData,
@@ -23,11 +23,11 @@ pub trait Task: Copy {
 #[macro_export]
 macro_rules! task_table {
     ($($name:ident $vector:ident)*) => {
-        /// Every task of the firmware with its interrupt vector, the most urgent first. A trace of the bench shows
-        /// these names.
+        /// The name of every task of the firmware with its interrupt vector, the most urgent first. A trace of the
+        /// bench shows these names.
         pub const TASKS: &[(&str, &str)] = &[$((stringify!($name), stringify!($vector))),*];
 
-        /// A task, by the name of its function. Each has to check in.
+        /// A task of the firmware, by the name of its function. Each task has to check in.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(non_camel_case_types)]
         pub enum Task {
@@ -57,13 +57,13 @@ macro_rules! task_vectors {
         /// The vectors of the tasks, in the order of [`TASKS`].
         const TASK_VECTORS: [Interrupt; TASKS.len()] = [$(Interrupt::$vector),*];
 
-        /// Calls `task`, which runs as soon as no task of its priority or of a higher one does.
+        /// Calls `task`, which runs as soon as no task of the same or of a higher priority runs.
         #[inline(always)]
         pub(crate) fn call(task: Task) {
             rtic::pend(TASK_VECTORS[task as usize]);
         }
 
-        /// Returns the name of the task whose exception has this number: its interrupt's plus 16 (ARMv7-M ARM B1.5.2).
+        /// Returns the name of the task whose exception has this number, its interrupt's plus 16 (ARMv7-M ARM B1.5.2).
         pub(crate) fn task_of(exception: u16) -> &'static str {
             let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
             let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
@@ -75,7 +75,7 @@ macro_rules! task_vectors {
 /// The most tasks that a firmware can have.
 const MOST: usize = 32;
 
-/// The tasks `T` that have checked in.
+/// The record of which tasks of type `T` have checked in.
 #[derive(Debug)]
 pub struct CheckIn<T> {
     seen: [AtomicBool; MOST],
@@ -89,16 +89,16 @@ impl<T: Task> Default for CheckIn<T> {
 }
 
 impl<T: Task> CheckIn<T> {
-    /// The state in which no task has checked in.
+    /// Returns the state in which no task has checked in.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(T::COUNT >= 1 && T::COUNT as usize <= MOST) }
         Self { seen: [const { AtomicBool::new(false) }; MOST], tasks: PhantomData }
     }
 
-    /// Records that `task` is alive. May be called from any priority.
+    /// Records that `task` runs. It may be called from any priority.
     pub fn check_in(&self, task: T) {
-        // A bit of a word that all tasks share would take four times as long as this store, in the way of each frame.
+        // A bit of a word that all tasks share would take four times as long as this store, and delay each frame.
         if let Some(own) = self.seen.get(task.number() as usize) {
             own.store(true, Ordering::Relaxed);
         }
@@ -110,7 +110,7 @@ impl<T: Task> CheckIn<T> {
         self.seen.get(task.number() as usize).is_some_and(|own| own.load(Ordering::Relaxed))
     }
 
-    /// Whether every task has checked in since this last returned true. If so, all have to check in anew.
+    /// Whether every task has checked in since the last call that returned true. If so, all have to check in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
         let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));

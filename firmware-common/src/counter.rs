@@ -1,7 +1,7 @@
 //! The counters of which a firmware's telemetry is made.
 //!
 //! Each firmware exports one `repr(C)` structure of counters under a symbol of its own; a debugger or the bench reads
-//! it from RAM by that symbol. Nothing in the firmware depends on it.
+//! it from RAM by that symbol. No code of the firmware depends on the counters.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -11,13 +11,13 @@ use core::sync::atomic::{AtomicU32, Ordering};
 pub struct Counter(AtomicU32);
 
 impl Counter {
-    /// A counter that starts at `value`.
+    /// Returns a counter that starts at `value`.
     #[must_use]
     pub const fn starting_at(value: u32) -> Self {
         Self(AtomicU32::new(value))
     }
 
-    /// A counter that starts at 0.
+    /// Returns a counter that starts at 0.
     #[must_use]
     pub const fn new() -> Self {
         Self::starting_at(0)
@@ -29,12 +29,12 @@ impl Counter {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Adds `amount`; wraps.
+    /// Adds `amount` to the number, which wraps.
     pub fn add(&self, amount: u32) {
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Adds `amount`; wraps. Only for a task that alone changes this number, since it takes no exclusive access.
+    /// Adds `amount` to the number, which wraps. Only for a task that alone changes it: the access is not exclusive.
     pub fn add_alone(&self, amount: u32) {
         self.0.store(self.0.load(Ordering::Relaxed).wrapping_add(amount), Ordering::Relaxed);
     }
@@ -70,7 +70,7 @@ macro_rules! counters {
             /// The names of the counters, in their order in memory.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name),)*];
 
-            /// Counters that are all zero.
+            /// Returns counters that are all zero.
             #[must_use]
             pub const fn new() -> Self {
                 Self { $($name: $crate::counter::Counter::new(),)* }

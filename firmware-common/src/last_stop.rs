@@ -1,13 +1,13 @@
-//! Why the firmware last stopped itself: written when a board enters its safe state, and read after the restart.
+//! Why the firmware last stopped itself: recorded when a board enters its safe state, and read after the restart.
 //!
 //! # Design
 //!
 //! Nobody reads the log of a board in flight, and its watchdog restarts it 100 ms later. So the cause of the stop is
-//! kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it: what this
-//! memory holds after power-on, or after a stop that did not get as far as writing it, is no record. The first stop
-//! since a start is kept; what fails in the safe state itself does not overwrite it.
+//! kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it. After
+//! power-on, or after a stop that did not get as far as writing the record, the memory has no right CRC and so no
+//! record. Only the first stop since a start is kept; a failure in the safe state itself does not overwrite it.
 //!
-//! After the restart the firmware [takes](take) the record once: it logs the record, counts it in its telemetry, and
+//! After the restart the firmware [takes](take) the record once: it logs the record, shows it in its telemetry, and
 //! keeps the record's [`code`] for as long as it runs. A restart that no record explains (the supply, the reset pin, a
 //! task that hung) has code 0.
 //!
@@ -16,7 +16,7 @@
 //! | bits | what |
 //! |---|---|
 //! | 31..24 | the [`Cause`], never 0 |
-//! | 23..16 | the exception whose handler was interrupted: its number, 0 for start and idle loop, 255 if above |
+//! | 23..16 | the number of the exception whose handler was interrupted: 0 for start and idle loop, 255 if above |
 //! | 15..0 | fault: the half word of CFSR that belongs to the cause; panic: the line; otherwise the detail's low half |
 
 use core::{
@@ -54,13 +54,13 @@ causes! {
     BusFault = 2, "bus fault";
     /// An instruction cannot be executed: it is undefined or unaligned, divides by zero, or needs another state.
     UsageFault = 3, "usage fault";
-    /// A HardFault happened that none of the three explains: a vector that could not be read, or a debug event.
+    /// A HardFault happened that is none of the other faults: a vector could not be read, or a debug event came.
     HardFault = 4, "hard fault";
     /// The firmware panicked. The detail is the line of the panic.
     Panic = 5, "panic";
     /// An exception or interrupt came that has no task. The detail is its interrupt number.
     NoTask = 6, "interrupt without a task";
-    /// The program in flash is no longer the one that was built. The detail is the CRC found.
+    /// The program in flash differs from the one that was built. The detail is the CRC of the flash.
     Flash = 7, "flash changed";
     /// Code that runs in RAM differs from its load image in flash. The detail is the address.
     CodeInRam = 8, "code in RAM changed";
@@ -68,7 +68,7 @@ causes! {
     GuardWord = 9, "guard word changed";
     /// The external clock has failed (HORUS).
     Clock = 10, "external clock failed";
-    /// An oscillator or PLL did not become ready in its time at the start.
+    /// An oscillator or a PLL did not become ready in its time at the start.
     ClockStart = 11, "clock did not start";
     /// RAM that is in use does not hold what is written to it. The detail is the address, 0 if RAM was not tested at
     /// the start.
@@ -80,7 +80,7 @@ causes! {
 }
 
 impl Cause {
-    /// Whether memory did not read as it was written: flash, code in RAM, a guard word, or RAM in use.
+    /// Whether the cause is memory that read differently than it was written: flash, code in RAM, guard, RAM in use.
     #[must_use]
     pub const fn is_memory_fault(self) -> bool {
         matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
@@ -91,7 +91,7 @@ impl Cause {
     }
 }
 
-/// The end of the path of a source file, as many bytes as fit, padded with zeros.
+/// The last bytes of the path of a source file, as many as fit, padded with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place([u8; Self::LEN]);
 
@@ -99,7 +99,7 @@ impl Place {
     /// The number of bytes of a path that are kept.
     pub const LEN: usize = 24;
 
-    /// Returns the end of `path`.
+    /// Returns the end of `path`, cut to the length that is kept.
     #[must_use]
     pub fn of(path: &str) -> Self {
         let mut bytes = [0; Self::LEN];
@@ -110,7 +110,7 @@ impl Place {
         Self(bytes)
     }
 
-    /// Returns the text, up to the first byte that is not text.
+    /// Returns the end of the path as text, up to the first byte that is not text.
     #[must_use]
     pub fn text(&self) -> &str {
         let len = self.0.iter().position(|byte| !byte.is_ascii_graphic()).unwrap_or(Self::LEN);
@@ -118,7 +118,7 @@ impl Place {
     }
 }
 
-/// A stop of the firmware.
+/// The record of a stop of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
     /// What made the firmware stop.
@@ -128,11 +128,11 @@ pub struct Stop {
     pub exception: u16,
     /// The CFSR of a fault, otherwise the detail that [`Cause`] describes.
     pub detail: u32,
-    /// The address that a fault was about, if the processor has it.
+    /// The address that the faulting access was to, if the processor has reported it.
     pub address: Option<u32>,
     /// The address of the instruction that was interrupted; 0 if it is not known.
     pub pc: u32,
-    /// The return address of the function that was interrupted, or nearly so; 0 if it is not known.
+    /// The return address of the function that was interrupted, or an address near it; 0 if it is not known.
     pub lr: u32,
     /// The place in the source at which a panic was called.
     pub place: Place,
@@ -160,7 +160,7 @@ impl FaultStatus {
     const USAGE: u32 = 0xFFFF_0000;
     const MMARVALID: u32 = 1 << 7;
     const BFARVALID: u32 = 1 << 15;
-    /// The bits that say that the frame of the exception could not be written: MSTKERR, STKERR.
+    /// The bits that mean that the frame of the exception could not be written: MSTKERR, STKERR.
     const NO_FRAME: u32 = 1 << 4 | 1 << 12;
 
     /// Whether the processor has written the frame of the exception.
@@ -169,7 +169,7 @@ impl FaultStatus {
         self.cfsr & Self::NO_FRAME == 0
     }
 
-    /// Checks memory protection first, since an access that the unit refuses often makes the stacking fail as well.
+    /// Returns the cause. Memory protection comes first: an access that it refuses often makes the stacking fail too.
     const fn cause(self) -> Cause {
         if self.cfsr & Self::MEMORY != 0 {
             Cause::MemoryProtection
@@ -194,27 +194,27 @@ impl FaultStatus {
 }
 
 impl Stop {
-    /// Makes a stop for `cause`, of which no more is known than `detail`.
+    /// Returns a stop for `cause`, of which only `detail` is known.
     #[must_use]
     pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
         Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
     }
 
-    /// Makes the stop of a fault in the handler of `exception`. `frame` has the link register and the program counter
-    /// that the processor has stacked, if it has.
+    /// Returns the stop of a fault in the handler of `exception`. `frame` has the link register and the program counter
+    /// that the processor has stacked, if it has stacked them.
     #[must_use]
     pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
         let (lr, pc) = frame.unwrap_or((0, 0));
         Self { address: status.address(), pc, lr, ..Self::new(status.cause(), exception, status.cfsr) }
     }
 
-    /// Makes the stop of a panic that was called at `line` of the file at `path`.
+    /// Returns the stop of a panic that was called at `line` of the file at `path`.
     #[must_use]
     pub fn of_panic(path: &str, line: u32, exception: u16) -> Self {
         Self { place: Place::of(path), ..Self::new(Cause::Panic, exception, line) }
     }
 
-    /// Returns the stop in one word; see the module's table.
+    /// Returns the stop in one word, whose bits the module's table explains.
     #[must_use]
     pub const fn code(&self) -> u32 {
         let detail = match self.cause {
@@ -227,7 +227,7 @@ impl Stop {
         (self.cause as u32) << 24 | exception << 16 | detail
     }
 
-    /// Returns the record, whose CRC is its last word.
+    /// Returns the stop as a record, whose last word is the CRC.
     #[must_use]
     pub fn to_words(&self) -> [u32; WORDS] {
         let mut words = [0; WORDS];
@@ -247,7 +247,7 @@ impl Stop {
         words
     }
 
-    /// Returns the stop that `words` record; `None` if they do not have their CRC, or record no cause.
+    /// Returns the stop that `words` record; `None` if their CRC is wrong or they record no cause.
     #[must_use]
     pub fn from_words(words: &[u32; WORDS]) -> Option<Self> {
         let [head, detail, address, pc, lr, text @ .., check] = words;
@@ -272,7 +272,7 @@ fn check_word(words: &[u32; WORDS]) -> u32 {
 /// Returns in words what a fault's status register tells.
 fn fault_in_words(cause: Cause, cfsr: u32) -> &'static str {
     let bits: &[(u32, &str)] = match cause {
-        // If an access came before the frame that could not be written, that access is the reason.
+        // If an access was refused before the frame could not be written, that access is the reason.
         Cause::MemoryProtection => {
             &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
         }
@@ -318,7 +318,7 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The record. Its content after power-on does not have its CRC, except for one case in 2^32.
+/// The memory of the record. After power-on its CRC is wrong, except for one case in 2^32.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
 #[cfg_attr(target_os = "none", link_section = ".uninit.LAST_STOP")]
 static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
@@ -326,7 +326,7 @@ static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 /// Whether a stop was recorded since the start.
 static NOTED: AtomicBool = AtomicBool::new(false);
 
-/// The code of the stop before this start.
+/// The code of the stop before this start, 0 if there was none.
 static CODE: AtomicU32 = AtomicU32::new(0);
 
 /// Records `stop`, if it is the first since the start.
@@ -337,9 +337,9 @@ pub fn note(stop: &Stop) {
     record(&stop.to_words());
 }
 
-/// Runs `wait`, whose end the firmware cannot enforce, with `stop` recorded: if it never ends, the watchdog resets the
-/// part, and after the restart the record says what was waited for. A stop during the wait replaces the record;
-/// otherwise there is none afterwards. An older record has to be [taken](take) first.
+/// Runs `wait`, whose end the firmware cannot enforce, with `stop` recorded. If `wait` never ends, the watchdog resets
+/// the part, and after the restart the record tells what was waited for. A stop during `wait` replaces the record;
+/// otherwise there is no record afterwards. An older record has to be [taken](take) before.
 pub fn unless_over<T>(stop: &Stop, wait: impl FnOnce() -> T) -> T {
     record(&stop.to_words());
     let over = wait();
@@ -353,8 +353,8 @@ fn record(words: &[u32; WORDS]) {
     }
 }
 
-/// Returns the stop before this start, if the firmware had stopped itself; from then on there is no record until the
-/// next stop. To be called once, at start.
+/// Returns the stop before this start, if the firmware had stopped itself. From then on there is no record until the
+/// next stop. To be called once, at the start.
 pub fn take() -> Option<Stop> {
     let mut words = [0; WORDS];
     for (to, from) in words.iter_mut().zip(&RECORD) {

@@ -1,4 +1,4 @@
-//! What the firmwares of both boards have in common, so that it exists once and means the same on both.
+//! The code that the firmwares of both boards have in common, so that it exists once and works in the same way on both.
 //!
 //! | module | what it does |
 //! |---|---|

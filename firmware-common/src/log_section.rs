@@ -1,21 +1,21 @@
-//! The critical section of the logger, which masks nothing while the idle loop logs.
+//! The critical section of the logger, which masks no interrupt while the idle loop logs.
 //!
-//! The feature `log-section` selects it.
+//! The feature `log-section` selects this critical section.
 //!
 //! # Design
 //!
 //! `defmt-rtt` writes each message within a [critical section](https://docs.rs/critical-section). The usual
 //! implementation for one core masks all interrupts, and a message of a few numbers takes 5 to 10 µs: any deadline of
 //! that order is missed if a message happens to be written. In these firmwares only the idle loop and the start-up code
-//! log. They run in thread mode, and no interrupt handler enters a critical section, so two sections never overlap even
-//! though no interrupt is masked.
+//! log. They run in thread mode, and no interrupt handler enters a critical section, so two sections never overlap
+//! although no interrupt is masked.
 //!
-//! A handler that stops the firmware is the exception. It never returns, and if it interrupted a message that was being
-//! written ([`is_interrupted`]), [`safe_state`](crate::safe_state) does without a message: the logger would panic. In
-//! handler mode all interrupts are masked as usual, so that no second handler comes in between.
+//! A handler that stops the firmware is the exception. It never returns. If it interrupted a message that was being
+//! written ([`is_interrupted`]), [`safe_state`](crate::safe_state) logs none: the logger would panic. In handler mode
+//! all interrupts are masked as usual, so that no second handler comes in between.
 
-/// Whether a message was being written in thread mode when the caller, a handler, was called. False without the feature
-/// `log-section`: the critical section then lets no interrupt in between, and a fault within it is not known.
+/// Whether the caller, a handler, has interrupted a message that was being written in thread mode. Without the feature
+/// `log-section` this is false: no interrupt can come while a message is written, and a fault in it is not noticed.
 #[must_use]
 pub fn is_interrupted() -> bool {
     #[cfg(all(target_os = "none", feature = "log-section"))]
@@ -31,7 +31,7 @@ mod imp {
 
     use cortex_m::{interrupt, peripheral::SCB, register::primask};
 
-    /// Whether thread mode is in a section.
+    /// Whether thread mode is in a critical section.
     pub(super) static WRITING: AtomicBool = AtomicBool::new(false);
 
     struct LogSection;

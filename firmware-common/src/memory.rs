@@ -1,8 +1,8 @@
-//! Memory as the linker has laid it out, word by word: the program in flash, code in RAM, guard words, RAM in use.
+//! Access to memory by the linker's symbols: the program in flash, code in RAM, guard words, RAM in use.
 //!
 //! Each function here loads or stores words at addresses between two symbols of the linker script. Loads are
 //! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
-//! reference may point, and what other tasks or a bit flip change meanwhile must not be undefined behaviour.
+//! reference may point, and a word that other tasks or a bit flip change must not be undefined behaviour.
 #![allow(unsafe_code)]
 
 use core::{arch::asm, ops::Range};
@@ -18,26 +18,26 @@ macro_rules! address {
 }
 pub(crate) use address;
 
-/// Returns the word at `address`, which must be one of the part's memory and open to loads.
+/// Returns the word at `address`, which must be in the part's memory and in a region that allows loads.
 #[must_use]
 pub fn load(address: u32) -> u32 {
     let word: u32;
-    // SAFETY: a load from memory changes nothing, and every word of memory may be read. The assembly is not `pure`: the
-    // word may have changed since the last time.
+    // SAFETY: a load from memory changes nothing, and every word of memory may be read. The assembly is not `pure`,
+    // since the word may have changed since the last load.
     unsafe {
         asm!("ldr {0}, [{1}]", out(reg) word, in(reg) address, options(readonly, nostack, preserves_flags));
     }
     word
 }
 
-/// Returns the word at `address` of flash, even if the memory protection unit has it shut.
+/// Returns the word at `address` of flash, even if the memory protection unit denies access to it.
 ///
-/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and nothing runs but NMI.
-/// FAULTMASK is set for one load. The barrier makes sure that the load is judged at the raised priority (B5.2.1).
+/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and only NMI can interrupt.
+/// FAULTMASK is set for one load. The barrier makes sure that the load is made at the raised priority (B5.2.1).
 #[must_use]
 pub fn load_shut(address: u32) -> u32 {
     let word: u32;
-    // SAFETY: as for `load`; FAULTMASK was clear before, since the callers are tasks, and is clear afterwards.
+    // SAFETY: a load changes nothing. FAULTMASK was clear before, since the callers are tasks, and is clear afterwards.
     unsafe {
         asm!(
             "cpsid f",
@@ -52,18 +52,18 @@ pub fn load_shut(address: u32) -> u32 {
     word
 }
 
-/// Stores `word` at `address`, which must belong to a guard.
+/// Stores `word` at `address`, which must belong to a guard word.
 pub(crate) fn store(address: u32, word: u32) {
-    // SAFETY: the caller, the patrol, stores only into memory that the linker gave to no object of the program.
+    // SAFETY: the caller, the patrol, stores only into memory in which the linker has placed no object of the program.
     unsafe { (address as *mut u32).write_volatile(word) };
 }
 
-/// Inverts the word of RAM at `address` and the one behind it and restores them; returns the bits that did not read as
+/// Inverts the word of RAM at `address` and the one behind it and restores both; returns the bits that did not read as
 /// they were written. All interrupts are masked meanwhile; [`patrol::ram`](crate::patrol::ram) says for how long, and
 /// has the order of the accesses.
 pub(crate) fn exercise(address: u32) -> u32 {
     let wrong: u32;
-    // SAFETY: both words are RAM, as the caller's layout says. Nothing sees them inverted: interrupts are masked,
+    // SAFETY: both words are RAM, as the caller's layout says. No code reads them inverted: interrupts are masked,
     // the instructions in between use no other memory, and the layout leaves out what DMA reaches. The words are
     // restored from registers. PRIMASK was clear before, since the caller is a task in thread mode, and is clear
     // afterwards.
@@ -72,7 +72,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
             "cpsid i",
             "ldr {c0}, [{at}]",
             "ldr {c1}, [{at}, #4]",
-            // The way up reads the contents and writes the complement.
+            // The first pass, upwards, reads the contents and writes the complement.
             "ldr {wrong}, [{at}]",
             "eors {wrong}, {c0}",
             "mvns {c0}, {c0}",
@@ -82,7 +82,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
             "orrs {wrong}, {read}",
             "mvns {c1}, {c1}",
             "str {c1}, [{at}, #4]",
-            // The way down reads the complement and writes the contents.
+            // The second pass, downwards, reads the complement and writes the contents.
             "ldr {read}, [{at}, #4]",
             "eors {read}, {c1}",
             "orrs {wrong}, {read}",
@@ -111,7 +111,7 @@ pub(crate) fn exercise(address: u32) -> u32 {
     wrong
 }
 
-/// Returns the addresses of `object`.
+/// Returns the range of addresses that `object` occupies.
 pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
     let start = (&raw const *object).cast::<u8>() as u32;
     start..start + size_of_val(object) as u32
@@ -129,7 +129,7 @@ pub fn stored_crc() -> u32 {
     load(address!(__program_crc))
 }
 
-/// Whether `len` bytes from `address` on are whole words of the stack.
+/// Whether `len` bytes from `address` on are whole words inside the stack.
 #[must_use]
 pub fn is_stack(address: u32, len: u32) -> bool {
     let end = address!(_stack_end);

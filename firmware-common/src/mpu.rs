@@ -1,21 +1,21 @@
-//! The memory protection unit: what memory the firmware may read, write and execute; it may access no other memory.
+//! The memory protection unit: which memory the firmware may read, write and execute. It may access no other memory.
 //!
 //! # Design
 //!
 //! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. A table is a constant and is
-//! checked when it is compiled. Only `apply` and `off` write the unit.
+//! checked when it is compiled. Only `apply` and `off` write the unit's registers.
 //!
-//! - *All that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), for privileged code too, and all
-//!   of the firmware is privileged. The private peripheral bus at 0xE000_0000 is exempt by the architecture (B3.5.1).
-//! - *A region of a higher number wins where two overlap* (B3.5.3). A subregion that is shut leaves its eighth to the
-//!   regions of lower numbers, or to none.
+//! - *An address that no region opens is shut*: every access to it is refused (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM
+//!   B3.5.5), also to privileged code, as all of the firmware is. The bus at 0xE000_0000 is exempt (B3.5.1).
+//! - *Where two regions overlap, the one of the higher number decides* (B3.5.3). If a subregion, an eighth of a region,
+//!   is shut, the regions of lower numbers decide about its addresses.
 //! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0): the
 //!   handler of a fault that the table itself has caused must be able to run.
 //! - *The processor fetches exception vectors without the unit* (B3.5.1), so the vector table may be shut.
-//! - *The unit does not check DMA*: it stands between the core and the bus.
+//! - *The unit does not check DMA*, since the unit lies between the core and the bus.
 //!
 //! A violation raises the exception MemManage, which ends in the board's safe state
-//! ([`safe_state`](crate::safe_state)). The cause is named after the restart ([`last_stop`](crate::last_stop)).
+//! ([`safe_state`](crate::safe_state)). After the restart the cause is logged ([`last_stop`](crate::last_stop)).
 
 /// The accesses that a region allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +41,8 @@ pub enum Access {
     Execute,
 }
 
-/// The kind of memory: the memory attributes that the ARMv7-M ARM, table B3-14, and PM0214, section 4.2.5, give for a
-/// part without caches of its own.
+/// The kind of memory in a region: it gives the memory attributes of the ARMv7-M ARM, table B3-14, and PM0214, section
+/// 4.2.5, for a part without caches of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
     /// Flash is normal memory, write-through.
@@ -53,7 +53,7 @@ pub enum Memory {
     Peripheral,
 }
 
-/// A stretch of the address space.
+/// A range of addresses with the accesses that it allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     name: &'static str,
@@ -70,11 +70,11 @@ impl Region {
     /// The size of the smallest region that has subregions, bytes (B3.5.3).
     const SMALLEST_OF_EIGHTHS: u32 = 256;
 
-    /// Makes a region of `size` bytes from `base` on, all of them open. `name` tells in words what is there.
+    /// Returns a region of `size` bytes from `base` on, all of them open. `name` tells in words what is there.
     ///
     /// # Panics
     ///
-    /// Panics at compile time if `size` is not a power of two of at least 32, or `base` not a multiple of it.
+    /// Panics at compile time if `size` is not a power of two of at least 32, or if `base` is not a multiple of `size`.
     #[must_use]
     pub const fn new(name: &'static str, base: u32, size: u32, memory: Memory, allowed: Allowed) -> Self {
         assert!(size.is_power_of_two() && size >= Self::SMALLEST, "a region's size is a power of two, at least 32");
@@ -82,7 +82,7 @@ impl Region {
         Self { name, base, size, shut: 0, memory, allowed }
     }
 
-    /// Returns the same region with only these eighths open: `open[n]` is from `base + n * size / 8` on.
+    /// Returns the region with only these eighths open: `open[n]` is for the eighth from `base + n * size / 8` on.
     ///
     /// # Panics
     ///
@@ -102,7 +102,7 @@ impl Region {
         self
     }
 
-    /// Returns in words what is in the region.
+    /// Returns the region's name, which tells in words what is there.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -113,19 +113,19 @@ impl Region {
         address.wrapping_sub(self.base) < self.size
     }
 
-    /// Whether the region decides about `address`.
+    /// Whether the region decides about `address`, since the address is in one of its open eighths.
     const fn has(&self, address: u32) -> bool {
-        // A region of less than 256 bytes has no bit of `shut` set.
+        // A region of less than 256 bytes has no eighths, so no bit of its `shut` is set.
         self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
     }
 
-    /// Returns MPU_RBAR for region `number`; its bit VALID is set, so that it selects this region (B3.5.8).
+    /// Returns the value of MPU_RBAR for region `number`; its bit VALID is set, so that it selects the region (B3.5.8).
     #[cfg(any(test, target_os = "none"))]
     const fn rbar(&self, number: u32) -> u32 {
         self.base | 1 << 4 | number
     }
 
-    /// Returns MPU_RASR (B3.5.9) of the region, enabled.
+    /// Returns the value of MPU_RASR (B3.5.9) for the region, with the region enabled.
     #[cfg(any(test, target_os = "none"))]
     const fn rasr(&self) -> u32 {
         // The access permission is for privileged and unprivileged code, table B3-15.
@@ -135,7 +135,7 @@ impl Region {
             Allowed::Read | Allowed::ReadExecute => 0b101,
         };
         let execute_never = !matches!(self.allowed, Allowed::ReadExecute);
-        // The bits are TEX (three bits), S, C and B.
+        // The bits of the attributes are TEX (three bits), S, C and B.
         let attributes = match self.memory {
             Memory::Flash => 0b00_0010,
             Memory::Ram => 0b00_0111,
@@ -150,7 +150,7 @@ impl Region {
     }
 }
 
-/// The regions that are in force together, at most eight.
+/// The regions that are in force at the same time, at most eight.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<const N: usize>([Region; N]);
 
@@ -158,7 +158,7 @@ impl<const N: usize> Table<N> {
     /// The number of regions of the Cortex-M4's unit (TRM, chapter 5).
     const MOST: usize = 8;
 
-    /// Makes a table of regions. If regions overlap, the later one decides.
+    /// Returns a table of regions. Where regions overlap, the later one decides.
     ///
     /// # Panics
     ///
@@ -175,7 +175,7 @@ impl<const N: usize> Table<N> {
         &self.0
     }
 
-    /// Whether code of the firmware may access `address` in this way.
+    /// Whether the firmware's code may make this access to `address`.
     #[must_use]
     pub fn allows(&self, address: u32, access: Access) -> bool {
         let decides = self.0.iter().rev().find(|region| region.has(address));
@@ -186,8 +186,8 @@ impl<const N: usize> Table<N> {
         })
     }
 
-    /// Names in words what is at `address`: the region that decides, otherwise one that spans the address and has it
-    /// shut, otherwise "an address where nothing is".
+    /// Returns the name of the region at `address`: the one that decides; otherwise one that spans the address, but has
+    /// that eighth shut; otherwise "an address where nothing is".
     #[must_use]
     pub fn name_of(&self, address: u32) -> &'static str {
         let mut regions = self.0.iter().rev();
@@ -197,36 +197,36 @@ impl<const N: usize> Table<N> {
     }
 }
 
-/// Puts `table` into force.
+/// Puts `table` into force in the memory protection unit.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
-    /// The value of MPU_CTRL: on, off in HardFault and NMI, and what no region opens is shut (B3.5.5).
+    /// The value of MPU_CTRL: on, off in HardFault and NMI, and without access to what no region opens (B3.5.5).
     const ENABLE: u32 = 1;
     off();
     for number in 0..Table::<N>::MOST as u32 {
         let region = table.0.get(number as usize);
-        // A region that is switched off has no base; RBAR's bit VALID selects the region.
+        // The registers of a region that is off have no base; the bit VALID of RBAR selects the region.
         let (base, attributes) = region.map_or((1 << 4 | number, 0), |region| (region.rbar(number), region.rasr()));
-        // SAFETY: the unit is off meanwhile; with the unit on, an access to what the table shuts faults, which is its
+        // SAFETY: the unit is off meanwhile. With the unit on, an access to what the table shuts faults, which is the
         // purpose. The tables are constants whose regions were checked when they were compiled.
         unsafe { unit.rbar.write(base) };
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the unit is off meanwhile, and the table's regions were checked when they were compiled.
         unsafe { unit.rasr.write(attributes) };
     }
-    // SAFETY: the proof above holds here, too.
+    // SAFETY: the table's regions were checked when they were compiled; an access that they shut faults.
     unsafe { unit.ctrl.write(ENABLE) };
     // All later fetches and accesses must be made under the new table (B3.5.4).
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-/// Switches the unit off for the safe state, which runs no task any more and needs peripherals that are shut to tasks.
+/// Switches the unit off for the safe state, which runs no task any more and needs peripherals that tasks must not use.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 pub fn off() {
     cortex_m::asm::dmb();
-    // SAFETY: the register block is always there; without the unit every access is allowed.
+    // SAFETY: the register block is always there; while the unit is off every access is allowed.
     unsafe { (*cortex_m::peripheral::MPU::PTR).ctrl.write(0) };
     cortex_m::asm::dsb();
     cortex_m::asm::isb();

@@ -5,16 +5,16 @@
 //! The linker script `program_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
 //! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`])
 //! of all bytes before that word, from the vector table on, into the word, most significant byte first; a gap between
-//! two sections counts as erased flash, 0xFF. At start each firmware compares the two before it starts its work. The
-//! program with the CRC behind it is a codeword, so every burst of up to 32 wrong bits is found, and any other damage
-//! except for one case in 2^32.
+//! two sections counts as erased flash, 0xFF. Before its work starts, each firmware computes the CRC and compares it
+//! with the word. The program with the CRC behind it is a codeword, so every burst of up to 32 wrong bits is found, and
+//! any other damage except for one case in 2^32.
 //!
-//! A program into which the build has not written its CRC carries 0xFFFFFFFF and does not pass.
+//! A program into which the build has not written its CRC has 0xFFFFFFFF there and does not pass.
 
 #[cfg(target_os = "none")]
 use crate::memory;
 
-/// The word that the build fills in. It is defined here, so that every firmware that links this crate has it once.
+/// The word for the program's CRC. It is defined here, so that every firmware that links this crate has it once.
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)] // The attribute names a section, which the compiler cannot check: it is that of `program_crc.x`.
 #[used]
@@ -24,15 +24,15 @@ static PROGRAM_CRC: u32 = u32::MAX;
 /// The result of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Comparison {
-    /// The frame CRC that was computed over the flash.
+    /// The frame CRC that was computed over the program in flash.
     pub computed: u32,
     /// The frame CRC that the build wrote.
     pub expected: u32,
 }
 
 impl Comparison {
-    /// Compares `words`, the program in the order of its addresses, with the word behind it, all as the processor loads
-    /// them (little-endian).
+    /// Compares the CRC of `words`, the program in the order of its addresses, with the word behind the program. All
+    /// words are as the processor loads them (little-endian).
     pub fn of(words: impl Iterator<Item = u32>, stored: u32) -> Self {
         Self { computed: profile::crc::frame_of_words(words), expected: stored.swap_bytes() }
     }
@@ -44,8 +44,8 @@ impl Comparison {
     }
 }
 
-/// Compares the running program. It takes about 14 processor cycles a byte. To be called before the memory protection
-/// unit shuts the vector table.
+/// Compares the CRC of the running program. It takes about 14 processor cycles a byte. To be called before the memory
+/// protection unit denies access to the vector table.
 #[cfg(target_os = "none")]
 #[must_use]
 pub fn compare() -> Comparison {

@@ -8,8 +8,8 @@
 //!
 //! | RAM | test |
 //! |---|---|
-//! | stack, `.data`, `.bss`; where code will run (`hot`) | March C- with zeros, which it leaves behind |
-//! | `.uninit`, in which some statics outlive a reset, to the end | inverted and restored, two words at a time |
+//! | stack, `.data`, `.bss`; the RAM for code (`hot`) | March C-, which leaves the RAM filled with zeros |
+//! | from `.uninit`, in which some statics outlive a reset, to the end | inverted and restored, two words at a time |
 //!
 //! March C- (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) visits every word six times:
 //!
@@ -19,29 +19,29 @@
 //! ```
 //!
 //! The march finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits
-//! of different words. All bits of a word have the same value in it, so it does not find a bit that drags along another
-//! one of its word; the [test at run time](crate::patrol::ram) finds that, where the contents make the bits differ.
+//! of different words. It gives all bits of a word the same value, so it does not find a bit that changes together with
+//! another bit of its word; the [test at run time](crate::patrol::ram) does, where the contents make the bits differ.
 //!
-//! A reset in the middle of the test costs the contents of two words of `.uninit`; what is kept there has a CRC.
+//! A reset in the middle of the test costs the contents of two words of `.uninit`; all data kept there have a CRC.
 //!
 //! # Time
 //!
 //! A word takes [`HORUS_CYCLES`] or [`DPR_CYCLES`] at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms at
 //! most, at 16 MHz, where HORUS's flash has no wait state; the DPR's 32 KiB and 64 KiB of code take at most 23.9 ms, at
-//! 64 MHz, where the DPR's flash makes it wait. The watchdog, which runs by then, bites later than that: its first
+//! 64 MHz, where the DPR's flash has wait states. The watchdog already runs then, and resets later than that: its first
 //! period is at least 340 ms (HORUS) and 98 ms (DPR).
 //!
 //! # Result
 //!
-//! [`take`] returns the result once. A start that has not tested its memory has none, which does not count as sound.
+//! [`take`] returns the result once. Memory that was not tested at this start does not count as sound.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The result of a test that has come to its end. It is combined by exclusive or with the address of the block of 32
-/// bytes in which a fault was found; no block begins at 0.
+/// The word that a test stores when it has come to its end. It is combined by exclusive or with the address of the
+/// block of 32 bytes in which a fault was found; no block begins at 0.
 pub const TESTED: u32 = 0x4D61_7263;
 
-/// The result of the test.
+/// The result of the test, which its last instructions store.
 #[cfg_attr(target_os = "none", allow(unsafe_code))] // The attributes name symbol and section, which are not checked.
 #[cfg_attr(target_os = "none", no_mangle, link_section = ".uninit.MEMORY_TEST")]
 static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
@@ -53,7 +53,7 @@ pub enum Outcome {
     Sound,
     /// A word in the 32 bytes from this address on does not hold what is written to it.
     Faulty(u32),
-    /// There is no result.
+    /// The test has left no result.
     NotTested,
 }
 
@@ -61,13 +61,13 @@ impl Outcome {
     const fn of(result: u32) -> Self {
         match result ^ TESTED {
             0 => Self::Sound,
-            // The addresses of RAM begin with 2; the test has not stored any other value.
+            // The addresses of RAM begin with the digit 2; the test has not stored any other value.
             address if address >> 28 == 2 => Self::Faulty(address),
             _ => Self::NotTested,
         }
     }
 
-    /// Returns the address of the fault, 0 if there was no test, or `None` if memory is sound.
+    /// Returns the address of the fault; 0 if the memory was not tested, `None` if it is sound.
     #[must_use]
     pub const fn fault(self) -> Option<u32> {
         match self {
@@ -78,17 +78,17 @@ impl Outcome {
     }
 }
 
-/// Returns the outcome of this start's test once, so that none is left for a start that does not get as far.
+/// Returns the outcome of this start's test once, so that a later start that ends before its test does not find it.
 pub fn take() -> Outcome {
     Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
 }
 
-/// The most cycles that a word of HORUS's memory takes.
+/// The most processor cycles that the test of a word of HORUS's memory takes.
 pub const HORUS_CYCLES: u32 = 40;
-/// The most cycles that a word of the DPR's memory takes.
+/// The most processor cycles that the test of a word of the DPR's memory takes.
 pub const DPR_CYCLES: u32 = 62;
 
-/// Returns the longest time that the test of `bytes` takes at `mhz` and `cycles` for each word, µs.
+/// Returns the longest time of a test of `bytes` at `mhz` with `cycles` for each word, µs.
 #[must_use]
 pub const fn longest_us(bytes: u32, cycles: u32, mhz: u32) -> u32 {
     (bytes / 4 * cycles).div_ceil(mhz)
@@ -100,8 +100,8 @@ const _: () = assert!(longest_us(96 * 1024, DPR_CYCLES, 64) <= 23_900);
 #[cfg(target_os = "none")]
 #[allow(unsafe_code)]
 mod test {
-    // Registers: r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 what was read, r6 the block that is
-    // faulty. Ranges are whole blocks (`guards.x`, `hot.x`) except the last, which is tested in pairs of words.
+    // The registers are: r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 the word read, r6 the faulty
+    // block. Ranges are whole blocks (`guards.x`, `hot.x`) except the last, which is tested in pairs of words.
     core::arch::global_asm!(
         ".macro visit offset, expected, written",
         "ldr r5, [r2, #\\offset]",
@@ -148,7 +148,7 @@ mod test {
         "visit_down r3, r4",
         "mov r2, r1",
         "visit_down r4, r3",
-        // The march is at r0 again: each word is read once more, and written with what it already holds.
+        // The march is at r0 again: each word is read once more, and written with the value that it already has.
         "visit_up r3, r3",
         "3:",
         "bx lr",
@@ -181,7 +181,7 @@ mod test {
     );
     core::arch::global_asm!(
         ".section .text.__test_memory, \"ax\", %progbits",
-        // Two words are in r3 and r4, and are tested upwards and downwards.
+        // The registers r3 and r4 hold two words, which are tested upwards and downwards.
         "ldr r0, =__suninit",
         "ldr r1, =__ram_end",
         "4:",

@@ -7,8 +7,8 @@
 //! | front end, clocked in | SPI1 | MISO PA6 | DMA2 stream 0 channel 3 |
 //! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 |
 //! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – |
-//! | front end's waits | TIM5 | – | – |
-//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – |
+//! | waits of the front end's driver | TIM5 | – | – |
+//! | inputs of HORUS's state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – |
 //! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – |
 //! | calls of tasks of lower priority | vectors of CAN1 and CAN2, which stay off | – | – |
 //! | receivers | see [`RECEIVER_PORTS`] | | |
@@ -21,8 +21,8 @@
 //! receiver's tasks in `main.rs`. Each of these tasks finds its row by its own vector, and a vector that is in no row
 //! does not compile. No other file names a receiver's hardware.
 //!
-//! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` that implements
-//! `horus_tx_fw::source::Source`; `hw/gnss.rs` joins the types.
+//! A new kind of interface needs a variant of [`Hardware`], and a type in `hw/` that implements
+//! `horus_tx_fw::source::Source`; `hw/gnss.rs` dispatches to these types.
 
 use horus_tx_fw::{
     configuration::Interface,
@@ -39,7 +39,7 @@ use stm32f4xx_hal::{
 
 horus_tx_fw::each_task!(firmware_common::task_vectors);
 
-/// Calls every task that only hardware calls otherwise, so that each of them checks in.
+/// Calls every task that otherwise only hardware calls, so that each of them checks in.
 pub(crate) fn ask_for_signs_of_life() {
     Task::ALL.into_iter().filter(|task| task.calls_for_sign_of_life()).for_each(call);
 }
@@ -75,7 +75,7 @@ pub(crate) struct AlternatePin {
 pub(crate) enum Dma {
     /// DMA1 serves the peripherals of APB1.
     One,
-    /// DMA2 serves those of APB2.
+    /// DMA2 serves the peripherals of APB2.
     Two,
 }
 
@@ -113,12 +113,12 @@ pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
 
 // ---- Front end
 
-/// The pins of the front end's SPI, which is SPI1. The first is its clock.
+/// The clock pin of the front end's SPI, which is SPI1. The next two constants are its data pins.
 pub(crate) const SCK: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 5 }, function: 5 };
 pub(crate) const MISO: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 6 }, function: 5 };
 pub(crate) const MOSI: AlternatePin = AlternatePin { pin: Pin { port: GpioPort::A, number: 7 }, function: 5 };
 pub(crate) const CHIP_SELECT: Pin = Pin { port: GpioPort::D, number: 14 };
-/// The front end's interrupt request, a rising edge. Its number is also that of its EXTI line, so its vector is EXTI3.
+/// The pin of the front end's interrupt request, a rising edge. Its number is its EXTI line's, so the vector is EXTI3.
 pub(crate) const IRQ: Pin = Pin { port: GpioPort::A, number: 3 };
 /// The DMA stream of the bytes that the SPI clocks in.
 pub(crate) const SPI_IN: Stream = Stream { dma: Dma::Two, number: 0, channel: 3 };
@@ -127,7 +127,7 @@ pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3
 
 // ---- Receivers
 
-/// A one-shot timer of 16 bits, one of those that count at [`timing::TIMER_HZ`] (APB1's).
+/// A one-shot timer of 16 bits: one of APB1's timers, which count at [`timing::TIMER_HZ`].
 #[derive(Clone, Copy)]
 pub(crate) struct Timer {
     pub(crate) registers: fn() -> *const tim3::RegisterBlock,
@@ -137,7 +137,7 @@ pub(crate) struct Timer {
 
 /// The hardware of a receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
 pub(crate) struct UartPort {
-    /// The UART's registers. Those of a USART begin with the same ones and have one more at the end, which is not used.
+    /// The UART's registers. Those of a USART begin with the same registers and have one more, which is not used.
     pub(crate) registers: fn() -> *const uart4::RegisterBlock,
     /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
@@ -155,15 +155,15 @@ pub(crate) struct UartPort {
     pub(crate) stream_vector: Interrupt,
 }
 
-/// The hardware of a receiver on I2C (u-blox's DDC). The pull-up resistors are outside of the part.
+/// The hardware of a receiver on I2C (u-blox's DDC). The bus's pull-up resistors are outside of the part.
 pub(crate) struct DdcPort {
     pub(crate) registers: fn() -> *const i2c1::RegisterBlock,
     pub(crate) enable: fn(&mut pac::RCC),
-    /// The frequency of the bus that the peripheral is on, Hz: a whole number of MHz.
+    /// The frequency of the bus that the I2C peripheral is on, Hz: a whole number of MHz.
     pub(crate) bus_hz: u32,
     pub(crate) scl: AlternatePin,
     pub(crate) sda: AlternatePin,
-    /// The DMA stream of the bytes that come in. The bytes that go out are written one by one.
+    /// The DMA stream of the bytes that come in. The processor writes the bytes that go out one by one.
     pub(crate) stream: Stream,
     /// The timer that times the levels of a bus recovery.
     pub(crate) timer: Timer,
@@ -183,7 +183,7 @@ pub(crate) struct SpiPort {
     pub(crate) chip_select: Pin,
     pub(crate) stream_in: Stream,
     pub(crate) stream_out: Stream,
-    /// The timer of chip select's set-up and hold time.
+    /// The timer of the set-up and hold times of chip select.
     pub(crate) timer: Timer,
     pub(crate) in_vector: Interrupt,
     pub(crate) out_vector: Interrupt,
@@ -202,7 +202,7 @@ const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
 
 /// Where one GNSS receiver is connected, and the period that HORUS asks of it.
 pub(crate) struct ReceiverPort {
-    /// The time from one solution to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
+    /// The time from one solution of the receiver to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
     pub(crate) period_ms: u16,
     pub(crate) hardware: Hardware,
 }
@@ -282,7 +282,7 @@ pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
 ];
 
 impl Hardware {
-    /// Returns the receiver's name for this interface, which selects the keys of its configuration.
+    /// Returns the interface by the receiver's own name of it, which selects the keys of the receiver's configuration.
     pub(crate) const fn interface(&self) -> Interface {
         match self {
             Self::Uart(_) => Interface::Uart,
@@ -291,7 +291,7 @@ impl Hardware {
         }
     }
 
-    /// Returns what `vector` means to this receiver; `None` if the vector is not one of the receiver's.
+    /// Returns what `vector` means to this receiver; `None` if the vector is not in the receiver's row.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
             vector as u16 == other as u16
@@ -315,7 +315,7 @@ impl Hardware {
         }
     }
 
-    /// Returns the DMA streams in use; a stream that is used alone is returned twice.
+    /// Returns the two DMA streams of this receiver; one that has no second stream is returned twice.
     const fn streams(&self) -> [Stream; 2] {
         match self {
             Self::Uart(port) => [port.stream, port.stream],
@@ -370,7 +370,7 @@ const _: () = {
     assert!(ddc <= 1 && spi <= 1, "the buffer of this kind has one user");
 };
 
-// No DMA stream has two users.
+// No DMA stream is used by two users.
 const _: () = {
     assert!(IRQ.number == 3, "the vector of the task `rf_irq` is that of EXTI line 3");
     assert!(!is_same(SPI_IN, SPI_OUT));

@@ -1,23 +1,23 @@
-//! Which oscillator the board runs on.
+//! Decides which oscillator the board runs on.
 //!
 //! # Design
 //!
 //! HORUS is meant to run on the external clock (HSE). Where HSE is missing, HORUS runs on the internal RC oscillator
 //! (HSI) instead, through the same PLL to the same 144 MHz, so that every divider, slot and baud rate register stays
-//! the same, and Reported-Position's status says so. All bounds in processor cycles and all that compare HORUS with
-//! itself still hold. What needs a crystal does not: the cycle is as long as the oscillator makes it.
+//! the same, and Reported-Position's status says so. All bounds in processor cycles, and all that compare HORUS with
+//! itself, still hold. Bounds that need a crystal do not hold: the cycle is as long as HSI makes it.
 //!
 //! | | frequency | error |
 //! |---|---|---|
 //! | HSE | 8 MHz | that of the crystal behind it (on the NUCLEO the ST-LINK's, which feeds its MCO into OSC_IN) |
 //! | HSI | 16 MHz | ±1 % at 25 °C, −8 to +4.5 % from −40 to 105 °C (DS9405, internal clock source characteristics) |
 //!
-//! The receivers' UARTs tolerate about 3 % (RM0090 "USART", tolerance of the receiver to clock deviation), so at room
-//! temperature HORUS still receives from them on HSI.
+//! The receivers' UARTs tolerate a clock error of about 3 % (RM0090 "USART", tolerance of the receiver to clock
+//! deviation), so at room temperature HORUS still receives from them on HSI.
 //!
-//! HORUS chooses once per start. If HSE fails later, the clock security system notices it (see the firmware's
-//! `hw/clock.rs`), which ends in the safe state and a reset; the start after it finds no HSE and chooses HSI. HSE that
-//! comes back is used again from the next start on.
+//! HORUS chooses the oscillator once per start. If HSE fails later, the clock security system detects that (see the
+//! firmware's `hw/clock.rs`), which ends in the safe state and a reset; at the start after it HORUS finds no HSE and
+//! chooses HSI. If HSE works again, it is used from the next start on.
 
 /// The frequency of the external clock (HSE), Hz.
 pub const EXTERNAL_HZ: u32 = 8_000_000;
@@ -25,13 +25,13 @@ pub const EXTERNAL_HZ: u32 = 8_000_000;
 /// The frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// How often [`choose`] asks whether HSE is ready before it gives HSE up.
+/// How often [`choose`] asks whether HSE is ready before it chooses HSI.
 const POLLS: u32 = 1_000;
 
 /// The least pause between two polls of HSE, µs; [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
 const PAUSE_US: u32 = 10;
 
-/// `PAUSE_US` in cycles of the internal oscillator.
+/// The least pause between two polls of HSE, in cycles of the internal oscillator.
 pub const PAUSE_CYCLES: u32 = PAUSE_US * (INTERNAL_HZ / 1_000_000);
 
 /// The least time that HSE has to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE
@@ -47,16 +47,16 @@ const _: () = assert!(START_MS == 10);
 /// The oscillator that feeds the PLL.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {
-    /// HSE, a crystal.
+    /// HSE feeds the PLL, with the accuracy of a crystal.
     #[default]
     External,
-    /// HSI, because HSE is missing.
+    /// HSI feeds the PLL, because HSE is missing.
     Internal,
 }
 
-/// Waits until HSE, which has been switched on, is ready, and returns what to run on. `is_ready` tells whether HSE is
-/// ready (RCC_CR.HSERDY), and `pause` waits for [`PAUSE_CYCLES`] or a little longer. This always ends, after
-/// [`START_MAX_MS`] at most.
+/// Waits until HSE, which has been switched on, is ready, and returns the oscillator to run on. `is_ready` tells
+/// whether HSE is ready (RCC_CR.HSERDY), and `pause` waits for [`PAUSE_CYCLES`] or a little longer. The wait always
+/// ends, after [`START_MAX_MS`] at most.
 pub fn choose(mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> Source {
     for _ in 0..POLLS {
         if is_ready() {

@@ -1,36 +1,36 @@
-//! How HORUS configures a receiver to send what HORUS needs
+//! Configures each receiver so that it sends the messages that HORUS needs
 //!
 //! # Design
 //!
 //! HORUS sends four messages and gets an answer to each (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
 //!
-//! | step | message | if it is refused | if it is not answered |
+//! | step | message | if the receiver refuses it | if the receiver does not answer |
 //! |---|---|---|---|
 //! | basic | UBX on, NMEA off, NAV-PVT with every solution, the period | the receiver is used as it is | likewise |
-//! | model | the dynamic model [`DYNAMIC_MODEL`] | the receiver is used with its own, which HORUS tells | likewise |
-//! | attitude | NAV-ATT with every solution | the receiver has no inertial sensors: normal | likewise |
+//! | model | the dynamic model [`DYNAMIC_MODEL`] | the receiver keeps its own, which the telemetry tells | likewise |
+//! | attitude | NAV-ATT with every solution | the receiver has no inertial sensors, which is normal | likewise |
 //! | inertial | ESF-INS with every solution | likewise | likewise |
 //!
 //! **Dynamic model.** A receiver's filter assumes how its carrier moves. The factory setting is a portable device or a
-//! car: low accelerations, and at most 15 or 50 m/s vertically, beyond which it gives no position. In a hard manoeuvre
-//! all receivers would lag or drop out alike, and no vote detects what all have in common. So HORUS tells each that it
-//! flies. u-blox has three airborne models; this is that of less than 2 g, "recommended for typical airborne
-//! environments": a rotorcraft that banks by 45° to turn or to brake from 20 m/s accelerates by 1 g, by 60° by 1.7 g,
-//! which the model of less than 1 g does not cover; that of less than 4 g is "only recommended for extremely dynamic
-//! environments", and each step lets more noise into the position. PX4 has the same default. No airborne model gives 2D
-//! fixes. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
+//! car: low accelerations, and at most 15 or 50 m/s vertically, beyond which the receiver gives no position. In a hard
+//! manoeuvre all receivers would lag or drop out alike, and no vote detects an error that all have in common. So HORUS
+//! sets an airborne model. u-blox has three: that of less than 1 g, that of less than 2 g ("recommended for typical
+//! airborne environments"), and that of less than 4 g ("only recommended for extremely dynamic environments"); each
+//! step lets more noise into the position. A rotorcraft that banks by 45° to turn or to brake from 20 m/s accelerates
+//! by 1 g, by 60° by 1.7 g. So HORUS takes the model of less than 2 g, which is also PX4's default. No airborne model
+//! gives 2D fixes. The model has a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
 //! The settings go into the receiver's RAM, so a receiver that was without supply has lost them. HORUS notices the
-//! receiver's silence and then sends all messages until one is answered, as it does before a receiver is there.
+//! receiver's silence and then repeats the messages until one is answered, as it does before a receiver is there.
 //!
 //! **UART.** A receiver with factory settings uses 38 400 baud. If neither an intact UBX message nor an answer has come
 //! for [`LISTEN_MS`] after the first message was sent at the usual rate, HORUS sets the receiver's baud rate at the
-//! factory's rate, and sends the first message at the usual rate. HORUS never disturbs a receiver that talks with
-//! another rate: the receiver would take it as noise, and u-blox's receivers close their input for up to a second after
-//! 100 framing errors ("More than 100 frame errors, UART RX was disabled").
+//! factory's rate, and then sends the first message at the usual rate. HORUS never sends at another rate to a receiver
+//! that talks: the receiver would take the bytes as noise, and u-blox's receivers close their input for up to a second
+//! after 100 framing errors ("More than 100 frame errors, UART RX was disabled").
 //!
-//! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. A receiver that talks and does not answer is left
-//! alone after [`ATTEMPTS`], until it has been silent.
+//! **Bounds.** HORUS waits [`ANSWER_MS`] for each answer at most. To a receiver that talks and does not answer, HORUS
+//! sends nothing more after [`ATTEMPTS`] messages, until the receiver has been silent.
 //!
 //! ```text
 //!            answer           answer or 3 x none           the same             the same
@@ -44,12 +44,12 @@
 //! # Sources
 //!
 //! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
-//!   agree on the keys that they share. The crate has neither NAV-ATT's keys nor a way to leave the thousand other keys
-//!   out of flash, so the few that HORUS needs are written here.
+//!   agree on the keys that all of them have. The crate has neither NAV-ATT's keys nor a way to leave the thousand
+//!   other keys out of flash, so the few keys that HORUS needs are written here.
 //! - Dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of the models and
 //!   of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL, and pyubx2;
-//!   PX4's `GPS_UBX_DYNMODEL`. Open: that manual says that the ZED-F9R's sensor fusion is optimised for cars, scooters
-//!   and lawn mowers only, but not whether it works, with NAV-ATT and ESF-INS, under an airborne model.
+//!   PX4's `GPS_UBX_DYNMODEL`. Open: the integration manual says that the ZED-F9R's sensor fusion is optimised for
+//!   cars, scooters and lawn mowers only, but not whether it works, with NAV-ATT and ESF-INS, under an airborne model.
 //! - Form of the message, and the rule that one unknown key refuses the whole message: u-blox, *F9 interface
 //!   descriptions*, UBX-CFG-VALSET.
 
@@ -60,23 +60,23 @@ use crate::{
 
 /// How long HORUS waits for an answer, ms. u-blox's receivers answer a configuration message within a second.
 pub const ANSWER_MS: u32 = 1_000;
-/// How often a message is sent to a receiver that talks but does not answer.
+/// How often a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
-/// How long nothing intelligible comes on a UART before HORUS tries the factory's rate, ms: longer than any period that
+/// How long no intact message comes on a UART before HORUS tries the factory's rate, ms: longer than any period that
 /// HORUS asks for, and longer than a receiver takes to answer while it computes.
 pub const LISTEN_MS: u32 = 500;
-/// The pause after the message that sets the baud rate, ms. The message takes 5.2 ms, and the receiver has to follow.
+/// The pause after the message that sets the baud rate, ms: it takes 5.2 ms, and the receiver has to change rate.
 pub const BAUD_MS: u32 = 200;
-/// A receiver that took its configuration counts as silent after this time, ms: more than two of the longest period
-/// that HORUS asks for.
+/// The time after which a receiver that took its configuration counts as silent, ms: more than two of the longest
+/// period that HORUS asks for.
 pub const SILENT_MS: u32 = 500;
-/// A receiver that is used as it is counts as silent after this, ms: more than the longest period that HORUS accepts.
+/// The time after which a receiver that is used as it is counts as silent, ms: over the longest accepted period.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
 /// The dynamic model that HORUS sets in a receiver: airborne with less than 2 g.
 pub const DYNAMIC_MODEL: u8 = 7;
 
-/// How a receiver is connected.
+/// The receiver's interface that HORUS is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
     /// UART1 of the receiver.
@@ -91,7 +91,7 @@ pub enum Interface {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
-    /// No intact message came since the receiver was last silent, or its answer is awaited.
+    /// No intact message came since the receiver was last silent, or the answer to the basic message is awaited.
     #[default]
     NotYet = 0,
     /// The receiver has acknowledged the basic message, and the dynamic model unless the answer to that is awaited.
@@ -100,11 +100,11 @@ pub enum Standing {
     Refused = 2,
     /// The receiver talks but did not answer, and is used as it is.
     Unanswered = 3,
-    /// The receiver has acknowledged the basic message, but not the dynamic model: it goes on with its own model.
+    /// The receiver has acknowledged the basic message, but not the dynamic model: it keeps its own model.
     OtherModel = 4,
 }
 
-/// Returns in words the standing that telemetry has as a number.
+/// Returns in words a [`Standing`] that telemetry holds as a number.
 #[must_use]
 pub const fn name(standing: u32) -> &'static str {
     match standing {
@@ -119,9 +119,9 @@ pub const fn name(standing: u32) -> &'static str {
 /// A receiver's answer to UBX-CFG-VALSET.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// UBX-ACK-ACK.
+    /// UBX-ACK-ACK: the receiver has taken the message.
     Taken,
-    /// UBX-ACK-NAK.
+    /// UBX-ACK-NAK: the receiver has refused the message.
     Refused,
 }
 
@@ -131,7 +131,7 @@ pub const VALSET: (u8, u8) = (0x06, 0x8A);
 /// The value of `layers` in UBX-CFG-VALSET that means RAM.
 const RAM: u8 = 1;
 
-/// The keys of the configuration. Bits 28 to 30 of a key say how long its value is.
+/// The keys of the configuration. Bits 28 to 30 of a key give the length of its value.
 mod key {
     use super::Interface;
 
@@ -153,7 +153,7 @@ mod key {
         out_ubx(interface) + 1
     }
 
-    /// Returns the key of CFG-MSGOUT, whose ports follow each other: I2C, UART1, UART2, USB, SPI.
+    /// Returns the key of CFG-MSGOUT for an interface, from that for I2C. The order is I2C, UART1, UART2, USB, SPI.
     const fn msgout(i2c: u32, interface: Interface) -> u32 {
         match interface {
             Interface::Ddc => i2c,
@@ -175,7 +175,7 @@ mod key {
     }
 }
 
-/// Returns the UBX-CFG-VALSET that has these keys and values.
+/// Returns the UBX-CFG-VALSET message that sets these keys to these values.
 fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
     let mut bytes = [0; MESSAGE];
     let mut len = 0;
@@ -185,7 +185,7 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         }
         len += some.len();
     };
-    // The length is written when it is known. Behind it are version 0, the layers and two reserved bytes.
+    // The length is written once it is known. After it come version 0, the layers and two reserved bytes.
     put(&[0xB5, 0x62, VALSET.0, VALSET.1, 0, 0, 0, RAM, 0, 0]);
     for (key, value) in items {
         put(&key.to_le_bytes());
@@ -197,7 +197,7 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
         put(&value.to_le_bytes()[..size]);
     }
     let end = len.min(MESSAGE - 2);
-    // The payload ends before the checksum, and a message is shorter than 256 bytes.
+    // The payload ends before the checksum. A message is shorter than 256 bytes, so the length fits one byte.
     bytes[4] = (end - 6) as u8;
     let (mut a, mut b) = (0_u8, 0_u8);
     for byte in &bytes[2..end] {
@@ -233,7 +233,7 @@ pub struct Configuration {
     interface: Interface,
     period_ms: u16,
     state: State,
-    /// The number of messages of this step that had no answer so far.
+    /// The number of messages of this step that were not answered so far.
     unanswered: u8,
     standing: Standing,
     /// The number of intact messages so far. The next field is when the last of them came, ms.
@@ -242,7 +242,7 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// The configuration of a receiver on `interface` that is to give a solution every `period_ms` ms.
+    /// Returns the configuration of a receiver on `interface` that is to give a solution every `period_ms` ms.
     #[must_use]
     pub const fn new(interface: Interface, period_ms: u16) -> Self {
         Self {
@@ -262,14 +262,14 @@ impl Configuration {
         self.standing
     }
 
-    /// Returns the message that is to be sent to the receiver now, if any. To be called every cycle. Until `now` (ms,
-    /// wraps) the receiver has sent `messages` intact UBX messages (wraps), and `answer` since the last call.
+    /// Returns the message to send to the receiver now, if any. To be called every cycle. Until `now` (ms, wraps) the
+    /// receiver has sent `messages` intact UBX messages (wraps), and since the last call it has sent `answer`.
     pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
         if messages != self.messages {
             self.messages = messages;
             self.last_heard = Some(now);
         } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
-            // The time is forgotten, lest the clock's wrap make it look recent.
+            // The time of the last message is dropped, since the clock's wrap could make it look recent.
             self.last_heard = None;
         }
         match self.state {
@@ -291,14 +291,14 @@ impl Configuration {
         Some(self.message(step))
     }
 
-    /// Returns for how long nothing intact has come, ms.
+    /// Returns for how long no intact message has come, ms.
     fn silent_for(&self, now: u32) -> u32 {
         self.last_heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
     }
 
     fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
         let passed = now.wrapping_sub(sent);
-        // Nothing intact has come since the message was sent.
+        // Whether no intact message has come since the configuration message was sent.
         let is_silent = self.silent_for(now) >= passed;
         match (step, answer) {
             (Step::Baud, Some(_)) => self.go_to(Step::Basic),
@@ -389,7 +389,7 @@ mod tests {
 
     const NOW: u32 = u32::MAX - 1_000;
 
-    /// A receiver's conversation with its configuration, in steps of 10 ms across the clock's wrap.
+    /// HORUS's configuration and a receiver that answers it, in steps of 10 ms across the clock's wrap.
     struct Talk {
         configuration: Configuration,
         now: u32,
@@ -412,14 +412,14 @@ mod tests {
             message
         }
 
-        /// Lets `ms` pass, with a message every 100 ms if the receiver talks; it answers nothing.
+        /// Lets `ms` pass without an answer, with a message every 100 ms if the receiver talks.
         fn pass(&mut self, ms: u32, talks: bool) {
             for step in 0..ms / 10 {
                 self.step(talks && step % 10 == 9, None);
             }
         }
 
-        /// Gives `answer` to each message until none is sent for 400 ms, and returns how many it answered.
+        /// Gives `answer` to each message until none is sent for 400 ms, and returns the number of messages answered.
         fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
             let mut answered = 0;
             let mut quiet = 0;
@@ -428,7 +428,7 @@ mod tests {
                     Some(_) => {
                         self.step(true, None);
                         self.step(false, Some(answer(answered)));
-                        // An answer may bring the next message at once.
+                        // An answer may make HORUS send the next message at once.
                         while self.sent.len() > answered + 1 && quiet == 0 && answered < 3 {
                             answered += 1;
                             self.step(false, Some(answer(answered)));
@@ -531,7 +531,7 @@ mod tests {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|index| if index == 1 { Answer::Refused } else { Answer::Taken }), 4);
         assert_eq!(talk.configuration.standing(), Standing::OtherModel);
-        // Silence is judged as for a receiver that took everything.
+        // Silence is judged as for a receiver that took every message.
         talk.step(true, None);
         talk.pass(SILENT_MS + 20, false);
         assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
@@ -596,7 +596,7 @@ mod tests {
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
         assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
-        // `answer_all` has waited for 400 ms already.
+        // In `answer_all` 400 ms have passed already.
         talk.pass(90, false);
         assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
@@ -611,7 +611,7 @@ mod tests {
     fn an_unconfigured_receiver_may_be_silent_for_a_limited_time() {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         let mut last = NOW;
-        // The receiver sends messages and never answers.
+        // The receiver sends messages and never answers one.
         for heard in 1..=60 {
             last = NOW.wrapping_add(100 * heard);
             configuration.poll(last, heard, None);
@@ -628,7 +628,7 @@ mod tests {
         let mut configuration = Configuration::new(Interface::Spi, 125);
         configuration.poll(NOW, 1, None);
         configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
-        // The clock has wrapped to the time at which the receiver was last heard, and goes on.
+        // The clock wraps, reaches the time at which the receiver's last message came, and goes on.
         for waited in 0..10 {
             configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
         }
@@ -644,7 +644,7 @@ mod tests {
         assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
         let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
         assert_eq!(keys(&basic)[0], 0x1074_0001);
-        // The answer was to the bit rate's message, and the basic message has not been taken yet.
+        // The receiver answered the baud rate's message, and has not taken the basic message yet.
         assert_eq!(configuration.standing(), Standing::NotYet);
     }
 
@@ -686,7 +686,7 @@ mod tests {
                     prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
                 }
             }
-            // There is one message for each answer, and at most one in 200 ms without any.
+            // One message was sent for each answer, and at most one in 200 ms beside these.
             prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
         }
     }

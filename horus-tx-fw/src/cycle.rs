@@ -1,22 +1,22 @@
-//! How the receivers' messages become the objects of one tick
+//! Makes the objects of one tick from the receivers' messages
 //!
 //! # Design
 //!
-//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have said: it writes and
-//! seals every object in full, passes the same bytes through the same CRCs, and replaces a value that is not valid by
-//! the NaN of the design with a selection instead of a branch. There is no early return.
+//! [`Cycle::fill`] is called once per tick, and does the same work whatever the receivers have sent: it writes and
+//! seals every object in full, passes equally many bytes through the same CRCs, and replaces a value that is not valid
+//! by the NaN of the design with a selection instead of a branch. There is no early return.
 //!
-//! [`Cycle::vote`] is called in the cycle before, after that cycle's slot, and seals Reported-Position: comparing the
-//! receivers takes longer than the time between the tick and the slot. A vote therefore uses what the receivers have
-//! said until 10 ms before its tick, and extrapolates that to the tick. A vote for another tick is not shown.
+//! [`Cycle::vote`] is called in the cycle before the tick, after that cycle's slot, and seals Reported-Position:
+//! comparing the receivers takes longer than the time between the tick and the slot. So a vote uses what the receivers
+//! have sent until 10 ms before its tick, and extrapolates to the tick. A vote for another tick is not sent.
 //!
-//! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of the receivers that
+//! Reported-Position is what a majority of the receivers states ([`horus_voter`]): the position of the receivers that
 //! agree, extrapolated to the tick, and the number of these receivers. It is *degraded* while fewer receivers agree
 //! than are fitted, or while there is no altitude, which takes a majority as well. Each receiver's own object decides
 //! whether the receiver may take part in the vote: a receiver that falls silent stops taking part one period and 150 ms
 //! after its last message (see [`receiver`](crate::receiver)), and the object of a receiver that was outvoted says
 //! *excluded*. HORUS is *starting* until the first result, *monitoring* while there is a result, and in the state
-//! *position lost* while there is none any more, unless the inputs of its safety function say something else
+//! *position lost* when there was one and is none any more, unless the inputs of its safety function tell another state
 //! ([`state_inputs`](crate::state_inputs)).
 //!
 //! Every Reported-Position also tells what HORUS has found out about itself: its clock, the reason of its last reset
@@ -44,15 +44,15 @@ pub struct Start {
     pub clock: Source,
     /// Why the processor started.
     pub reason: ResetReason,
-    /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]; see
-    /// [`exclusions`](crate::exclusions).
+    /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]. The module
+    /// [`exclusions`](crate::exclusions) keeps them over a reset.
     pub excluded: u8,
 }
 
-/// The state of `N` receivers' votes that is kept from tick to tick.
+/// The state that the votes of `N` receivers keep from tick to tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cycle<const N: usize> {
-    /// Whether there has been a result since the start.
+    /// Whether a vote has had a result since the start.
     was_located: bool,
     start: Start,
     memory_fault: bool,
@@ -64,13 +64,13 @@ pub struct Cycle<const N: usize> {
 }
 
 impl<const N: usize> Cycle<N> {
-    /// The first cycle of a HORUS that starts after power-on and runs on the external clock.
+    /// Returns the state of a HORUS that starts after power-on and runs on the external clock.
     #[must_use]
     pub const fn new() -> Self {
         Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// The first cycle after `start`, whose content Reported-Position's status tells.
+    /// Returns the state of a HORUS after `start`, which Reported-Position's status then tells.
     #[must_use]
     pub const fn after(start: Start) -> Self {
         let voter = Voter::excluding(start.excluded);
@@ -85,7 +85,7 @@ impl<const N: usize> Cycle<N> {
         }
     }
 
-    /// Records that HORUS has found a fault of its memory: the result of every vote from now on says so.
+    /// Records that HORUS has found a fault of its memory; the status of every Reported-Position from now on tells it.
     pub fn found_memory_fault(&mut self) {
         self.memory_fault = true;
     }
@@ -101,7 +101,7 @@ impl<const N: usize> Cycle<N> {
         self.inputs.sample(levels);
     }
 
-    /// Votes for tick `tick`, from what each receiver has said until now, and seals Reported-Position.
+    /// Votes for tick `tick`, from what each receiver has sent until now, and seals Reported-Position.
     pub fn vote(&mut self, tick: u32, solutions: &[Solution; N]) {
         let now = timestamp(tick);
         let mut inputs = [Input::default(); N];
@@ -135,7 +135,7 @@ impl<const N: usize> Cycle<N> {
         Profile::new(reported, gps)
     }
 
-    /// Returns the values of Reported-Position on which the receivers agree.
+    /// Returns the values of Reported-Position from the vote `verdict`, for the tick at `now` ms.
     fn reported_values(&self, verdict: &Verdict, now: u32) -> ReportedValues {
         let Verdict { position, attitude, acceleration, .. } = verdict;
         let agreeing = verdict.agreeing();
@@ -181,7 +181,7 @@ fn input_of(solution: &Solution, now: u32) -> Input {
     }
 }
 
-/// Returns `value` if it is to be shown, otherwise the NaN of the design.
+/// Returns `value` if `shown` is true, otherwise the NaN of the design.
 fn shown_f64(shown: bool, value: f64) -> f64 {
     if shown {
         value
@@ -213,7 +213,7 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(last_heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
-    // Both values are computed in any case, since a branch would take longer for a receiver that has said something.
+    // Both values are computed in any case, since a branch would take longer for a receiver that has sent a message.
     status = select_unpredictable(
         position.pace.has_arrived(),
         status.with_solution_age_ms(Some(position.pace.age_ms(now))),

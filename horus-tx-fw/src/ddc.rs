@@ -2,45 +2,45 @@
 //!
 //! # Design
 //!
-//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), and 0xFF is the stream. The
-//! address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
-//! restart, read as many bytes as wait, at most [`MOST`]; stop. If there is a message to send, a cycle writes that
+//! The port has registers: 0xFD and 0xFE hold the number of bytes that wait (the high byte first), and 0xFF is the
+//! stream. The address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two
+//! bytes; restart, read the bytes that wait, at most [`MOST`]; stop. If there is a message to send, a cycle writes that
 //! message instead.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *A single byte* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP requested
+//! *A single byte* is never read by itself: the STM32F4's I2C needs the acknowledge switched off and the STOP requested
 //! within the time of that byte (RM0090, "I2C", master receiver), which no task of this priority can guarantee. If one
 //! byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on, the DMA controller's end of transfer
-//! makes the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
+//! makes the peripheral refuse the last byte (LAST), and the peripheral then waits for STOP or START as long as needed.
 //!
-//! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset, the pins are
-//! taken from it, nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each
-//! [`STEP_US`], and the pins go back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the
-//! recovery is repeated. Nothing ever waits. A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet,
-//! "DDC"). HORUS takes that as a failed transaction, of which it keeps the bytes that have come
+//! *Bounds*: a transaction that has not ended by the next tick has failed. The peripheral is then reset and
+//! disconnected from its pins, nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level
+//! each [`STEP_US`], and the pins are given back. If the bus looks as it did before, it is left alone for
+//! [`HOLD_TICKS`], then the recovery is repeated. No code ever waits. A receiver may hold the clock for as long as 20
+//! ms (ZED-F9R data sheet, "DDC"). HORUS takes that as a failed transaction, of which it keeps the bytes that have come
 //! ([`Ddc::stream_under_way`]), and the bus is free afterwards.
 //!
-//! Unexpected events are bounded too: BTF stays set until the repeated START that follows is on the bus (RM0090, "I2C",
-//! status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without progress, or
-//! [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick, so that a bus
-//! that is held or disturbed does not cost the processor's time. The same holds whenever no transaction is under way:
-//! only a START switches these interrupts on.
+//! The number of unexpected events is bounded too: BTF stays set until the repeated START after it is on the bus
+//! (RM0090, "I2C", status register 1), and so calls the handler again until then. After [`MOST_SPURIOUS`] calls without
+//! progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick,
+//! so that a bus that is held or disturbed does not take the processor's time. Whenever no transaction is under way
+//! they call none either: only a START switches these interrupts on.
 //!
 //! # Sources
 //!
 //! - Registers, and that their address counts up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read
 //!   access; in use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of
-//!   0xFFFF is taken as zero: a line that nobody drives reads so.
+//!   0xFFFF is taken as zero, because a line that nobody drives reads as ones.
 //! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
 
 use core::ops::Range;
 
 use crate::source::{Backlog, Busy, Message, RING};
 
-/// The port's address, which has 7 bits.
+/// The I2C address of a receiver's port, which has 7 bits.
 pub const ADDRESS: u8 = 0x42;
 const WRITE: u8 = ADDRESS << 1;
 const READ: u8 = ADDRESS << 1 | 1;
@@ -56,7 +56,7 @@ const _: () = assert!(RING >= 2 * MOST);
 /// How long each level of a recovery lasts, µs. The clock has 50 kHz, for which every I2C device is fast enough.
 pub const STEP_US: u16 = 10;
 
-/// The clocks of a recovery: a receiver that is sending a byte releases SDA after the eight bits and the acknowledge.
+/// The clocks of a recovery: a receiver that is sending a byte releases SDA after its eight bits and the acknowledge.
 const CLOCKS: u8 = 9;
 
 /// The number of ticks from a recovery that did not free the bus to the next one.
@@ -66,8 +66,8 @@ pub const HOLD_TICKS: u8 = 10;
 /// 5 µs, and a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
 
-/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so all
-/// cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50 errors.
+/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so
+/// together they cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50 errors.
 pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// The state of the bus at the tick.
@@ -94,9 +94,9 @@ pub struct Events {
     pub started: bool,
     /// ADDR: the receiver has acknowledged its address.
     pub addressed: bool,
-    /// BTF: the byte is out and acknowledged, and the next one is wanted.
+    /// BTF: the byte was sent and acknowledged, and the next byte is needed.
     pub byte_sent: bool,
-    /// AF: the receiver did not acknowledge.
+    /// AF: the receiver did not acknowledge a byte.
     pub refused: bool,
     /// ARLO: another device drives the bus.
     pub arbitration_lost: bool,
@@ -104,7 +104,7 @@ pub struct Events {
     pub bus_error: bool,
 }
 
-/// What the code of the registers has to do next.
+/// What the code that accesses the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Do nothing.
@@ -113,7 +113,7 @@ pub enum Order {
     Start,
     /// Write the data register.
     Put(u8),
-    /// Clear ADDR, then write the data register.
+    /// Clear ADDR, then write the data register with this byte.
     PutAddressed(u8),
     /// Give the DMA stream this number of bytes to receive, at least 2, switch event interrupts off, then clear ADDR.
     Receive(usize),
@@ -121,8 +121,8 @@ pub enum Order {
     Stop,
     /// Switch the interrupts of events and errors off.
     Mute,
-    /// Stop the stream, hold the peripheral in reset, take both pins from it and release them; call [`Ddc::step`] in
-    /// [`STEP_US`].
+    /// Stop the stream, hold the peripheral in reset, disconnect both pins from it and release them; call [`Ddc::step`]
+    /// in [`STEP_US`].
     Release,
     /// Drive the pins (false: low; true: released); call [`Ddc::step`] in [`STEP_US`].
     Drive {
@@ -135,7 +135,7 @@ pub enum Order {
     Rejoin,
 }
 
-/// The bytes that came in, and what to do next.
+/// What a stream that has ended has brought, and what to do next.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
     /// Which of the bytes that were received belong to the receiver's stream.
@@ -146,11 +146,11 @@ pub struct Received {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Write the register's address, then read this number of bytes from that address on.
+    /// Write a register's address, then read this number of bytes from that address on.
     Select(usize),
-    /// Read the two registers, or the two and one byte of the stream.
+    /// Read the two registers of the number of waiting bytes, alone or with one byte of the stream.
     Waiting(usize),
-    /// Read the stream.
+    /// Read this number of bytes of the stream.
     Stream(usize),
     /// Write a message.
     Message,
@@ -163,7 +163,7 @@ enum State {
     Addressing(Phase),
     Writing(Phase, usize),
     Receiving(Phase),
-    /// A recovery that has driven this number of levels.
+    /// A recovery of the bus that has driven this number of levels.
     Recovering(u8),
 }
 
@@ -189,7 +189,7 @@ pub struct Ddc {
     /// The state of the bus when it was last found not to be free.
     stuck: Option<Bus>,
     backlog: Backlog,
-    /// Whether more bytes wait than are being read.
+    /// Whether more bytes wait in the receiver than are being read.
     leaves: bool,
     counts: Counts,
 }
@@ -201,7 +201,7 @@ impl Default for Ddc {
 }
 
 impl Ddc {
-    /// A port whose bus has not been examined yet.
+    /// Returns a port whose bus has not been examined yet.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -236,9 +236,9 @@ impl Ddc {
         Ok(())
     }
 
-    /// Returns how many bytes of the receiver's stream are being read, unless they are to be dropped ([`Backlog`]). If
-    /// [`Ddc::poll`] then gives the transaction up, the bytes that have come belong to the stream nevertheless, since
-    /// the receiver does not send them again.
+    /// Returns the number of bytes of the receiver's stream that are being read, unless they are to be dropped
+    /// ([`Backlog`]). If [`Ddc::poll`] then ends the transaction as failed, the bytes that have come belong to the
+    /// stream nevertheless, since the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {
@@ -273,14 +273,14 @@ impl Ddc {
     /// Serves the peripheral's interrupt.
     pub fn event(&mut self, events: Events) -> Order {
         if events.arbitration_lost {
-            // The peripheral is not the controller any more, so there is nothing to stop.
+            // The peripheral does not control the bus any more, so there is no transfer to stop.
             return self.give_up(Order::Mute);
         }
         if events.refused {
             return self.give_up(Order::Stop);
         }
-        // A bus error is ignored because of the erratum "spurious bus error detection in controller mode"; a true one
-        // ends at the tick.
+        // A bus error is ignored because of the erratum "spurious bus error detection in controller mode"; if it was
+        // real, the transaction ends at the tick.
         self.bus_errors = self.bus_errors.saturating_add(u8::from(events.bus_error));
         if self.bus_errors >= MOST_BUS_ERRORS {
             return Order::Mute;
@@ -323,7 +323,7 @@ impl Ddc {
         order
     }
 
-    /// Takes note that the stream has ended: all bytes are there, and `first` holds the first three of them.
+    /// Serves the end of the stream: all bytes are there, and `first` holds the first three of them.
     pub fn received(&mut self, first: [u8; 3]) -> Received {
         let waiting = match u16::from_be_bytes([first[0], first[1]]) {
             u16::MAX => 0,
@@ -354,7 +354,7 @@ impl Ddc {
         Received { stream, then }
     }
 
-    /// Takes note that the stream has failed.
+    /// Serves the failure of the stream.
     pub fn stream_failed(&mut self) -> Order {
         match self.state {
             State::Receiving(_) => self.recover(),
@@ -362,11 +362,11 @@ impl Ddc {
         }
     }
 
-    /// Takes note that the time of a level is over.
+    /// Serves the end of the time of a level that the recovery drives.
     pub fn step(&mut self) -> Order {
         let State::Recovering(step) = self.state else { return Order::Nothing };
         self.state = State::Recovering(step.saturating_add(1));
-        // The STOP is a rise of SDA while SCL is high.
+        // The number of the last level: the STOP, which is a rise of SDA while SCL is high.
         const LAST: u8 = 2 * CLOCKS;
         match step {
             0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },

@@ -2,16 +2,16 @@
 //!
 //! # Design
 //!
-//! Without this record, a receiver that is wrong would have a vote again after every reset by the watchdog, until it is
-//! outvoted anew; if another receiver is missing in the first cycles, it is not outvoted. So after each vote the mask
-//! of the receivers that the voter has excluded is written into memory that the start-up code leaves as it is (section
-//! `.uninit`), with the number of receivers and the frame CRC behind it.
+//! Without this record, a wrong receiver would have a vote again after every reset by the watchdog, until it is
+//! outvoted anew; and if another receiver is missing in the first cycles, it is not outvoted. So after each vote the
+//! mask of the receivers that the voter has excluded is written into memory that the start-up code leaves as it is
+//! (section `.uninit`), together with the number of receivers and a frame CRC.
 //!
-//! The first instructions of a start that follows power-on destroy the record (`hw::start_up`), so that no later start
-//! finds it. A start that follows anything else takes the record up again; the receivers of the mask then have to agree
-//! for a second from the start on before they return (decision 15). A record that is not intact, that a program with
-//! another number of receivers wrote, or whose mask the voter never arrives at
-//! ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as empty: the voter then begins as after power-on.
+//! The first instructions of a start after power-on destroy the record (`hw::start_up`), so that no later start finds
+//! it. A start after any other reset reads the record; the receivers of its mask then have to agree for a second from
+//! the start on before they return (decision 15). A record counts as empty if it is not intact, if a program with
+//! another number of receivers wrote it, or if the voter never arrives at its mask
+//! ([`Voter::excluding`](horus_voter::Voter::excluding)): the voter then begins as after power-on.
 
 use profile::{crc, ResetReason};
 
@@ -27,7 +27,7 @@ pub fn to_words(excluded: u8) -> [u32; WORDS] {
     [record, crc::frame_of_words([record].into_iter())]
 }
 
-/// Returns the receivers that `words` record as excluded; none after power-on, or if the words are no such record.
+/// Returns the receivers that `words` record as excluded: none after power-on, or if `words` are not a valid record.
 #[must_use]
 pub fn from_words(words: [u32; WORDS], reason: ResetReason) -> u8 {
     let [excluded, ..] = words[0].to_le_bytes();

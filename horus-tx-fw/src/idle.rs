@@ -2,16 +2,16 @@
 //!
 //! # Design
 //!
-//! A slice and a log message each take long enough to delay a slot or a tick, so each begins only in the quiet part of
-//! a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part is not dropped: the idle loop
-//! catches up on slices, and the next call tries a message again.
+//! A slice of memory checks and a log message each take long enough to delay a slot or a tick, so each begins only in
+//! the quiet part of a cycle ([`timing::quiet`](crate::timing::quiet)). Work that finds no quiet part is not dropped:
+//! the idle loop makes up for missed slices, and the next call tries a message again.
 
 use firmware_common::patrol::{Pace, MOST_SLICES};
 use st25r3916::Fault;
 
 use crate::{telemetry::Telemetry, RECEIVERS};
 
-/// The slices of the patrol that are due.
+/// Counts the slices of the patrol that are due.
 #[derive(Clone, Copy, Debug)]
 pub struct Slices {
     pace: Pace,
@@ -19,7 +19,7 @@ pub struct Slices {
 }
 
 impl Slices {
-    /// Begins at `now_us`, which is a µs counter that may wrap, as in the other methods.
+    /// Returns the count at its start. `now_us` is a µs counter that may wrap, here and in the other methods.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { pace: Pace::new(now_us), due: 0 }
@@ -39,7 +39,7 @@ impl Slices {
     }
 }
 
-/// A message of the log. Receivers are numbered from 0.
+/// A message for the log. Receivers are numbered from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message {
     /// A fault of the front end.
@@ -64,7 +64,7 @@ pub enum Message {
     },
 }
 
-/// The messages that were logged last, so that each change is logged once.
+/// Records the messages that were logged last, so that each change is logged once.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Journal {
     fault: Option<Fault>,
@@ -74,14 +74,14 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// A journal that has logged nothing yet.
+    /// Returns a journal of a start, in which nothing has been logged.
     #[must_use]
     pub const fn new() -> Self {
         Self { fault: None, standings: [0; RECEIVERS], second: 0, buses: [(0, 0); RECEIVERS] }
     }
 
     /// Logs what is new in `telemetry` at `second`, and the fault that `take_fault` returns. `log` returns whether it
-    /// wrote the message. The next call tries an unwritten message again; that of a bus is tried once a second.
+    /// wrote the message. If it did not, the next call tries again; the message of a bus is tried once a second.
     pub fn write(
         &mut self,
         take_fault: impl FnOnce() -> Option<Fault>,
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!((0..40).filter(|_| slices.take(|| true)).count(), MOST_SLICES as usize);
     }
 
-    /// Returns what a journal logs in each of `calls`; those whose index is in `busy` find no quiet part.
+    /// Returns what is logged in each of `calls`. The calls whose index is in `busy` find no quiet part.
     fn logged(calls: &[(Option<Fault>, u32)], busy: &[usize], telemetry: &Telemetry) -> Vec<Vec<Message>> {
         let mut journal = Journal::new();
         let call = |(number, (fault, second)): (usize, &(Option<Fault>, u32))| {

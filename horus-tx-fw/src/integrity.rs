@@ -1,24 +1,24 @@
-//! How HORUS verifies the integrity of its flash and its RAM
+//! Verifies the integrity of HORUS's flash and RAM, and judges the findings
 //!
 //! # Design
 //!
 //! The idle loop does a [slice](firmware_common::patrol) of work every 2.5 ms, and only in that part of the cycle in
 //! which the slice can delay neither a slot nor a tick ([`timing::quiet`](crate::timing::quiet)).
 //!
-//! | finding | what follows |
+//! | finding | consequence |
 //! |---|---|
 //! | flash differs from the program that was built | safe state: the field is off, [`Cause::Flash`] |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
 //! | RAM in use does not hold what is written to it | safe state, [`Cause::Ram`]; also at the start |
 //!
 //! HORUS has no code in RAM. It seals a profile from scratch in every cycle, and the profile lives for less than a
-//! cycle, so no part of it is verified again; its objects' CRCs and the listener's own check cover the way from the
+//! cycle, so no part of a profile is verified again; its objects' CRCs and the listener's own check protect it from the
 //! sealing on. Values that are computed before the sealing have no CRC, so HORUS sends nothing once its RAM is faulty.
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold as long as the idle loop
-//! gets its slices; if it gets none for 100 ms, the watchdog resets the part.
+//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`] and [`RAM_DETECT_US`] are the bounds. They hold while the idle loop gets
+//! its slices; if it gets none for 100 ms, the watchdog resets the part.
 
 use firmware_common::{
     last_stop::Cause,
@@ -28,17 +28,17 @@ use profile::CYCLE_MS;
 
 use crate::telemetry::Telemetry;
 
-/// The words that a slice verifies, which takes about 1 % of the processor's time on the pessimistic clock.
+/// The number of words that a slice verifies: it takes about 1 % of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// The most bytes of flash that the program may take: those of `memory.x`. The next constant is that of RAM.
+/// The most bytes of flash that the program may take, as in `memory.x`. The next constant is the same for RAM.
 pub(crate) const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
 /// The longest that a slice may have to wait for the quiet part of the next cycle, µs.
 const WAIT_US: u32 = 1_000 * CYCLE_MS;
 
-/// The time from a flip in flash until the field is off, µs, at most: two passes over the program's whole budget.
+/// The time from a flipped bit in flash until the field is off, µs, at most: two passes over all 112 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + WAIT_US;
 
 /// The time from the change of a guard word until the field is off, µs, at most.

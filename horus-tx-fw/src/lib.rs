@@ -2,28 +2,28 @@
 //!
 //! # Design
 //!
-//! Every 10 ms a hardware timer ticks. The tick is the instant of the *sample*: what the receivers have said by then is
+//! Every 10 ms a hardware timer ticks. The tick is the instant of the *sample*: what the receivers have sent by then is
 //! copied into the objects of a [`profile::Profile`], stamped with the tick's time, sealed with both CRCs, loaded into
 //! an ST25R3916 poller's FIFO by DMA, and sent at a fixed instant after the tick (paper, section 2.3). HORUS writes and
-//! never listens. Nothing on the air is answered, so nothing is retried: a frame that is not ready in its slot is
-//! skipped and counted, and its successor comes 10 ms later (paper, section 2: operations that take constant time and
-//! either succeed or do not).
+//! never listens. Nothing on the air is answered, so nothing is sent again: a frame that is not ready in its slot is
+//! skipped and counted, and the next cycle's frame comes 10 ms later (paper, section 2: operations that take constant
+//! time and either succeed or do not).
 //!
 //! This library holds every decision of that path as plain Rust that the host tests:
 //!
 //! | module | what it decides |
 //! |---|---|
-//! | [`receiver`] | bytes of one GNSS receiver → its latest solution, and how old each part of it may get |
-//! | [`cycle`] | solutions → the objects of one tick, their timestamps and their status bits |
-//! | [`transmitter`] | what the poller machine has to do and when, and to which slot a loaded frame belongs |
+//! | [`receiver`] | how bytes of one GNSS receiver become its latest solution, and how old each part of it may get |
+//! | [`cycle`] | how solutions become the objects of one tick, with their timestamps and status bits |
+//! | [`transmitter`] | what the poller's state machine does and when, and to which slot a loaded frame belongs |
 //! | [`source`] | what UART, I2C and SPI have in common: rings, messages to a receiver, the trait |
 //! | [`ddc`], [`spi`] | the order of events of a receiver on I2C and of one on SPI, their bounds and recoveries |
 //! | [`configuration`] | what is sent to a receiver and when, and what follows from its answers |
-//! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
+//! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it has overwritten unread bytes |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
 //! | [`exclusions`] | which receivers stay excluded over a reset |
-//! | [`integrity`] | what a change of memory leads to, and when it is found |
+//! | [`integrity`] | what follows from a change of memory, and when it is found |
 //! | [`idle`] | when memory is verified, and what is logged when |
 //! | [`protection`] | the regions that the memory protection unit opens |
 //! | [`reset`] | why the processor started |
@@ -32,8 +32,8 @@
 //!
 //! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks that use the library
 //! (`main.rs`), a table of pins, DMA streams, vectors and clocks (`board.rs`: add a receiver's interface there), and
-//! the registers behind them (`hw/`). Only files of `hw/` have `unsafe` code, and their headings say what for;
-//! `main.rs` denies it everywhere else, except in the code to which RTIC's macro expands.
+//! the registers behind them (`hw/`). Only files of `hw/` have `unsafe` code, and their headings say what for.
+//! `main.rs` denies such code everywhere else, except in the code that RTIC's macro generates.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -57,8 +57,8 @@ pub mod telemetry;
 pub mod timing;
 pub mod transmitter;
 
-/// The number of GNSS receivers that are fitted: 1 (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5), chosen by the cargo
-/// feature `gps-1`, `gps-2`, `gps-3` or `gps-5`.
+/// The number of GNSS receivers that are fitted, chosen by the cargo feature `gps-1`, `gps-2`, `gps-3` or `gps-5`: 1
+/// (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5).
 pub const RECEIVERS: usize = {
     let chosen = cfg!(feature = "gps-1") as usize
         + cfg!(feature = "gps-2") as usize

@@ -3,45 +3,45 @@
 //! # Tasks
 //!
 //! The most urgent tasks come first. Only a task's attribute states its priority and vector; `build.rs` makes the table
-//! in [`horus_tx_fw::task`] of these attributes.
+//! in [`horus_tx_fw::task`] from these attributes.
 //!
-//! | task | what arrives |
-//! |---|---|
+//! | task | what calls it |
+//! | NMI, in `hw::clock` | the external clock fails |
 //! | NMI, in `hw::clock` | the external clock has failed |
 //! | PVD, in `hw::supply` | the supply falls |
 //! | `slot` | the tick; a frame's slot |
-//! | `rf_spi`, `rf_spi_error` | an SPI transfer has ended, or failed |
+//! | `rf_spi`, `rf_spi_error` | an SPI transfer with the front end has ended, or failed |
 //! | `rf_irq` | the ST25R3916's interrupt request |
-//! | `rf_timer` | a wait of the poller machine is over |
+//! | `rf_timer` | a wait of the front end's driver is over |
 //! | `rf_slot` | a slot has passed (from `slot`) |
 //! | `cycle` | the tick (from `slot`) |
 //! | `vote` | a cycle's first slot (from `rf_slot`) |
 //! | `gnss_tick` | a cycle's first slot (from `rf_slot`): every receiver's source is served |
-//! | `gnss*` | an event of a source: see `hw::gnss` |
-//! | `parse` | bytes (from `gnss*`) |
-//! | `idle` | – |
+//! | `gnss*` | an event of a receiver's source: see `hw::gnss` |
+//! | `parse` | bytes of a receiver (from `gnss*`) |
+//! | `idle` | nothing: it runs when no other task does |
 //!
 //! # Deadlines
 //!
 //! - `slot` fires the loaded frame: the command's byte is at the SPI at the same instant after every tick, within 1 µs
-//!   peak to peak. The task shares nothing, so no lock ever masks it.
-//! - `rf_spi` starts the next transfer; the whole load ends before the slot.
+//!   peak to peak. The task shares nothing with other tasks, so no lock ever masks it.
+//! - `rf_spi` starts the next SPI transfer; the load of a frame's head ends before the slot.
 //! - `rf_irq` notes the end of a frame before the next tick.
 //! - `rf_timer` has no deadline: it does no harm if it is late.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile early enough that the load ends before the slot (see `timing`).
-//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, so that the slot's interrupt
-//!   never waits for a division of the vote.
-//! - `gnss*` notes the position of a UART's ring within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C
-//!   stretches its clock, SPI has its bytes in memory, and what has not ended by the next tick is given up.
-//! - `parse` parses within one cycle what has come.
-//! - `idle` feeds the watchdog when all tasks have checked in, and logs when that delays nothing.
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, so that a division of the vote
+//!   never delays the slot's interrupt.
+//! - `gnss*` reads a UART ring's position within half a ring, 5.5 ms. I2C and SPI have no deadline: I2C stretches its
+//!   clock, SPI has its bytes in memory, and a transfer that has not ended by the next tick is ended as failed.
+//! - `parse` parses within one cycle all bytes that have come.
+//! - `idle` feeds the watchdog when all tasks have checked in, and logs when a message delays neither slot nor tick.
 //!
 //! The vectors of CAN1 and CAN2 belong to peripherals that stay off. A task of higher priority uses these vectors to
-//! call one of lower priority without a queue, and so without a lock.
+//! call a task of lower priority without a queue, and so without a lock.
 //!
 //! No task waits for the SPI except for the end of one byte, and no task allocates. A panic, a fault, a failing clock
-//! and a program that differs from the one that was built end in the safe state: the RF field is off, the reason is
+//! and a program that differs from the one that was built all end in the safe state: the RF field is off, the reason is
 //! logged, and the watchdog resets the part.
 //!
 //! # Start
@@ -49,7 +49,7 @@
 //! The order is: reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level,
 //! oscillator, voltage detector, comparison of the program with its CRC, then front end, receivers and cycle. The
 //! comparison comes after the clock tree: it takes 4 to 6 ms at 144 MHz, and at the first 16 MHz it would take 40 ms of
-//! the watchdog's 68 ms at worst. Before the comparison the start touches nothing of the board but the clocks.
+//! the watchdog's 68 ms at worst. Before the comparison the start changes nothing of the board but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -138,7 +138,7 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // The watchdog has run since the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
+        // The watchdog was started by the first instructions (`hw::start_up`). Only power-on clears the bits of DBGMCU.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
         // The watchdog is fed after its reload value has arrived, so that it counts from that value.
@@ -149,12 +149,12 @@ mod app {
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // Log messages carry the timer's time, also those of a start that fails.
+        // Log messages carry the cycle timer's time, also the messages of a start that fails.
         cycle_timer::enable_clock(&mut device.RCC);
-        // The record of the last stop is taken before the clocks' own record can replace it.
+        // The record of the last stop is read first, since the set-up of the clocks writes a record of its own.
         let stopped = last_stop::take();
         HORUS_TELEMETRY.last_stop.set(last_stop::code());
-        // At 144 MHz only the brown-out reset prevents that instructions are read wrongly while the supply falls.
+        // At 144 MHz only the brown-out reset prevents wrong reads of instructions while the supply falls.
         let level = hw::supply::brown_out_level();
         if level != supply::BROWN_OUT_LEVEL {
             let stop = Stop::new(Cause::BrownOutLevel, 0, level);
@@ -193,7 +193,7 @@ mod app {
         safe_state::name_faults(&mut cx.core.SCB);
         mpu::apply(&mut cx.core.MPU, &protection::START);
 
-        // The rest of the start and the first cycles get all of the watchdog's time, after which the tasks decide.
+        // The rest of the start and the first cycles get the watchdog's full time; then the tasks have to check in.
         watchdog.feed();
 
         let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
@@ -221,7 +221,7 @@ mod app {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
-        // The patrol may read the whole program: flash does not begin at the null address on this part.
+        // The patrol may read the whole program: on this part flash does not begin at address 0.
         let layout = patrol::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
@@ -249,7 +249,7 @@ mod app {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
             }
-            // Most interrupts leave this loop nothing else to do, and cost it only this question.
+            // Most interrupts leave the idle loop no work, and cost it only this query.
             if !slices.are_due(now_us()) || !cycle_timer::is_quiet() {
                 rtic::export::wfi();
                 continue;
@@ -337,7 +337,7 @@ mod app {
     fn rf_slot(mut cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
-                // At the tick itself a division, or an access to a slow bus, would delay the slot's interrupt.
+                // At the tick a division of the vote, or an access to a slow bus, would delay the slot's interrupt.
                 board::call(Task::vote);
                 board::call(Task::gnss_tick);
             }
@@ -473,7 +473,7 @@ mod app {
 
             let configuration = &mut cx.local.configurations[index];
             if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
-                // A message that finds no room gets no answer, and is therefore sent again.
+                // If there is no room for the message, it gets no answer, and is therefore sent again.
                 buffers::outbox(index).put(&message);
             }
             HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);

@@ -1,6 +1,6 @@
 //! The regions that HORUS's memory protection unit opens ([`firmware_common::mpu`])
 //!
-//! | addresses | what | start | tasks |
+//! | addresses | what | access at the start | access of tasks |
 //! |---|---|---|---|
 //! | 0x0000_0000 | null page, where flash is mirrored | – | – |
 //! | 0x0800_0000 to 112 KiB | flash: the program and its budget | read, execute | read, execute |
@@ -8,23 +8,23 @@
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
 //!
-//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. Nothing below that address is open, so an
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000. No region opens the addresses below, so an
 //! overflow of the stack violates the memory protection.
 //!
-//! *Peripherals*: the tasks have no access to what only the start needs: reset and clock control, the flash interface
-//! (so that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
-//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: I2S2's and I2S3's
-//! extensions, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
+//! *Peripherals*: the tasks cannot access what only the start needs: reset and clock control, the flash interface (so
+//! that no task erases or writes flash), power control, and everything that the board does not use. An eighth of a
+//! region is 2 KiB and holds two peripherals, so these are open beside those of the board: the extensions of I2S2 and
+//! I2S3, I2C1, I2C3, UART8, SPI4 and SPI6, all without a clock.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// The flash. Of the region's 128 KiB 112 are open, as in `memory.x`.
+/// The flash: 112 KiB of the region's 128 KiB are open, as in `memory.x`.
 const FLASH: Region = Region::new("flash", 0x0800_0000, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
     .only([true, true, true, true, true, true, true, false]);
 
-/// The RAM. Of the region's 256 KiB 192 are open: SRAM1 to SRAM3 (RM0090, "Memory organization").
+/// The RAM: 192 KiB of the region's 256 KiB are open, SRAM1 to SRAM3 (RM0090, "Memory organization").
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
     .only([true, true, true, true, true, true, false, false]);
 
@@ -39,23 +39,23 @@ pub const START: Table<3> = Table::new([
 pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // Three eighths are open, with TIM2 and TIM3, TIM4 and TIM5, and the IWDG.
+    // Three eighths of this region are open: those of TIM2 and TIM3, of TIM4 and TIM5, and of the IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // Four eighths are open, with USART2, UART5, I2C2 and UART7.
+    // Four eighths of this region are open: those of USART2, UART5, I2C2 and UART7.
     Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, false, true, true, false, false, false, true]),
-    // Two eighths are open, with SPI1, and with SYSCFG and EXTI.
+    // Two eighths of this region are open: that of SPI1, and that of SYSCFG and EXTI.
     Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([false, false, false, false, false, false, true, true]),
     Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
-    // Three eighths are open, with the ports A to F.
+    // Three eighths of this region are open: those of the ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 
-/// Names in words the area in which `address` lies.
+/// Returns the name of the memory or peripheral area in which `address` lies.
 #[must_use]
 pub fn area(address: u32) -> &'static str {
     match address {
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn tasks_reach_only_the_boards_peripherals_and_their_neighbours() {
-        // The addresses are those of RM0090, table 1.
+        // The addresses of the peripherals are those of RM0090, table 1.
         let used = [
             0x4000_0000,
             0x4000_0400,

@@ -1,4 +1,4 @@
-//! One GNSS receiver: how its bytes become its latest solution
+//! One GNSS receiver: turns its bytes into its latest solution
 //!
 //! # Design
 //!
@@ -9,30 +9,30 @@
 //! cycle only copies.
 //!
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so it is the
-//! float64 nearest to what the receiver said. A product with `1e-7`, which is itself rounded, would not be.
+//! float64 nearest to the value that the receiver sent. A product with `1e-7`, which is itself rounded, would not be.
 //!
 //! **Plausible.** A position is valid only if its stated accuracy is good enough and its values are in range, which the
-//! voter also asks of a candidate ([`horus_voter::Stated::is_plausible`]).
+//! voter also requires of a position that takes part in the vote ([`horus_voter::Stated::is_plausible`]).
 //!
 //! **Age.** A value can be used only for a while. It is *valid* until it is older than one period of its message and
 //! [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age counts
-//! from the arrival of the message, which is the moment at which its last byte was parsed. The epoch of the value is
-//! some tens of milliseconds earlier: the receiver takes this time to compute and to send. A message that repeats the
-//! time of week of the previous one renews nothing: a receiver that has frozen ages like a silent one.
+//! from the arrival of the message, the moment at which its last byte was parsed. The epoch of the value is some tens
+//! of milliseconds earlier, since the receiver takes this time to compute and to send. A message that repeats the time
+//! of week of the previous one renews nothing: the values of a receiver that has frozen age like those of a silent one.
 //!
 //! **Period.** Each kind of message has its own period, learned from the steps of the receiver's time of week and
 //! accepted from 20 ms to 1 s. A slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
-//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once, a longer one only
-//! when [`LONGER_STEPS`] in a row were longer, and then the shortest of these: messages that are lost now and then do
-//! not lengthen the period, and a step that is too short by chance (as at a first fix) is forgotten.
+//! position valid for more than 1.15 s after its last message. A shorter step is accepted at once; a longer period only
+//! when [`LONGER_STEPS`] steps in a row were longer, and then the shortest of these. So messages that are lost now and
+//! then do not lengthen the period, and a step that is too short by chance (as at a first fix) is corrected.
 //!
-//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser looks at no more than
-//! [`BUFFER`] bytes of an unfinished message beyond them.
+//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser reads at most [`BUFFER`] bytes of
+//! an unfinished message beyond these.
 //!
-//! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never come,
-//! and it may already hold good messages. After [`GAP_MS`] of silence it is given 0xFF until it gives these bytes up,
-//! so that the messages are found now and not with the next epoch. (Zeros would not do: six of them after the two sync
-//! bytes are a whole message, with the right checksum. A length of 0xFF bytes is longer than any message.)
+//! **A damaged length ends with the line's silence.** It makes the parser wait for bytes that never come, although the
+//! parser may hold good messages already. After [`GAP_MS`] of silence the parser is given 0xFF until it drops the
+//! damaged message, so that the good ones are found now and not with the next epoch. (Zeros would not do: six zeros
+//! after two sync bytes are a whole message with the right checksum. A length of 0xFF bytes is longer than any.)
 
 use core::f64::consts::PI;
 
@@ -43,37 +43,37 @@ use profile::{FixType, ABSENT_F32, ABSENT_F64};
 
 use crate::configuration::{Answer, VALSET};
 
-/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100 bytes; satellite lists are longer and not
-/// needed.
+/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100 bytes; satellite lists are longer, but HORUS
+/// does not need them.
 pub const BUFFER: usize = 256;
 /// The most bytes that one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
-/// A receiver counts as heard for this long after an intact message, ms (docs/design.md#status-words, bit 7).
+/// The time for which a receiver counts as heard after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The longest period that is accepted, ms (docs/design.md#validity), and the period of a message kind before its
-/// second message: u-blox's default rate.
+/// The longest period of a message kind that is accepted, ms (docs/design.md#validity). It is also the period before
+/// the kind's second message: u-blox's default rate.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that is accepted, ms: 50 Hz, twice the rate of the fastest receivers.
 const SHORTEST_PERIOD_MS: u32 = 20;
 /// The number of steps of the time of week in a row that must be longer than the period before the period grows.
 pub const LONGER_STEPS: u32 = 4;
-/// A solution is valid until it is older than its period plus this time, ms (docs/design.md#validity).
+/// The time beyond its period until which a solution is valid, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// A solution is stale as soon as it is as old as its period plus this time, ms (docs/design.md#validity).
+/// The time beyond its period from which on a solution is stale, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
-/// A stamp that is older than this, ms, is forgotten, long before the clock's wrap could make it look recent.
+/// The age from which on a time stamp is dropped, ms, long before the clock's wrap could make it look recent.
 const FORGOTTEN_MS: u32 = 60_000;
 
-/// A line that was silent for this long, ms, has ended any message that it had begun: a receiver sends a message in one
+/// The time after which a silent line has ended any message that it had begun, ms: a receiver sends a message in one
 /// go, and a byte takes 22 µs.
 pub const GAP_MS: u32 = 50;
 
 /// The bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
 const UBX_OVERHEAD: usize = 8;
 
-/// The time of an event, on a millisecond clock that wraps. A tick asks for it at every receiver, which has to take
-/// equally long whether the event ever happened or not, so there is a time in any case, and nothing branches.
+/// The time of an event, on a millisecond clock that wraps. A tick's work on a stamp has to take equally long whether
+/// the event ever happened or not, so a stamp always holds a time, and its methods have no branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamp {
     at: u32,
@@ -82,7 +82,7 @@ pub struct Stamp {
 
 impl Stamp {
     /// Whether the event happened at most `limit` ms (below 2^31) before `now`, or after `now`: a message may arrive
-    /// between a tick and the moment at which the tick's cycle looks.
+    /// between a tick and the moment at which the tick's cycle runs.
     #[must_use]
     pub const fn within(self, now: u32, limit: u32) -> bool {
         self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
@@ -99,7 +99,7 @@ impl Stamp {
     }
 }
 
-/// When a kind of message last brought something new, and how often it does.
+/// When a kind of message last brought a new time of week, and how often it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     arrived: Stamp,
@@ -126,13 +126,13 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Returns the message's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
+    /// Returns the message kind's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
     #[must_use]
     pub const fn period_ms(&self) -> u32 {
         self.period_ms
     }
 
-    /// Whether the last message is as young as its period allows, and so not yet stale at `now`, ms.
+    /// Whether the last message is as young as its period allows, and so is not yet stale at `now`, ms.
     #[must_use]
     pub fn is_fresh(&self, now: u32) -> bool {
         self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
@@ -161,7 +161,7 @@ impl Pace {
         self.time_of_week_ms.is_some()
     }
 
-    /// Returns the age at `now` (ms) of the last message of this kind, ms, for
+    /// Returns the age of the last message of this kind at `now`, both in ms, for
     /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms): 0 if the message arrived after `now`, and
     /// the greatest value after more than `FORGOTTEN_MS`, or if there was no message.
     #[must_use]
@@ -170,7 +170,7 @@ impl Pace {
     }
 
     /// Returns the time from the last message's time of week to its arrival, by the clock that began with HORUS, ms,
-    /// modulo a week. Where that clock wraps, after 49 days, this time steps once.
+    /// modulo a week. Where that clock wraps, after 49 days, the returned time jumps once.
     #[must_use]
     pub const fn lag_ms(&self) -> u32 {
         self.lag_ms
@@ -183,7 +183,7 @@ impl Pace {
         }
         if let Some(previous) = self.time_of_week_ms {
             let step_ms = (time_of_week_ms % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
-            // A step back, after the receiver was restarted, says nothing about its period.
+            // A step back, after the receiver was restarted, gives no information about its period.
             if (SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step_ms) {
                 self.learn(step_ms.min(LONGEST_PERIOD_MS));
             }
@@ -212,19 +212,19 @@ impl Pace {
 /// The position, from NAV-PVT.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Position {
-    /// When the message arrived, and how often it does.
+    /// When NAV-PVT arrived, and how often it does.
     pub pace: Pace,
     /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
     pub fix: Option<FixType>,
-    /// Whether the receiver vouches for latitude and longitude (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D or combined
-    /// fix), and states plausible values. Dead reckoning without satellites does not count as a fix: its error grows
-    /// without a bound that the receiver would state.
+    /// Whether the receiver states that latitude and longitude can be used (`gnssFixOK`, not `invalidLlh`, and a 2D, 3D
+    /// or combined fix), and states plausible values. Dead reckoning without satellites does not count as a fix: its
+    /// error grows without a bound that the receiver would state.
     pub valid: bool,
     /// The latitude, degrees, WGS-84.
     pub latitude: f64,
     /// The longitude, degrees, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the WGS-84 ellipsoid; NaN for a 2D fix, which rests on an assumed altitude.
+    /// The altitude, m above the WGS-84 ellipsoid; NaN for a 2D fix, whose altitude is assumed.
     pub altitude: f64,
     /// The velocity, m/s north, east, down.
     pub velocity: [f64; 3],
@@ -239,7 +239,7 @@ pub struct Position {
 /// The attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attitude {
-    /// When the message arrived, and how often it does.
+    /// When NAV-ATT arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three angles are given.
     pub valid: bool,
@@ -251,10 +251,10 @@ pub struct Attitude {
     pub roll: f32,
 }
 
-/// The accelerations, from ESF-INS. One that the receiver does not give is NaN.
+/// The accelerations, from ESF-INS. An acceleration that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acceleration {
-    /// When the message arrived, and how often it does.
+    /// When ESF-INS arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three axes are given.
     pub valid: bool,
@@ -278,7 +278,7 @@ pub struct Solution {
 /// The counts of what a line has carried so far. All counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// The number of bytes taken in.
+    /// The number of bytes of the line that were taken in.
     pub bytes: u32,
     /// Intact UBX messages of any kind.
     pub messages: u32,
@@ -291,14 +291,14 @@ pub struct Counts {
 
 impl Counts {
     /// Returns the number of bytes that belonged to no useful message: NMEA, UBX of other kinds, noise, damage. The
-    /// bytes of an unfinished message count here until it is complete.
+    /// bytes of an unfinished message count as such until the message is complete.
     #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.bytes.wrapping_sub(self.useful)
     }
 }
 
-/// One receiver's line.
+/// One receiver's line: its parser, its latest values and its counts.
 pub struct Receiver {
     parser: Parser<FixedBuffer<BUFFER>, Proto27>,
     solution: Solution,
@@ -315,7 +315,7 @@ impl Default for Receiver {
 }
 
 impl Receiver {
-    /// A receiver from which nothing has arrived.
+    /// Returns a receiver from which nothing has arrived.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -328,7 +328,7 @@ impl Receiver {
     }
 
     /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and returns how many it took. To
-    /// be called every few milliseconds, with or without bytes: only a call notices a silent line and forgets old
+    /// be called every few milliseconds, with or without bytes: only a call detects a silent line and drops old time
     /// stamps.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
         let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
@@ -349,7 +349,7 @@ impl Receiver {
         while let Some(message) = messages.next() {
             match message {
                 // Zeros behind a sync are a message of class 0 without a payload, whose checksum is zero. A line that
-                // falls low there, or has another rate, brings one. UBX has no class 0.
+                // falls low after a sync, or has another rate, brings such a message. UBX has no class 0.
                 Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
                 }
@@ -395,9 +395,9 @@ impl Solution {
         self.acceleration.pace.arrived.expire(now);
     }
 
-    /// Takes the useful values of a message, and returns the message's length if there were any, otherwise 0.
+    /// Takes the useful values of a message. Returns the message's length if it had useful values, otherwise 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
-        // The parser has more protocol versions when another crate of the build asks for them; this one parses only
+        // If another crate of the build enables them, the parser has more protocol versions; this parser handles only
         // version 27.
         #[allow(unreachable_patterns)]
         match message {
@@ -477,7 +477,7 @@ const X_ACCEL_VALID: u32 = 1 << 11;
 const Y_ACCEL_VALID: u32 = 1 << 12;
 const Z_ACCEL_VALID: u32 = 1 << 13;
 
-/// Returns an angle of NAV-ATT in rad; NaN if its accuracy is null, which says that the angle is not available.
+/// Returns an angle of NAV-ATT in rad; NaN if its accuracy is null, which means that the angle is not available.
 fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
     if accuracy == 0 {
         ABSENT_F32

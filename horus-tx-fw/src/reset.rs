@@ -16,7 +16,7 @@ mod flag {
 /// Returns the reason that `csr`, the value of RCC_CSR at the start, tells.
 ///
 /// Several flags are set at once: every reset from inside pulls the reset pin low and so sets the pin's flag too, and
-/// power-on also sets the flag of the brown-out. So the first flag of this order that is set tells the reason:
+/// power-on also sets the flag of the brown-out. So the first flag in this order that is set tells the reason:
 /// power-on, brown-out, watchdog, software, low-power management (which is not used here), pin. The STM32F429 has no
 /// reset by lockup: the watchdog resets a processor that locks up.
 #[must_use]
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn each_reset_reason_follows_from_its_combination_of_flags() {
-        // The manual says that the flags come in this way: every reset from inside also sets the pin's flag.
+        // By the manual these flags come together: every reset from inside also sets the pin's flag.
         assert_eq!(reason(0x0E00_0000), ResetReason::PowerOn, "supply on: POR, pin, BOR");
         assert_eq!(reason(0x0600_0000), ResetReason::BrownOutOrOther, "supply dipped: pin, BOR");
         assert_eq!(reason(0x2400_0000), ResetReason::Watchdog, "independent watchdog");

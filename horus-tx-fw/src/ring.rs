@@ -1,15 +1,15 @@
-//! How far a circular DMA transfer has come
+//! Counts how many bytes a circular DMA transfer has written, and how many were read
 //!
 //! # Design
 //!
 //! A DMA stream in circular mode writes a ring without end and shows only its position (NDTR counts down from the
 //! ring's size, RM0090 "DMA controller", circular mode). A [`Writer`] turns that position into a count of all bytes
-//! ever written; it is called at every half and whole lap and at every idle line, so the stream advances by less than a
-//! lap between two calls. A [`Reader`] holds the count of all bytes ever read. The difference of both counts is what
-//! waits. When the difference exceeds the ring, the writer has lapped the reader: the bytes are gone, and they are
-//! counted instead of being read as new.
+//! ever written; it is called when half or all of the ring was written and at every idle line, so the stream writes
+//! less than a ring between two calls. A [`Reader`] holds the count of all bytes ever read. The difference of both
+//! counts is the number of bytes that wait. When it exceeds the ring's size, the writer has overwritten unread bytes.
+//! Those bytes are lost, and they are counted instead of being read as new.
 
-/// The producer's side of one ring.
+/// The producer's side of one ring, which counts the bytes ever written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Writer {
     position: usize,
@@ -17,16 +17,16 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// A ring into which nothing has been written.
+    /// Returns the writer of a ring into which nothing has been written.
     #[must_use]
     pub const fn new() -> Self {
         Self { position: 0, total: 0 }
     }
 
-    /// Takes the DMA stream's NDTR (the bytes left in this lap, 1..=`size`) of a ring of `size` bytes, and returns how
-    /// many bytes were ever written (wraps).
+    /// Takes the DMA stream's NDTR (the bytes left until the ring's end, 1..=`size`) of a ring of `size` bytes, and
+    /// returns how many bytes were ever written (wraps).
     pub fn advance(&mut self, left: usize, size: usize) -> u32 {
-        // NDTR reads 0 only between the last byte of a lap and its reload.
+        // NDTR reads 0 only between the last byte of the ring and its reload.
         let position = (size - left.min(size)) % size;
         let step = (position + size - self.position) % size;
         self.position = position;
@@ -45,7 +45,7 @@ pub struct Span {
     pub len: usize,
 }
 
-/// The consumer's side of one ring.
+/// The consumer's side of one ring, which counts the bytes ever read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reader {
     total: u32,
@@ -53,17 +53,17 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// A reader that has read nothing yet.
+    /// Returns a reader that has read nothing yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { total: 0, lost: 0 }
     }
 
     /// Returns the next piece to read when `written` bytes were ever written into a ring of `size` bytes. The piece has
-    /// at most `limit` bytes and never crosses the ring's end. It counts as read.
+    /// at most `limit` bytes and never crosses the ring's end. Its bytes then count as read.
     ///
-    /// If the writer has lapped the reader, the ring holds a mixture of bytes: all of them are skipped and counted in
-    /// [`Reader::lost`].
+    /// If the writer has overwritten unread bytes, the ring holds a mixture of old and new bytes: all of them are
+    /// skipped and counted in [`Reader::lost`].
     pub fn take(&mut self, written: u32, size: usize, limit: usize) -> Span {
         let waiting = written.wrapping_sub(self.total) as usize;
         if waiting > size {
@@ -76,13 +76,13 @@ impl Reader {
         Span { start, len }
     }
 
-    /// Returns the number of bytes that wait to be read.
+    /// Returns the number of bytes that wait to be read when `written` bytes were ever written.
     #[must_use]
     pub const fn waiting(&self, written: u32) -> u32 {
         written.wrapping_sub(self.total)
     }
 
-    /// Returns the number of bytes lost since the start because the writer lapped this reader (wraps).
+    /// Returns the number of bytes lost since the start because the writer overwrote them unread (wraps).
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost

@@ -1,11 +1,11 @@
-//! What all sources of a receiver's bytes have in common: the ring, the message to be sent, and the trait
+//! What all sources of a receiver's bytes have in common: the ring, the outbox of messages, and the trait
 //!
 //! # Design
 //!
-//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. The ways in which its bytes come in and
-//! go out differ, and are behind [`Source`]. Every source fills a [`Ring`] of one size, which the parser reads at its
-//! own pace, and takes what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the
-//! parser (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
+//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. [`Source`] hides the different ways in
+//! which bytes come in and go out. Every source fills a [`Ring`] of one size, which the parser reads at its own pace,
+//! and takes messages to the receiver from an [`Outbox`], which holds one. Both are made of atomics, so that the parser
+//! (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
 
 use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 
@@ -18,33 +18,33 @@ pub const RING: usize = 512;
 
 const _: () = assert!(RING.is_power_of_two());
 
-/// Decides whether the bytes of a polled receiver are as new as their time of arrival says.
+/// Decides whether the bytes that are read from a receiver on I2C or SPI are as new as their time of arrival.
 ///
-/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so one that
-/// waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So what comes after such a
-/// pause is dropped until the receiver has been read empty; what comes after that is younger than two ticks and a
+/// A receiver on I2C or SPI keeps its bytes until they are read. A solution's age counts from its arrival, so a
+/// solution that waited in the receiver (while its bus was stuck, or HORUS started) would count as new. So all bytes
+/// after such a pause are dropped until the receiver has been read empty; later bytes are younger than two ticks and a
 /// transfer. On SPI an idle receiver and a line that is stuck high read alike, so the receiver counts as empty when
-/// something came and nothing after it: that costs the first message after the pause. On I2C the receiver says how much
-/// waits, and a pulse on the line can make that number too small: two reads in a row must leave nothing behind.
+/// some bytes came and then none: that costs the first message after the pause. On I2C the receiver tells how many
+/// bytes wait, and a pulse on the line can make that number too small, so two reads in a row must leave none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
-    /// The number of reads in a row that have to leave nothing behind after a pause.
+    /// The number of reads in a row that must leave no byte in the receiver after a pause.
     proofs: u8,
-    /// The number of such reads that are still to come. If it is 0, what comes is new.
+    /// The number of reads that still have to leave no byte in the receiver. If it is 0, the bytes that come are new.
     missing: u8,
-    /// The ticks since the last read ended.
+    /// The number of ticks since the last read ended.
     ticks: u8,
-    /// The number of reads in a row that left something behind.
+    /// The number of reads in a row that left bytes in the receiver.
     behind: u8,
 }
 
 impl Backlog {
     /// The most ticks that may lie between two reads: one read may fail, or give way to a message.
     pub const TICKS: u8 = 2;
-    /// After this number of reads in a row that leave something behind, what comes counts as old.
+    /// The number of reads in a row that leave bytes in the receiver after which the bytes that come count as old.
     pub const BEHIND: u8 = 2;
 
-    /// The state before the first read. After a pause, `proofs` reads in a row have to leave nothing behind.
+    /// Returns the state before the first read. After a pause, `proofs` reads in a row must leave no byte behind.
     #[must_use]
     pub const fn new(proofs: u8) -> Self {
         Self { proofs, missing: proofs, ticks: 0, behind: 0 }
@@ -58,14 +58,14 @@ impl Backlog {
         }
     }
 
-    /// Whether what is being read is to be dropped.
+    /// Whether the bytes that are being read are old and are to be dropped.
     #[must_use]
     pub const fn is_old(&self) -> bool {
         self.missing > 0
     }
 
-    /// Takes the end of a read, and returns whether to keep what was read. `is_empty` says that the receiver has
-    /// nothing left of what waited when the read began.
+    /// Takes the end of a read, and returns whether to keep the bytes that were read. `is_empty` says that the receiver
+    /// has none left of the bytes that waited when the read began.
     pub fn read(&mut self, is_empty: bool) -> bool {
         self.ticks = 0;
         self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
@@ -83,7 +83,7 @@ impl Backlog {
 /// The longest message that is sent to a receiver, bytes. The longest one of [`crate::configuration`] has 41 bytes.
 pub const MESSAGE: usize = 48;
 
-/// A receiver's bytes. They have one writer: a circular DMA stream and [`Ring::set_written`], or [`Ring::push`].
+/// The ring of a receiver's bytes. Its one writer is a circular DMA stream ([`Ring::set_written`]) or [`Ring::push`].
 #[derive(Debug)]
 pub struct Ring {
     bytes: [AtomicU8; RING],
@@ -97,7 +97,7 @@ impl Default for Ring {
 }
 
 impl Ring {
-    /// A ring into which nothing has been written.
+    /// Returns a ring into which nothing has been written.
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [const { AtomicU8::new(0) }; RING], written: AtomicU32::new(0) }
@@ -130,7 +130,7 @@ impl Ring {
         self.written.load(Ordering::Acquire)
     }
 
-    /// Copies the bytes of `span` into `into`, as far as it has room, and returns them.
+    /// Copies the bytes of `span` into `into`, as far as they fit, and returns them.
     pub fn copy_out<'a>(&self, span: Span, into: &'a mut [u8]) -> &'a [u8] {
         let len = span.len.min(into.len());
         let (into, _) = into.split_at_mut(len);
@@ -146,11 +146,11 @@ impl Ring {
 pub enum Rate {
     /// The rate at which HORUS also receives, [`crate::timing::GNSS_BAUD`].
     Usual,
-    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. HORUS receives nothing meanwhile.
+    /// The rate of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. HORUS cannot receive at it.
     Factory,
 }
 
-/// A message to a receiver.
+/// A message from HORUS to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message {
     bytes: [u8; MESSAGE],
@@ -174,18 +174,18 @@ impl Message {
         &self.bytes[..self.len]
     }
 
-    /// Returns the rate at which a UART sends the message.
+    /// Returns the rate at which a UART is to send the message.
     #[must_use]
     pub const fn rate(&self) -> Rate {
         self.rate
     }
 }
 
-/// The place of one message on its way from the parser's task to that of the sources.
+/// Holds one message on its way from the parser's task to that of the sources.
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],
-    /// 0 if no message waits. Otherwise the message's length, with [`FACTORY`] if that is its rate.
+    /// 0 if no message waits. Otherwise the length of the message, with the bit [`FACTORY`] if that is its rate.
     state: AtomicU32,
 }
 
@@ -198,13 +198,13 @@ impl Default for Outbox {
 }
 
 impl Outbox {
-    /// An outbox in which no message waits.
+    /// Returns an outbox in which no message waits.
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
     }
 
-    /// Puts a message in, and returns whether there was room. Only one task may put messages in.
+    /// Puts a message in, and returns whether the outbox had room for it. Only one task may put messages in.
     pub fn put(&self, message: &Message) -> bool {
         if self.state.load(Ordering::Acquire) != 0 {
             return false;
@@ -217,7 +217,7 @@ impl Outbox {
         true
     }
 
-    /// Returns the message that waits; the message goes on waiting until [`Outbox::clear`].
+    /// Returns the message that waits, which stays in the outbox until [`Outbox::clear`].
     #[must_use]
     pub fn peek(&self) -> Option<Message> {
         let state = self.state.load(Ordering::Acquire);
@@ -238,7 +238,7 @@ impl Outbox {
     }
 }
 
-/// The kind of a source's interrupt.
+/// The part of a source's hardware that an interrupt comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vector {
     /// The interrupt of the peripheral itself: an event, a byte, an idle line or an error.
@@ -249,13 +249,13 @@ pub enum Vector {
     Timer,
 }
 
-/// The error of a source that is still sending the previous message.
+/// The error of a source that still has to send the previous message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Busy;
 
 /// A source of a receiver's bytes. All calls come from tasks of one priority, and none of them waits.
 pub trait Source {
-    /// Serves the tick: starts what is due, and ends what should have ended by now.
+    /// Serves the tick: starts what is due, and ends as failed what should have ended by now.
     fn poll(&mut self);
 
     /// Serves one of the source's interrupts.
@@ -265,7 +265,7 @@ pub trait Source {
     ///
     /// # Errors
     ///
-    /// [`Busy`] while the previous message is under way: the caller is to try again at the next tick.
+    /// [`Busy`] while the previous message is under way: the caller should try again at the next tick.
     fn transmit(&mut self, message: &Message) -> Result<(), Busy>;
 }
 

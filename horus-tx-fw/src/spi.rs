@@ -1,19 +1,19 @@
-//! A receiver on SPI: one transfer of constant length in each cycle, and how filler bytes are told from data
+//! A receiver on SPI: one transfer of constant length in each cycle, and the separation of filler bytes from data
 //!
 //! # Design
 //!
-//! u-blox's SPI has no registers and no count. What HORUS clocks in is the receiver's stream, or 0xFF when the receiver
-//! has nothing; what HORUS clocks out is data for the receiver, and 0xFF is filler. So each cycle clocks [`TRANSFER`]
-//! bytes, whatever they are, which always takes the same time: chip select falls, [`SETUP_US`] pass, DMA transfers the
-//! bytes, [`HOLD_US`] pass, and chip select rises.
+//! u-blox's SPI has no registers and no count of bytes. HORUS clocks in the receiver's stream, or 0xFF when the
+//! receiver has nothing to send; HORUS clocks out data for the receiver, or 0xFF as filler. So each cycle clocks
+//! [`TRANSFER`] bytes, whatever they are, which always takes the same time: chip select falls, [`SETUP_US`] pass, DMA
+//! transfers the bytes, [`HOLD_US`] pass, and chip select rises.
 //!
-//! *Filler* is taken out before the ring by [`Filter`], which follows the messages, since 0xFF is legal inside a
-//! message. It does not follow a message that is longer than the parser takes, so that one damaged length does not let
-//! 64 KiB of filler pass.
+//! *Filler* is removed by [`Filter`] before the bytes go into the ring. The filter follows the messages, since 0xFF is
+//! legal inside a message. It does not follow a message that is longer than the parser takes, so that one damaged
+//! length does not let 64 KiB of filler pass.
 //!
 //! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory setting: 50)
-//! filler bytes in a row the receiver ignores its input, until chip select rises or a byte is not filler (the documents
-//! differ; both hold here).
+//! filler bytes in a row the receiver ignores its input, until chip select rises or until a byte is not filler. The
+//! documents differ in this; a transfer ends the ignoring in both ways.
 //!
 //! # Sources
 //!
@@ -28,8 +28,8 @@ use crate::{
     source::{Backlog, RING},
 };
 
-/// The bytes of a transfer, at most 2^16 - 1 and a multiple of 4. 256 bytes take 3.6 ms of a cycle, and make 25.6 kB/s;
-/// a receiver with all three messages at 25 Hz sends 4.6 kB/s.
+/// The number of bytes in a transfer, at most 2^16 - 1 and a multiple of 4. 256 bytes take 3.6 ms of a cycle, and make
+/// 25.6 kB/s; a receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const TRANSFER: usize = 256;
 
 /// The time from chip select's fall to the first clock, µs, at least 10.
@@ -38,11 +38,11 @@ pub const SETUP_US: u16 = 20;
 /// The time from the last byte's arrival to chip select's rise, µs: longer than the rest of that byte, half a bit.
 pub const HOLD_US: u16 = 20;
 
-/// The byte that either side clocks out when it has nothing to say.
+/// The byte that HORUS or the receiver clocks out when it has nothing to send.
 pub const FILLER: u8 = 0xFF;
 
 const _: () = assert!(TRANSFER.is_multiple_of(4) && RING >= 2 * TRANSFER);
-// At least 1 ms lies between two selections.
+// At least 1 ms lies between two selections of the receiver.
 const _: () = assert!(
     SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64
         <= 1_000 * profile::CYCLE_MS as u64 - 1_000 - 1_000
@@ -50,7 +50,7 @@ const _: () = assert!(
 // A byte takes at least 8 µs, and the clock has at most 5.5 MHz.
 const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
 
-/// What the code of the registers has to do next.
+/// What the code that accesses the registers has to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Do nothing.
@@ -61,7 +61,7 @@ pub enum Order {
     Transfer,
     /// Call [`Polling::elapsed`] in [`HOLD_US`].
     Hold,
-    /// Raise chip select, and take the bytes.
+    /// Raise chip select, and take the bytes of the transfer.
     Finish,
     /// Stop both DMA streams, raise chip select, and set the peripheral up anew. The transfer brought no bytes.
     Abort,
@@ -93,7 +93,7 @@ impl Default for Polling {
 }
 
 impl Polling {
-    /// The state before the first transfer.
+    /// Returns the state before the first transfer.
     #[must_use]
     pub const fn new() -> Self {
         Self { state: State::Idle, backlog: Backlog::new(1), brought: false, timed_out: 0, recoveries: 0 }
@@ -111,7 +111,7 @@ impl Polling {
         self.recoveries
     }
 
-    /// Whether no transfer is under way, so that what is to be sent may change.
+    /// Whether no transfer is under way, so that the outgoing bytes may be changed.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.state == State::Idle
@@ -129,7 +129,7 @@ impl Polling {
         }
     }
 
-    /// Takes note that the time of the last order is over.
+    /// Serves the end of the time that the last order has asked for.
     pub fn elapsed(&mut self) -> Order {
         match self.state {
             State::Selected => {
@@ -144,7 +144,7 @@ impl Polling {
         }
     }
 
-    /// Takes note that all bytes have come in.
+    /// Serves the end of the transfer: all bytes have come in.
     pub fn transferred(&mut self) -> Order {
         if self.state != State::Transferring {
             return Order::Nothing;
@@ -159,16 +159,16 @@ impl Polling {
         self.backlog.is_old()
     }
 
-    /// Takes note that a transfer's bytes have been examined. `brought` says that some were the receiver's. `is_empty`
-    /// says that the transfer ended with filler outside of a message, so the receiver has no more
+    /// Takes the result of examining a transfer's bytes. `brought` says that some of them were the receiver's.
+    /// `is_empty` says that the transfer ended with filler outside of a message, so the receiver has no more
     /// ([`Filter::has_nothing_more`]). After a pause a transfer of filler alone proves nothing, since a line that is
-    /// stuck high reads the same, unless the previous transfer brought something: a message may end with its transfer.
+    /// stuck high reads the same, unless the transfer before it brought bytes: a message may end with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
         let brought_before = core::mem::replace(&mut self.brought, brought);
         self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
     }
 
-    /// Takes note that a DMA stream has failed.
+    /// Serves the failure of a DMA stream.
     pub fn failed(&mut self) -> Order {
         if self.state != State::Transferring {
             return Order::Nothing;
@@ -194,7 +194,7 @@ enum Place {
     Outside,
     /// Outside of a message, after this number of filler bytes, counted up to [`Filter::NOTHING_MORE`].
     Filler(u8),
-    /// After the first sync byte.
+    /// After the first of a message's two sync bytes.
     Sync,
     /// After this number of bytes of class, identifier and length; the second value is the length so far.
     Header(u8, u16),
@@ -203,7 +203,7 @@ enum Place {
 }
 
 impl Filter {
-    /// A filter that is outside of any message.
+    /// Returns a filter that is outside of any message.
     #[must_use]
     pub const fn new() -> Self {
         Self(Place::Outside)
@@ -215,11 +215,11 @@ impl Filter {
         matches!(self.0, Place::Outside | Place::Filler(_))
     }
 
-    /// The number of filler bytes in a row that say that the receiver has nothing more: one 0xFF may be noise.
+    /// The number of filler bytes in a row that mean that the receiver has no more data: a single 0xFF may be noise.
     pub const NOTHING_MORE: u8 = 4;
 
     /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A 0xFF inside a message is not filler, and neither is
-    /// the last byte of a length that is too great to be followed.
+    /// the last byte of a length that is too great for the message to be followed.
     #[must_use]
     pub fn has_nothing_more(self) -> bool {
         self.0 == Place::Filler(Self::NOTHING_MORE)
@@ -234,7 +234,7 @@ impl Filter {
         skips
     }
 
-    /// Whether `byte` is one of the receiver's, and not filler.
+    /// Whether `byte` comes from the receiver and is not filler.
     pub fn keeps(&mut self, byte: u8) -> bool {
         /// The longest payload whose message fits into the parser's buffer, header and checksum included.
         const LONGEST: u16 = BUFFER as u16 - 8;
@@ -344,13 +344,13 @@ mod tests {
             (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
         };
         let [more, no_more] = [(false, false), (false, true)];
-        // The length bytes of a message whose length is too great to be followed are 0xFF and no filler.
+        // Length bytes of 0xFF are not filler, although a message of that length is too long to be followed.
         let mut filter = Filter::new();
         for byte in [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(50) {
             assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
         }
         assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
-        // The last bytes of a message are no filler either, even if they are 0xFF.
+        // The last bytes of a message are not filler, even if they are 0xFF.
         for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
             assert!(filter.keeps(byte) && !filter.has_nothing_more());
         }
@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn bytes_that_waited_stay_old_while_only_filler_comes() {
         let mut polling = Polling::new();
-        // The line is stuck and then mended; the backlog comes in two transfers; silence, a message and silence follow.
+        // The stuck line works again; old bytes come in two transfers; then silence, a message and silence follow.
         for (brought, is_empty, is_old) in [
             (false, true, true),
             (false, true, true),

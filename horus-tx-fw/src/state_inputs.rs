@@ -1,21 +1,21 @@
-//! The state of HORUS, as the inputs of its safety function tell it
+//! HORUS's state, as the inputs of its safety function tell it
 //!
 //! # Design
 //!
 //! Three inputs tell whether the relay has switched to the redundant flight controller, whether the motors are cut, and
-//! whether the emergency measure has fired. Each is an antivalent pair of pins: one is high and the other low while the
-//! input is active, the other way round while it is not, and equal levels are a contradiction (a broken wire, a short).
-//! Decision 18 has the rules and their reasons.
+//! whether the emergency measure has fired. Each input is an antivalent pair of pins: while the input is active, one
+//! pin is high and the other low, and while it is not active, the other way round. Equal levels are a contradiction (a
+//! broken wire, a short). Decision 18 has the rules and their reasons.
 //!
-//! [`StateInputs::sample`] is called once per cycle. A pair's value is taken when [`SAMPLES_TO_TAKE`] samples in a row
-//! agree; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
+//! [`StateInputs::sample`] is called once per cycle. A pair's value is accepted when [`SAMPLES_TO_TAKE`] samples in a
+//! row agree; a pair that has had no accepted value for [`SAMPLES_UNSETTLED`] samples is a contradiction.
 
 use profile::HorusState;
 
-/// The number of inputs.
+/// The number of inputs that tell HORUS's state.
 pub const INPUTS: usize = 3;
 
-/// The number of samples in a row that have to agree before they are taken: 20 ms from the first to the last.
+/// The number of samples in a row that must agree before their value is accepted: 20 ms from first to last.
 pub const SAMPLES_TO_TAKE: u8 = 3;
 
 /// The number of samples without [`SAMPLES_TO_TAKE`] equal ones in a row that make a contradiction: 100 ms.
@@ -30,7 +30,7 @@ pub struct Levels {
     pub inactive: bool,
 }
 
-/// The value of a pair.
+/// The value that a pair's levels mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Says {
     /// The input is not active.
@@ -51,16 +51,16 @@ impl From<Levels> for Says {
     }
 }
 
-/// One input, debounced.
+/// One input, with the rules that suppress short changes of its levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Pair {
-    /// The value that is taken as true; none until the pair has settled for the first time.
+    /// The value that was accepted last; `None` until the pair has settled for the first time.
     taken: Option<Says>,
     /// The value of the last sample.
     last: Option<Says>,
-    /// The number of samples in a row that have had the last one's value, at most [`SAMPLES_TO_TAKE`].
+    /// The number of samples in a row with the same value as the last one, at most [`SAMPLES_TO_TAKE`].
     same: u8,
-    /// The number of samples since the last one that could be taken, at most [`SAMPLES_UNSETTLED`].
+    /// The number of samples since a value was last accepted, at most [`SAMPLES_UNSETTLED`].
     unsettled: u8,
 }
 
@@ -86,28 +86,28 @@ pub struct StateInputs {
     pairs: [Pair; INPUTS],
 }
 
-/// The state that an active input means, in the order of the inputs.
+/// HORUS's state while an input is active, for each input in their order.
 const STATES: [HorusState; INPUTS] =
     [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
 
 impl StateInputs {
-    /// Inputs of which nothing is known yet.
+    /// Returns the inputs in the state in which none has settled yet.
     #[must_use]
     pub const fn new() -> Self {
         const UNKNOWN: Pair = Pair { taken: None, last: None, same: 0, unsettled: 0 };
         Self { pairs: [UNKNOWN; INPUTS] }
     }
 
-    /// Takes the levels of all inputs in one cycle.
+    /// Takes the levels of all inputs, once in each cycle.
     pub fn sample(&mut self, levels: [Levels; INPUTS]) {
         for (pair, levels) in self.pairs.iter_mut().zip(levels) {
             pair.sample(levels.into());
         }
     }
 
-    /// Returns HORUS's state: that of the most severe input that is not inactive, and a contradiction is one. If there
-    /// is none, the voted position decides: monitoring if there is one (`is_located`), position lost if there only was
-    /// one (`was_located`), otherwise starting; and starting also until each input has settled for the first time.
+    /// Returns HORUS's state: that of the most severe input whose value is active or a contradiction. If there is none,
+    /// the voted position decides: monitoring if there is one (`is_located`), position lost if there was one before
+    /// (`was_located`), otherwise starting. Until each input has settled for the first time the state is starting too.
     #[must_use]
     pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
         let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
@@ -149,7 +149,7 @@ mod tests {
         Levels { active, inactive }
     }
 
-    /// Returns the state after each of these samples of the motor cut, while the other inputs are inactive.
+    /// Returns the state after each of these samples of the motor cut, while the other two inputs are inactive.
     fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {
@@ -190,10 +190,10 @@ mod tests {
     #[test]
     fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
         let [i, a] = [Inactive, Active];
-        // The pair chatters from the start on: nine samples do not decide, and the tenth makes a contradiction.
+        // The pair changes from the start on: nine samples do not decide, and the tenth makes a contradiction.
         let chatter = [i, a, i, a, i, a, i, a, i, a];
         assert_eq!(of_motor_cut(&chatter)[8..], [Starting, InputsContradict]);
-        // The pair had settled; then at most two samples in a row agree. A contradiction stays until the pair settles.
+        // The pair settles; then at most two samples in a row agree. A contradiction lasts until the pair settles.
         let samples: Vec<Says> = [i, i, i].into_iter().chain([a, a, i, i, a, a, i, i, a, a, i, i, i]).collect();
         let states = of_motor_cut(&samples);
         assert_eq!(states[11], Monitoring, "the ninth");
@@ -247,8 +247,8 @@ mod tests {
     }
 
     proptest! {
-        /// The rule in other words, over all samples so far: three equal ones in a row decide, and ten samples without
-        /// three such are a contradiction.
+        /// The rule in other words, over all samples so far: three equal samples in a row decide, and ten samples
+        /// without three such are a contradiction.
         #[test]
         fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
             let mut pair = Pair::default();

@@ -1,7 +1,7 @@
-//! What HORUS requires of its supply's supervisors (RM0090, "Power supply supervisor" and "Option bytes")
+//! What HORUS requires of the supervisors of its supply (RM0090, "Power supply supervisor" and "Option bytes")
 
-/// The brown-out level that the option bytes must have, as `BOR_LEV` numbers the levels: 0 is level 3, the highest,
-/// which resets the part below 2.75 to 2.88 V. 1 and 2 are levels 2 and 1, and 3 is no brown-out reset.
+/// The value that `BOR_LEV` of the option bytes must have: 0 is brown-out level 3, the highest, which resets the part
+/// below 2.75 to 2.88 V. The values 1 and 2 are levels 2 and 1, and 3 means no brown-out reset.
 pub const BROWN_OUT_LEVEL: u32 = 0;
 
 /// The value of `PWR_CR` that switches the voltage detector on (`PVDE`) at its highest level (`PLS`).
@@ -10,7 +10,7 @@ pub const DETECTOR: u32 = 1 << 4 | 7 << 5;
 /// The voltage of the detector's highest level, mV: the typical value for a supply that falls (DS9405).
 pub const DETECTOR_MV: u32 = 3_030;
 
-/// Returns `BOR_LEV` of `optcr`, which is a value of FLASH_OPTCR.
+/// Returns the field `BOR_LEV` of `optcr`, a value of FLASH_OPTCR.
 #[must_use]
 pub const fn brown_out_level(optcr: u32) -> u32 {
     optcr >> 2 & 3

@@ -1,18 +1,18 @@
 //! The firmware's tasks, and which of them have to check in before the watchdog is fed.
 //!
-//! Every task has to check in. Only the cycle timer makes each of them run, so that neither a missing receiver nor a
+//! Every task has to check in. The cycle timer alone makes all of them run, so that neither a missing receiver nor a
 //! missing front end keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot`
 //! after every slot. After the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every
-//! receiver's source and calls `parse`. Once a cycle `gnss_tick` also calls the tasks that only hardware calls
-//! otherwise, for a sign of life ([`Task::calls_for_sign_of_life`]): each of them looks at its hardware, and does
-//! nothing if there is nothing to do.
+//! receiver's source and calls `parse`. Once a cycle `gnss_tick` also calls the tasks that otherwise only hardware
+//! calls, so that they check in ([`Task::calls_for_sign_of_life`]): each of them checks its hardware, and does nothing
+//! if there is no work.
 
 include!(concat!(env!("OUT_DIR"), "/each_task.rs"));
 
 each_task!(firmware_common::task_table);
 
 impl Task {
-    /// Whether only hardware calls the task, so that it has to be asked for a sign of life.
+    /// Whether only hardware calls the task, so that `gnss_tick` has to call it to make it check in.
     #[must_use]
     pub const fn calls_for_sign_of_life(self) -> bool {
         !matches!(self, Self::slot | Self::rf_slot | Self::cycle | Self::vote | Self::gnss_tick | Self::parse)

@@ -11,7 +11,7 @@ firmware_common::counters! {
     pub struct Line {
         /// Bytes that DMA has delivered.
         bytes,
-        /// Bytes lost because the ring lapped its reader.
+        /// Bytes lost because the ring's writer overwrote them before they were read.
         overruns,
         /// Framing, noise and overrun errors that the UART has reported.
         uart_errors,
@@ -27,15 +27,15 @@ firmware_common::counters! {
 }
 
 firmware_common::counters! {
-    /// The counts of one receiver's source, and the receiver's response to its configuration.
+    /// The counts of the source of one receiver's bytes, and the receiver's response to its configuration.
     pub struct Source {
-        /// A [`Standing`](crate::configuration::Standing) as a number. It is not a count.
+        /// The receiver's [`Standing`](crate::configuration::Standing) as a number. It is not a count.
         configuration,
-        /// Recoveries of an I2C bus, and the times that an SPI was set up anew.
+        /// Recoveries of an I2C bus, or how often an SPI was set up anew.
         recoveries,
         /// Transactions that had not ended by the next tick.
         timed_out,
-        /// Transactions that a receiver on I2C did not acknowledge, or that lost the bus.
+        /// Transactions that a receiver on I2C did not acknowledge, or that lost the arbitration.
         refused,
     }
 }
@@ -46,9 +46,9 @@ firmware_common::counters! {
 pub struct Telemetry {
     /// Ticks since the start.
     pub cycles: Counter,
-    /// Ticks at which the previous cycle had not ended.
+    /// Ticks at which the cycle before had not ended.
     pub cycle_overruns: Counter,
-    /// Frames that were fired and that the chip sent.
+    /// Frames that were fired and whose end the chip reported.
     pub frames_sent: Counter,
     /// Slots that passed without a frame to fire.
     pub frames_skipped: Counter,
@@ -60,12 +60,12 @@ pub struct Telemetry {
     pub watchdog_resets: Counter,
     /// The longest time to fill and seal a profile, core cycles (144 MHz).
     pub worst_fill_cycles: Counter,
-    /// The shortest time from a slot's compare match to its command's byte in the SPI's transmit register, timer ticks
-    /// (72 MHz). The longest time less this one is the jitter.
+    /// The shortest time from a slot's compare match to the command's byte in the SPI's transmit register, timer ticks
+    /// (72 MHz). The difference to the longest such time is the jitter.
     pub best_fire_ticks: Counter,
-    /// The longest of the times that [`Telemetry::best_fire_ticks`] describes, timer ticks.
+    /// The longest time from a slot's compare match to the command's byte in the SPI's transmit register, timer ticks.
     pub worst_fire_ticks: Counter,
-    /// The lines of GPS1 to GPS5; those that are not fitted stay zero.
+    /// The lines of GPS1 to GPS5; the counts of receivers that are not fitted stay zero.
     pub lines: [Line; MAX_RECEIVERS],
     /// Why the processor last started: a [`profile::ResetReason`] as a number.
     pub reset_reason: Counter,
@@ -77,21 +77,21 @@ pub struct Telemetry {
     pub flash_passes: Counter,
     /// Passes of the patrol over the RAM in use.
     pub ram_passes: Counter,
-    /// How often the RAM in use did not hold what was written to it.
+    /// How often a word of the RAM in use did not hold what was written to it.
     pub ram_errors: Counter,
-    /// Frames during which the front end's FIFO ran dry or over.
+    /// Frames during which the front end's FIFO ran dry or overflowed.
     pub fifo_errors: Counter,
-    /// The sources of GPS1 to GPS5; those that are not fitted stay zero.
+    /// The sources of GPS1 to GPS5; the counts of receivers that are not fitted stay zero.
     pub sources: [Source; MAX_RECEIVERS],
-    /// Frames sent whose end the chip did not tell (I_txe): their time was over, and the FIFO was empty.
+    /// Frames sent whose end (I_txe) the chip did not report: their time was over, and the FIFO was empty.
     pub frames_unconfirmed: Counter,
-    /// The last register of the front end that did not read as it was set, or 0: its address (with 0x40 in space B) in
-    /// bits 23 to 16, then the value that was set, then the value that was read. It is not a count.
+    /// The last register of the front end that did not read as it was set, or 0 if none: its address (with 0x40 in
+    /// space B) in bits 23 to 16, then the value that was set, then the value that was read. It is not a count.
     pub rf_register: Counter,
 }
 
 impl Telemetry {
-    /// The counters of a start, which are all zero.
+    /// Returns the counters of a start, which are all zero.
     #[must_use]
     pub const fn new() -> Self {
         Self {

@@ -1,23 +1,23 @@
-//! The front end's side of a cycle: what the poller machine has to do, and when
+//! The front end's part of a cycle: what the poller's state machine has to do, and when
 //!
 //! # Design
 //!
-//! The [`Poller`] machine handles the chip and no time slots; the SPI, the IRQ pin and a one-shot timer handle nothing
-//! that is specific to the chip. The driver's [`Executor`] stands between them, and each of their interrupts calls
-//! [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame the machine prepares and loads, and
-//! when. No task ever waits for the SPI.
+//! The [`Poller`], a state machine, handles the chip and no time slots; the SPI, the IRQ pin and a one-shot timer
+//! handle nothing that is specific to the chip. The driver's [`Executor`] stands between them, and each of their
+//! interrupts calls [`Transmitter::poll`]. The transmitter owns the executor: it decides which frame the state machine
+//! prepares and loads, and when. No task ever waits for the SPI.
 //!
 //! When a frame was sent, the chip is prepared at once for the next one, long before there is anything to send. So only
 //! the load of the frame's head is left between the tick and the slot.
 //!
-//! The command that starts a frame is the one transfer that must happen at an exact instant. When the head is loaded,
-//! the transmitter *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no other
-//! transfer. The slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's byte, and
-//! reports to [`Transmitter::slot`], which starts the load of the rest. A slot that finds no ticket, or that of another
-//! cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
+//! The command that starts a frame is the one transfer that must happen at an exact instant. When the frame's head is
+//! loaded, the transmitter *arms* a [`Ticket`], which says for which cycle and frame the head was loaded, and starts no
+//! other transfer. The slot's interrupt, which has the highest priority, asks [`Ticket::due`], writes the command's
+//! byte, and reports to [`Transmitter::slot`], which starts the load of the rest. A slot without a ticket, or with that
+//! of another cycle or frame, sends nothing: no frame is sent late, or with data older than its cycle's.
 //!
-//! The machine recovers from a fault of the chip by itself. The fault costs only the frames of that time, and each of
-//! them is counted. The cycle goes on.
+//! The state machine recovers from a fault of the chip by itself. A fault costs only the frames that fall into the
+//! recovery, each of which is counted. The cycle goes on.
 
 use core::ops::Range;
 
@@ -34,10 +34,10 @@ use crate::{telemetry::Telemetry, timing::payload, FRAMES, RECEIVERS};
 pub struct Ticket(u32);
 
 impl Ticket {
-    /// The ticket of no frame.
+    /// The ticket that allows no frame to be fired.
     pub const NONE: Self = Self(0);
 
-    /// The ticket for frame `frame` of tick `tick`, which is fired by sending `command`.
+    /// Returns the ticket for frame `frame` of tick `tick`, which is fired by sending `command`.
     #[must_use]
     pub const fn new(tick: u32, frame: usize, command: u8) -> Self {
         Self((tick & 0xFFFF) << 16 | ((frame as u32 & 0xFF) << 8) | command as u32)
@@ -67,44 +67,44 @@ impl Ticket {
     }
 }
 
-/// The result of a slot.
+/// What happened in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// The frame of the cycle that the slot was for.
+    /// The number of the frame in its cycle for which the slot was.
     pub frame: usize,
-    /// The byte clocked in while the command went out, or `None` if nothing was fired.
+    /// The byte clocked in while the command was sent, or `None` if no frame was fired.
     pub fired: Option<u8>,
 }
 
-/// The hardware that a transmitter works with: the executor's port, which loads from a profile, and the slot's ticket.
+/// The hardware of a transmitter: the executor's port, which loads frames from a profile, and the slot's ticket.
 pub trait FrontEndPort: executor::Port {
     /// Makes `profile` the one from which frames are loaded. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
     /// Makes these bytes of the profile the frame that is loaded.
     fn point_at(&mut self, frame: Range<usize>);
-    /// Hands a ticket to the slots.
+    /// Hands a ticket to the slot's interrupt.
     fn arm(&mut self, ticket: Ticket);
     /// Takes an unused ticket back; returns false if a slot has taken the ticket already.
     fn disarm(&mut self) -> bool;
 }
 
-/// Who has to act before the machine goes on.
+/// Who has to act before the state machine can go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// The executor: a transfer or a wait is under way.
+    /// The executor has to act: a transfer or a wait is under way.
     Executor,
-    /// The cycle: the chip is prepared for a frame, and there is nothing to send.
+    /// The cycle has to act: the chip is prepared for a frame, and there is nothing to send.
     Cycle,
-    /// The slot: a frame whose head is loaded waits for it.
+    /// The slot's interrupt has to act: a frame whose head is loaded waits for its slot.
     Slot,
 }
 
-/// Makes the poller machine send the frames of one cycle after the other.
+/// Makes the poller's state machine send the frames of one cycle after the other.
 pub struct Transmitter<'a, P> {
     executor: Executor<Poller, P>,
     telemetry: &'a Telemetry,
     turn: Turn,
-    /// The tick of the profile that is deposited.
+    /// The tick of the profile that was deposited last.
     tick: u32,
     /// The index of the frame to load next; [`FRAMES`] if there is none.
     next: usize,
@@ -117,7 +117,7 @@ pub struct Transmitter<'a, P> {
 }
 
 impl<'a, P: FrontEndPort> Transmitter<'a, P> {
-    /// Begins to bring up the chip.
+    /// Begins to bring up the chip, and returns the transmitter.
     pub fn start(config: PollerConfig, telemetry: &'a Telemetry, port: P) -> Self {
         let mut transmitter = Self {
             executor: Executor::new(Poller::new(config), port),
@@ -135,15 +135,15 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         transmitter
     }
 
-    /// Offers the profile of tick `tick`. It replaces what was not sent of the previous profile. If the chip is not
-    /// prepared, the profile's frames are loaded as soon as it is, if that is in time for their slots.
+    /// Offers the profile of tick `tick`. It replaces the frames of the previous profile that were not sent. If the
+    /// chip is not prepared yet, the profile's frames are loaded as soon as it is, if that is in time for their slots.
     ///
     /// Returns false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
     /// that this cycle's slot is lost anyway), because that frame's bytes must not change.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
         let kept = match self.turn {
             Turn::Executor => self.executor.is_loading(),
-            // A frame whose ticket is gone was fired.
+            // If the frame's ticket can no longer be taken back, the frame was fired.
             Turn::Slot => !self.executor.port().disarm(),
             Turn::Cycle => false,
         };
@@ -157,14 +157,14 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         let event = match self.turn {
             Turn::Executor => None,
             Turn::Cycle => self.prepared(),
-            // A frame of an earlier cycle that missed its slot is given up.
+            // The frame of an earlier cycle has missed its slot and is dropped.
             Turn::Slot => self.executor.resume(),
         };
         self.serve(event);
         true
     }
 
-    /// Serves what may have happened: a transfer has ended, the IRQ pin has risen, or the timer has run out.
+    /// Serves an interrupt: a transfer has ended, the IRQ pin has risen, or the timer has run out.
     pub fn poll(&mut self) {
         let event = self.executor.poll();
         self.serve(event);
@@ -178,18 +178,18 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                 let event = self.executor.go_on(|poller| poller.step(Input::Done(&[response])));
                 self.serve(event);
             }
-            // The ticket was for another slot: the frame is given up, and the next one follows.
+            // The ticket was for another slot: that frame is dropped, and the next one follows.
             (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
                 self.executor.port().disarm();
                 let event = self.executor.resume();
                 self.serve(event);
             }
-            // This poll comes once a cycle without a cause, so that an interrupt edge that was lost is noticed.
+            // A slot polls once a cycle even without an event, so that a lost edge of the interrupt is noticed.
             _ => self.poll(),
         }
     }
 
-    /// Returns the last fault since the last call, for the log.
+    /// Returns the last fault of the front end since the last call, for the log.
     pub fn take_fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }
@@ -203,11 +203,11 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
     fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
         let length = payload(self.prepared);
-        // A machine that refuses is given a failure, which it reports and recovers from.
+        // If the state machine refuses, it is given a failure event, which it reports and recovers from.
         self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
-    /// Starts what comes next when the chip is prepared for a frame and there is one to send.
+    /// Starts the load of the next frame when the chip is prepared for a frame and there is one to send.
     fn prepared(&mut self) -> Option<PollerEvent> {
         if self.prepared != self.next {
             return self.prepare();
@@ -219,8 +219,8 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
         self.executor.resume()
     }
 
-    /// Serves an event and those that follow at once: at most three, since the machine asks for a transfer or a wait
-    /// after every event but a fault.
+    /// Serves an event and the events that follow from it at once: at most three, since the state machine asks for a
+    /// transfer or a wait after every event but a fault.
     fn serve(&mut self, mut event: Option<PollerEvent>) {
         while let Some(happened) = event {
             event = match happened {
@@ -243,7 +243,7 @@ impl<'a, P: FrontEndPort> Transmitter<'a, P> {
                     self.executor.port().arm(Ticket::new(tick, frame, command));
                     return;
                 }
-                // The frame was loaded too late for its slot, and is given up.
+                // The frame was loaded too late for its slot, and is dropped.
                 PollerEvent::Loaded => self.executor.resume(),
                 PollerEvent::Sent { confirmed } => {
                     self.telemetry.frames_sent.add(1);

@@ -1,4 +1,4 @@
-//! How a receiver's bytes become its solution.
+//! Tests how a receiver's bytes become its solution.
 
 use crate::ubx;
 
@@ -9,7 +9,7 @@ use profile::FixType;
 use proptest::prelude::*;
 use ubx::{esf_ins, message, nav_att, NavPvt, NMEA};
 
-/// Feeds all of `bytes` at `now`, in calls as small as the receiver wants them.
+/// Feeds all of `bytes` to the receiver at `now`, in as many calls as it takes.
 fn feed(receiver: &mut Receiver, mut bytes: &[u8], now: u32) {
     while !bytes.is_empty() {
         let taken = receiver.receive(bytes, now);
@@ -25,7 +25,7 @@ fn fed(bytes: &[u8]) -> Receiver {
 }
 
 /// Returns the float64 nearest to `raw` / 10^`decimals`, by way of its decimal digits: the standard library's parser
-/// rounds correctly, and shares nothing with a division.
+/// rounds correctly, and has no code in common with a division.
 fn decimal(raw: i32, decimals: usize) -> f64 {
     let digits = format!("{:0width$}", raw.unsigned_abs(), width = decimals + 1);
     let (whole, part) = digits.split_at(digits.len() - decimals);
@@ -126,7 +126,7 @@ proptest! {
 
     #[test]
     fn a_message_is_found_after_any_noise(noise in proptest::collection::vec(any::<u8>(), 0..600)) {
-        // Noise may begin a message that seems to go on; as many zeros as the buffer can hold end it.
+        // Noise may begin a message that seems to go on. Zeros that fill the buffer end it.
         let mut receiver = Receiver::new();
         feed(&mut receiver, &noise, 0);
         feed(&mut receiver, &[0; BUFFER + BYTES_PER_CALL], 0);
@@ -166,7 +166,7 @@ fn zeros_behind_a_sync_do_not_tell_that_a_receiver_is_heard() {
     let receiver = fed(&[0xB5, 0x62, 0, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!((receiver.counts().messages, receiver.counts().damaged), (0, 1));
     assert!(!receiver.solution().last_heard.within(0, HEARD_MS));
-    // A message of a kind that is not used counts as heard.
+    // A message of a kind that HORUS does not use makes the receiver count as heard.
     assert!(fed(&message(1, 0x35, &[0; 8])).solution().last_heard.within(0, HEARD_MS));
 }
 
@@ -206,7 +206,7 @@ fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
 
 #[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
-    // These bytes are a header that promises 200 bytes, and then a whole message.
+    // The bytes are the header of a message of 200 bytes, and then a whole message.
     let mut receiver = Receiver::new();
     feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
     assert!(!receiver.solution().position.valid);
@@ -271,7 +271,7 @@ fn attitude_is_in_radians_and_an_angle_without_accuracy_is_not_given() {
     assert!(!attitude.roll.is_nan() && !attitude.pitch.is_nan());
 }
 
-/// Returns every combination of three things that are there or not.
+/// Returns every combination of three values that may be there or not.
 fn combinations() -> impl Iterator<Item = [bool; 3]> {
     (0..8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1))
 }
@@ -404,10 +404,10 @@ fn the_lag_is_the_arrival_less_the_time_of_week() {
         (0, week - 200, 200),
         (160, week - 100, 260),
         (300, 0, 300),
-        // A repeated time of week brings nothing new.
+        // A message with a repeated time of week brings nothing new.
         (900, 0, 300),
         (week + 1_050, 1_000, 50),
-        // This is a time of week that no receiver has.
+        // No receiver sends such a time of week, beyond the end of the week.
         (week + 2_000, 2 * week + 300, 1_700),
         (u32::MAX, 0, u32::MAX % week),
     ] {
@@ -449,8 +449,8 @@ fn a_silent_receiver_still_counts_as_silent_when_the_clock_wraps() {
     }
 }
 
-/// Reads what real receivers sent, where recordings are at hand: every NAV-PVT is found that a plain search for sync
-/// bytes with its own checksum finds, and nothing else.
+/// Reads recordings of real receivers, if there are any: the parser must find exactly the NAV-PVT messages that a plain
+/// search for sync bytes with its own checksum finds.
 #[test]
 fn recordings_of_real_receivers_are_read_in_full() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");

@@ -1,5 +1,5 @@
-//! The transmitter runs against the model of the chip that it drives: every slot of a cycle in virtual time, byte by
-//! byte on the SPI.
+//! Tests the transmitter on the model of the chip that it drives: every slot of a cycle in virtual time, byte by byte
+//! on the SPI.
 
 use horus_tx_fw::{
     cycle::Cycle,
@@ -25,7 +25,7 @@ const BYTE_NS: u64 = 889;
 const OVERHEAD_NS: u64 = 2_000;
 const CYCLE_NS: u64 = 10_000_000;
 
-/// A transfer on its way.
+/// An SPI transfer that is under way.
 struct Transfer {
     out: Vec<u8>,
     into: Vec<u8>,
@@ -33,7 +33,7 @@ struct Transfer {
     next_at: u64,
 }
 
-/// The chip, the SPI, the one-shot timer and the ticket, as interrupts see them.
+/// The chip, the SPI, the one-shot timer and the ticket, as the interrupts access them.
 struct Bench {
     now: u64,
     chip: Chip,
@@ -43,10 +43,10 @@ struct Bench {
     ticket: Ticket,
     profile: Vec<u8>,
     frame: Range<usize>,
-    /// Whether the end of the transfer under way is swallowed.
+    /// Whether the end of the transfer under way is never reported.
     hang: bool,
     aborted: u32,
-    /// How much later than asked for the load of a frame's rest begins, ns.
+    /// The delay before the load of a frame's rest begins, ns.
     rest_late_ns: u64,
 }
 
@@ -139,13 +139,13 @@ struct Sent {
     payload: Vec<u8>,
 }
 
-/// Runs `cycles` ticks and returns what was on the air. `before` is called before each tick's profile is offered, and
-/// returns how late the offer is, ns after the tick.
+/// Runs `cycles` ticks and returns the frames that were on the air. `before` is called before each tick's profile is
+/// offered, and returns how late the offer is, ns after the tick.
 fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
     run_on(Config::default(), cycles, telemetry, before)
 }
 
-/// Does the same as [`run`] with another chip.
+/// Does the same as [`run`] with the given chip.
 fn run_on(
     config: Config,
     cycles: u32,
@@ -155,7 +155,7 @@ fn run_on(
     let mut transmitter = Transmitter::start(PollerConfig::new(), telemetry, Bench::new(config));
     let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
-    // This holds what is due at an instant of its own: slots and offers of the tick under way.
+    // The queue holds the events with an instant of their own: the slots and the offer of the present tick.
     let mut due: Vec<(u64, Option<usize>)> = Vec::new();
     let mut tick = 0;
     let mut next_tick = CYCLE_NS;
@@ -227,7 +227,7 @@ fn run_on(
                 AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
                 AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
                 AirEvent::FrameEnd { bits } => {
-                    // The bits are those of LEN, payload and CRC-16.
+                    // The bits are those of the frame's LEN, payload and CRC-16.
                     let frame = sent.last_mut().expect("it has started");
                     assert!(frame.payload.len() * 8 >= bits as usize);
                     frame.payload.truncate(bits as usize / 8);
@@ -248,8 +248,8 @@ fn is_whole(frame: &Sent) -> bool {
     objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
 }
 
-/// Asserts that every object of `frame` is intact and of the cycle in which it was sent, and returns the cycle and the
-/// frame's place.
+/// Asserts that every object of `frame` is intact and of the cycle in which it was sent. Returns the cycle and the
+/// frame's number in it.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
     let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");
@@ -295,7 +295,7 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
 #[test]
 fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
     let telemetry = Telemetry::new();
-    // The offer is late by half the time that the head's load takes: the load is under way when its slot passes.
+    // The offer is late by half the time that the head's load takes, so the load is under way when its slot passes.
     let late = u64::from(SLOT_US[0]) * 1_000 - HEAD as u64 * BYTE_NS / 2;
     let (sent, _) = run(40, &telemetry, |tick, _| if tick == 20 || tick == 30 { late } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
@@ -312,7 +312,7 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
 #[test]
 fn a_frame_is_whole_if_its_rest_is_loaded_in_time() {
     let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
-    // The model's air begins a few µs after the command; the driver does not rely on that time.
+    // In the model the air begins a few µs after the command; the driver does not rely on that time.
     for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
         let telemetry = Telemetry::new();
         let (sent, bench) = run(40, &telemetry, |tick, bench| {
@@ -340,7 +340,7 @@ fn a_chip_that_loses_its_supply_sends_again_once_it_is_back() {
     });
     let places: Vec<_> = sent.iter().filter(|frame| !frame.payload.is_empty()).map(check).collect();
     assert!((20..25).all(|tick| !places.iter().any(|place| place.0 == tick)));
-    // The back-off takes at most 64 ms, and bring-up 6 ms.
+    // The wait before the next bring-up takes at most 64 ms, and the bring-up 6 ms.
     for tick in 34..=80 {
         assert!(places.contains(&(tick, 0)), "cycle {tick}");
     }
@@ -368,7 +368,7 @@ fn a_transfer_that_never_ends_is_given_up_after_a_millisecond() {
 #[test]
 fn a_cycle_that_offers_nothing_sends_nothing() {
     let telemetry = Telemetry::new();
-    // The offer is later than every slot, as if the cycle had hung.
+    // The offer comes after every slot of its cycle, as if the cycle's task had hung.
     let (sent, _) = run(30, &telemetry, |tick, _| if tick == 20 { 9_999_000 } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
     assert!(!places.iter().any(|place| place.0 == 20));

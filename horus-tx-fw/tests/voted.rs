@@ -1,19 +1,21 @@
-//! The whole chain without boards: simulated receivers watch one flight while one or two of them fail, their bytes go
-//! through parser and voter at every tick, and Reported-Position is compared with where the aircraft is.
+//! Tests the whole chain without boards: simulated receivers measure one flight while one or two of them fail, their
+//! bytes go through parser and voter at every tick, and Reported-Position is compared with the aircraft's true
+//! position.
+//! position.
 //!
 //! # Bounds
 //!
 //! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
 //! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
-//! m/s). A result of three with one wrong one has a right one among its members, with which each member agrees. The
-//! result is at most as far from that one as two that agree may be apart: [`AGREE_M`]. So no result is farther from the
-//! truth than the sum of both, whatever the wrong receiver does, whose stated accuracy could raise the agreement to its
-//! ceiling. If all three are members, the median lies between two right ones or on one, and is off by no more than they
-//! are.
+//! m/s). If one of three receivers is wrong, every result has a right receiver among its members, and each member
+//! agrees with that one. So the result is at most [`AGREE_M`] away from the right receiver, and at most the sum of both
+//! bounds away from the truth, whatever the wrong receiver does, whose stated accuracy could raise the agreement
+//! distance to its ceiling. If all three receivers are members, the median lies between the two right ones or on one of
+//! them, and is off by no more than they are.
 //!
-//! There is a result at every tick as long as the two right receivers agree with each other, which is checked without
-//! the failed one. Two right ones do disagree, rarely; then nobody can tell who is right, and a run in which that
-//! happens is only compared with the bound.
+//! There is a result at every tick as long as the two right receivers agree with each other, which the test checks
+//! without the failed receiver. Two right receivers do disagree, rarely; then nobody can tell which is right, and a run
+//! in which that happens is only compared with the bound.
 
 use std::sync::Arc;
 
@@ -21,19 +23,19 @@ use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
 use horus_tx_fw::{cycle::Cycle, receiver::Receiver, timing::timestamp};
 use profile::{GpsObject, ReportedPosition};
 
-/// The most that a right receiver is off over ground, m; the module's page derives it.
+/// The most that a right receiver is off over ground, m. The documentation of this file derives it.
 const RIGHT_M: f64 = 9.0;
-/// The most that two receivers that agree are apart, m: the ceiling of decision 15.
+/// The greatest distance of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
 /// The most that a right receiver is off in height, m: five deviations of 1.4 to 1.9 m in one axis.
 const RIGHT_HEIGHT_M: f64 = 10.0;
-/// The most that two receivers that agree are apart in height, m: the ceiling of decision 15.
+/// The greatest difference in height of two receivers that agree, m: the ceiling of decision 15.
 const AGREE_HEIGHT_M: f64 = 50.0;
 
 /// What goes wrong with a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// The receiver says nothing more.
+    /// The receiver sends nothing more.
     Silence,
     /// The receiver repeats its last solution, time of week included.
     Frozen,
@@ -41,15 +43,15 @@ enum Kind {
     Stuck,
     /// The receiver is suddenly 20 m to 5 km off.
     Jump,
-    /// The receiver moves away with 0.2 to 2 m/s.
+    /// The receiver's position moves away with 0.2 to 2 m/s.
     Drift,
     /// The receiver is 1 to 30 m off.
     Offset,
-    /// The receiver sends fields in which nothing is in range, or anything.
+    /// The receiver sends fields of any value, or fields that are all out of range.
     Garbage,
-    /// The receiver states a hundredth of its accuracy, and drifts.
+    /// The receiver states an accuracy a hundred times too small, and drifts.
     Understated,
-    /// The receiver states a hundred times its accuracy, and drifts.
+    /// The receiver states an accuracy a hundred times too large, and drifts.
     Overstated,
     /// Every checksum of the receiver is wrong.
     Checksum,
@@ -59,7 +61,7 @@ enum Kind {
     Velocity,
     /// The receiver has a 2D fix.
     Flat,
-    /// The receiver is 60 m to 5 km too high.
+    /// The receiver's altitude is 60 m to 5 km too high.
     Height,
     /// The receiver's heading is 15 degrees off or more.
     Heading,
@@ -100,7 +102,7 @@ impl Draw {
     }
 }
 
-/// One failure, with all that was drawn for it.
+/// One failure of a receiver, with all values that were drawn for it.
 struct Failure {
     kind: Kind,
     from_ns: u64,
@@ -127,7 +129,7 @@ impl Failure {
         Self { kind, from_ns, direction, metres, metres_per_s, velocity_mm_s, draw, last: None }
     }
 
-    /// Returns what the receiver sends at `at_ns` in place of `bytes`.
+    /// Returns what the failed receiver sends at `at_ns` in place of `bytes`.
     fn spoil(&mut self, bytes: Vec<u8>, at_ns: u64, plane: &TangentPlane) -> Vec<u8> {
         if at_ns < self.from_ns {
             self.last = Some(bytes.clone());
@@ -174,7 +176,7 @@ impl Failure {
             }
             Kind::Checksum => {
                 let mut bytes = bytes;
-                // The change is in each message's payload, so that no message of the burst is intact.
+                // The change is in each message's payload, so that every message of the burst is damaged.
                 let mut start = 0;
                 while start < bytes.len() {
                     let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
@@ -202,7 +204,7 @@ impl Failure {
             Kind::Heading => {
                 let off = (15e5 + self.metres * 10e5) as i32;
                 let turn = |payload: &mut [u8], itow: usize| {
-                    // Only NAV-ATT has 32 bytes.
+                    // Only NAV-ATT has 32 bytes of payload.
                     if itow == 0 && payload.len() == ubx::NavAtt::PAYLOAD {
                         let heading = i32::from_le_bytes(payload[16..20].try_into().expect("four bytes"));
                         payload[16..20].copy_from_slice(&((heading + off) % 36_000_000).to_le_bytes());
@@ -242,8 +244,8 @@ impl Failure {
     }
 }
 
-/// Returns a burst with each message's payload changed and right checksums: `all` changes every payload, whose time of
-/// week is at the given offset, and `pvt` changes that of NAV-PVT.
+/// Returns a burst with changed payloads and right checksums: `all` changes every message's payload, given the offset
+/// of the time of week in it, and `pvt` changes the payload of NAV-PVT.
 fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut [u8])) -> Vec<u8> {
     let mut changed = Vec::new();
     let mut rest = bytes.as_slice();
@@ -259,36 +261,38 @@ fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut
     changed
 }
 
-/// Returns the time of week of a burst, which begins with NAV-PVT.
+/// Returns the time of week of a burst, taken from NAV-PVT, which comes first.
 fn itow(burst: &[u8]) -> [u8; 4] {
     burst[6..10].try_into().expect("four bytes")
 }
 
-/// The result of a run.
+/// The figures of one run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Outcome {
-    /// The worst error over ground of all ticks with a result, m.
+    /// The greatest error over ground of all ticks with a result, m.
     worst_m: f64,
     /// The time from the failure to the first tick at which the failed receiver is excluded, ms.
     excluded_after_ms: Option<u32>,
-    /// The time from the failure to the first tick from which on the failed receiver was no member any more, ms.
+    /// The time from the failure to the first tick from which on the failed receiver is not a member any more, ms.
     left_after_ms: Option<u32>,
     /// The number of ticks without a result after [`SETTLED_MS`].
     without: u32,
-    /// The number of ticks after [`SETTLED_MS`] at which two right receivers, asked alone, did not agree.
+    /// The number of ticks after [`SETTLED_MS`] at which the two right receivers did not agree in a vote of these two
+    /// alone.
     apart: u32,
-    /// The number of ticks that showed a right receiver as excluded.
+    /// The number of ticks at which a right receiver was excluded.
     wronged: u32,
-    /// The number of ticks at which fewer receivers agreed than are fitted but *degraded* was not shown.
+    /// The number of ticks at which fewer receivers agreed than are fitted although the status did not say *degraded*.
     undegraded: u32,
-    /// The number of ticks with a result beyond the bound that is not of two failed receivers that agree.
+    /// The number of ticks with a result beyond the bound that is not explained by two failed receivers that agree.
     unexplained: u32,
-    /// The worst error in height of all ticks with an altitude, m.
+    /// The greatest error in height of all ticks with an altitude, m.
     worst_height_m: f64,
-    /// The number of ticks after [`SETTLED_MS`] with an attitude, and the greatest error of their headings, degrees.
+    /// The number of ticks after [`SETTLED_MS`] with an attitude. The next field is the greatest error of their
+    /// headings, degrees.
     oriented: u32,
     worst_heading: f64,
-    /// The time from the failure to the first tick with a result farther off than the bound, ms.
+    /// The time from the failure to the first tick with a result that is farther from the truth than the bound, ms.
     far_after_ms: Option<u32>,
 }
 
@@ -312,7 +316,7 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
     for tick in 0..(SECONDS * 100.0) as u32 {
         let now = timestamp(tick);
         for (index, (source, receiver)) in sources.iter_mut().zip(&mut receivers).enumerate() {
-            // A burst takes at most 4 ms on the line, and has arrived when its last byte has.
+            // A burst takes at most 4 ms on the line, and has arrived when its last byte has arrived.
             while let Some(burst) = source.next_if(|burst| burst.at_ns + 4_000_000 <= u64::from(now) * 1_000_000) {
                 let arrived = ((burst.at_ns + 4_000_000) / 1_000_000) as u32;
                 let mut bytes = burst.bytes;
@@ -362,7 +366,8 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
             let error = off(reported.latitude, reported.longitude);
             outcome.worst_m = outcome.worst_m.max(error);
-            // Such a result can only be of two wrong receivers that agree with each other and not with the right one.
+            // A result beyond the bound can only be that of two wrong receivers that agree with each other and not with
+            // the right one.
             let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
                 let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
@@ -396,7 +401,7 @@ fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
     Failure::new(kind, from_ns, draw)
 }
 
-/// Lets one of three receivers fail, in every way in turn.
+/// Makes one of three receivers fail, in each way in turn.
 fn one_of_three(runs: u64) {
     println!("kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart");
     let (mut worst_height, mut worst_heading) = (0.0_f64, 0.0_f64);
@@ -412,18 +417,19 @@ fn one_of_three(runs: u64) {
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
             assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
-            // Where the right receivers disagree, nobody can tell who is right.
+            // Where the right receivers disagree, nobody can tell which of them is right, so these checks are left out.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
             }
             apart += u32::from(outcome.apart > 0);
             match kind {
                 Kind::Silence | Kind::Frozen | Kind::Checksum => {
-                    // A receiver leaves one period and 150 ms after its last message, which may be a period old.
+                    // A receiver stops taking part one period and 150 ms after its last message, which may be a period
+                    // old.
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
                     assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
-                // A right position at a wrong time of week is a right position.
+                // A position with a wrong time of week is still right.
                 Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
                 Kind::Jump | Kind::Height if outcome.apart == 0 => {
                     assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");
@@ -447,7 +453,7 @@ fn one_of_three(runs: u64) {
     println!("altitude off by {worst_height:.2} m, heading by {worst_heading:.1} degrees at worst");
 }
 
-/// Lets two of three receivers fail, each in a way and at a time of its own.
+/// Makes two of three receivers fail, each in its own way and at its own time.
 fn two_of_three(runs: u64) {
     let (mut valid_far, mut worst, mut without) = (0, 0.0_f64, 0_u64);
     for seed in 0..runs {
@@ -496,7 +502,7 @@ fn without_a_failure_the_voted_position_is_as_accurate_as_its_receivers() {
     assert!(share > 0.97, "{share}");
 }
 
-/// All receivers jump by the same distance, each with its next solution, and stay there.
+/// All receivers jump by the same distance, each with its next solution, and stay at the new place.
 #[test]
 fn a_jump_of_all_receivers_is_held_back_for_a_second() {
     for seed in 0..12 {
@@ -504,14 +510,13 @@ fn a_jump_of_all_receivers_is_held_back_for_a_second() {
         let mut failures: Vec<_> = (0..RECEIVERS).map(|who| (who, jump(who))).collect();
         let outcome = run(seed, &mut failures);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
-        // The second receiver has jumped within 125 ms, or 200 ms, and its latency.
+        // The second receiver has jumped after at most its period, 125 ms or 200 ms, and its latency.
         assert!(outcome.far_after_ms.is_some_and(|ms| (1_000..1_400).contains(&ms)), "seed {seed}: {outcome:?}");
     }
 }
 
-/// Runs the same failures ten thousand times and prints the table: `cargo test -p horus-tx-fw --test all voted:: --
-/// --ignored
-/// --nocapture`.
+/// Runs the failures ten thousand times and prints the table:
+/// `cargo test -p horus-tx-fw --test all voted:: -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes four minutes: cargo test -p horus-tx-fw --test all voted:: -- --ignored --nocapture"]
 fn ten_thousand_failures() {

@@ -1,4 +1,4 @@
-//! Frames, deadlines and withdrawals, and the images that follow from them.
+//! Tests which images are published when frames arrive, deadlines pass or images are withdrawn.
 
 use super::testing::{frames, profile};
 use super::*;
@@ -11,10 +11,10 @@ use profile::{
 };
 use proptest::prelude::*;
 
-/// The bytes that the port task has ready; the commit task does not read them.
+/// Port-Status and uplinks as the port task prepares them; the commit task copies them without reading them.
 const PORT: [u8; PortArea::SIZE] = [0x5A; PortArea::SIZE];
 
-/// Keeps every image that was published.
+/// Keeps every image that the commit task has published.
 struct Album {
     filling: ImageMemory,
     published: Vec<ImageMemory>,
@@ -31,7 +31,7 @@ impl Album {
     fn link<const N: usize>(&self) -> LinkValues {
         self.last::<N>().link.expect("Link-Status is intact").values()
     }
-    /// Returns the objects that the newest image shows, each with its timestamp; all else must be zero.
+    /// Returns the objects in the newest image, each with its timestamp; all other bytes of HORUS's part must be zero.
     fn stamps<const N: usize>(&self) -> Vec<(usize, u32)> {
         let image: &[u8] = bytemuck::cast_slice(self.published.last().expect("an image was published"));
         let shown = (0..=N).filter_map(|index| {
@@ -42,7 +42,7 @@ impl Album {
         });
         shown.collect()
     }
-    /// Returns which objects the newest image shows.
+    /// Returns which objects of HORUS the newest image has.
     fn shown<const N: usize>(&self) -> Vec<usize> {
         let reading = self.last::<N>().profile;
         let gps = reading.gps.iter().enumerate().filter(|(_, object)| object.is_ok());
@@ -64,7 +64,7 @@ impl Images for Album {
     }
 }
 
-/// Returns when frame number `frame` of a cycle that is sampled at `sampled_us` ends.
+/// Returns when frame number `frame` ends if its cycle is sampled at `sampled_us`.
 fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
@@ -84,7 +84,7 @@ impl<const N: usize> Bench<N> {
         bench.commit.begin(0, &bench.health, &mut bench.album);
         bench
     }
-    /// Returns a bench in sequence: the last cycle was 40, sampled at 40 ms, and earlier images are put away.
+    /// Returns a bench in sequence: the last cycle had timestamp 40, was sampled at 40 ms, and no image is kept.
     fn in_sequence() -> Self {
         let mut bench = Self::new();
         for cycle in 1..=4 {
@@ -98,8 +98,8 @@ impl<const N: usize> Bench<N> {
         let frame = Frame { payload, ended_us, early: &Early::default() };
         self.commit.frame(frame, now_us, &self.health, &mut self.album)
     }
-    /// Sends frame number `frame` of the cycle `timestamp` that is sampled at `sampled_us`; all its objects are hit if
-    /// it is `damaged`.
+    /// Sends frame number `frame` of the cycle `timestamp` that is sampled at `sampled_us`. If it is `damaged`, all its
+    /// objects are.
     fn frame(&mut self, timestamp: u32, frame: usize, sampled_us: u32, damaged: bool) -> u32 {
         let sent = profile::<N>(timestamp);
         let mut payload = air::split(&sent).nth(frame).expect("a frame of the cycle").to_vec();
@@ -133,9 +133,9 @@ fn a_profile_lies_in_the_image_as_it_was_sent() {
     assert!(image[468..].iter().all(|&byte| byte == 0));
     let link = bench.album.link::<3>();
     assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
-    // The sample is at 50 ms, the last bit 4.915 ms later, and the commit another 0.09 ms later.
+    // The sample is taken at 50 ms, the last bit comes 4.915 ms later, and the commit another 0.09 ms later.
     assert_eq!((link.timestamp, link.age_100us), (55, 50));
-    // The sequence was found with three cycles of four objects.
+    // The sequence was found with three cycles of four objects each, which are rejected.
     let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
     assert_eq!(counters, [8, 12, 5, 0]);
 }
@@ -164,7 +164,7 @@ fn silence_takes_everything_out_of_the_image_and_keeps_counting() {
     assert_eq!(bench.album.shown::<2>(), []);
     let link = bench.album.link::<2>();
     assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
-    // From sample to last bit 3.922 ms pass, and then another 22.5 ms.
+    // From the sample to the last bit 3.922 ms pass, and until the image another 22.5 ms.
     assert_eq!((link.frames_missed, link.age_100us), (2, 262));
     bench.frame(70, 0, 70_000, false);
     assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
@@ -182,7 +182,7 @@ fn an_image_that_must_not_be_shown_is_replaced_at_once() {
     let link = bench.album.link::<3>();
     assert!(link.status.ram_fault() && !link.status.link_up());
     assert_eq!((bench.commit.deadline_us(), bench.missed()), (deadline_us, 0));
-    // The next cycle is shown as if nothing had happened.
+    // The cycle after the lost one is shown without a new search for the sequence.
     bench.frame(50, 0, 50_000, false);
     assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
 }
@@ -199,7 +199,7 @@ fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
         let mut bench = Bench::<N>::in_sequence();
         assert_eq!(bench.commit.withdraw(at_us, &Health::default(), &mut bench.album), withdrawn, "{at_us}");
         assert_eq!(bench.album.published.len(), usize::from(withdrawn));
-        // The deadline replaces the image then, if no frame does.
+        // If no frame comes, the deadline's image replaces the damaged one.
         assert!(bench.check(due_us + 2_500 + end::<N>(0, air::frames(N) - 1) - end::<N>(0, 0)));
         assert_eq!(bench.album.shown::<N>(), []);
     }
@@ -210,7 +210,7 @@ fn an_image_is_not_withdrawn_while_a_frame_is_due() {
     is_not_withdrawn_while_a_frame_is_due::<1>();
     is_not_withdrawn_while_a_frame_is_due::<3>();
     is_not_withdrawn_while_a_frame_is_due::<5>();
-    // No frame is due if no cycle was received yet, or if its second frame is missed.
+    // No frame is due if no cycle was received yet, or if the current cycle's second frame is missing.
     let mut bench = Bench::<5>::new();
     assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
     let mut bench = Bench::<5>::in_sequence();
@@ -228,7 +228,7 @@ fn an_image_that_holds_a_newer_cycle_is_not_withdrawn() {
     assert_eq!(bench.album.published.len(), before);
     bench.frame(50, 1, 50_000, false);
     assert_eq!(bench.album.shown::<5>(), [0, 1, 2, 3, 4, 5]);
-    // An image that waits for its second frame is not replaced either, even if it holds no object yet.
+    // An image that waits for its second frame is not withdrawn, even if it holds no object yet.
     bench.frame(60, 0, 60_000, true);
     assert!(!bench.commit.withdraw(end::<5>(60_000, 0) + 300, &Health::default(), &mut bench.album));
 }
@@ -289,8 +289,8 @@ fn the_deadline_counts_from_the_end_of_the_frame() {
 
 #[test]
 fn a_frame_and_a_deadline_give_the_same_images_in_either_order() {
-    // The frame ends this much after the deadline: at the deadline or later, it is late, and what was valid was taken
-    // out before.
+    // The frame ends this much after the deadline. At the deadline or later the frame is late, and an image without
+    // objects was published before it.
     for after_us in [-1_i32, 0, 1, 150] {
         let mut images = Vec::new();
         for timer_first in [false, true] {
@@ -363,7 +363,7 @@ fn the_wrap_of_the_counter_is_no_break() {
 #[test]
 fn a_silence_as_long_as_the_counter_is_no_cycle() {
     let mut bench = Bench::<1>::in_sequence();
-    // The counter has advanced by 2³² µs and a cycle since the last sample.
+    // The 32-bit counter has wrapped once and advanced by one more cycle since the last sample.
     for _ in 0..4_294 {
         let now_us = bench.commit.deadline_us().wrapping_add(987_500);
         assert!(bench.check(now_us));
@@ -424,7 +424,7 @@ fn a_damaged_first_frame_whose_second_is_lost_shows_nothing() {
 fn a_damaged_first_frame_is_not_joined_with_another_cycles_second() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, true);
-    // No deadline was checked between these frames.
+    // The deadline was not checked between the two frames.
     assert_eq!(bench.frame(60, 1, 60_000, false), 2);
     assert_eq!((bench.album.shown::<5>(), bench.missed()), (vec![3, 4, 5], 2));
 }
@@ -467,7 +467,7 @@ fn five_receivers_a_lost_first_frame_costs_its_own_objects_only() {
 fn five_receivers_the_halves_of_two_cycles_are_never_shown_together() {
     let mut bench = Bench::<5>::in_sequence();
     bench.frame(50, 0, 50_000, false);
-    // Both frames between the two received ones were lost, and the deadline was late.
+    // Both frames between the two received ones were lost, and the deadline was checked late.
     assert_eq!(bench.frame(60, 1, 60_000, false), 2);
     assert_eq!(bench.album.published.len(), 2);
     assert_eq!(bench.album.shown::<5>(), [3, 4, 5]);
@@ -515,17 +515,17 @@ fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
     assert_eq!(bench.album.shown::<5>(), []);
 }
 
-/// A frame that was sent, and when it ended: what the image must show is derived from all of them, each time anew.
+/// A frame that was sent, and when it ended. What an image must show is derived from all frames, anew for each image.
 struct Sent {
     second: bool,
-    /// The timestamps of the objects that arrive intact, by their number in the profile.
+    /// The timestamps of the frame's objects that arrive intact, by their number in the profile.
     intact: Vec<(usize, u32)>,
     ended_us: i128,
     sampled_us: i128,
 }
 
-/// Returns the frames that open a cycle, in time order, each with its timestamp and instant; and the cycle to which
-/// each frame belongs.
+/// Returns each frame that opens a cycle, in time order, with its timestamp and instant; and for each frame the cycle
+/// to which it belongs.
 fn cycles(sent: &[Sent]) -> (Vec<(u32, i128)>, Vec<Option<usize>>) {
     let mut cycles: Vec<(u32, i128)> = Vec::new();
     let mut places: Vec<Vec<bool>> = Vec::new();
@@ -562,7 +562,7 @@ fn in_sequence(cycles: &[(u32, i128)]) -> bool {
     })
 }
 
-/// Returns the objects, with their timestamps, that frame number `number` brings and that may be shown.
+/// Returns the objects, with their timestamps, that frame number `number` brings and that an image may show.
 fn may_be_shown(sent: &[Sent], number: usize) -> Vec<(usize, u32)> {
     let (cycles, of_frame) = cycles(&sent[..=number]);
     match of_frame[number] {
@@ -584,8 +584,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // The frame waits; what was newest when it ended stays so, or goes when its own deadline passes: a frame renews
-        // the deadline.
+        // The frame waits for the cycle's second frame. The image that was newest when the frame ended stays until the
+        // deadline, which the frame has restarted.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number
@@ -604,8 +604,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
     with_it.into_iter().chain(alone).collect()
 }
 
-/// Returns what is newest just before frame `number`, a first one, ends, and stays until its second has come: if the
-/// previous frame was a first one too, that goes out now.
+/// Returns what the newest image shows from just before first frame `number` ends until that cycle's second frame has
+/// come: if the previous frame was a first one too, that frame's image is published now.
 fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     let Some(previous) = number.checked_sub(1) else { return Vec::new() };
     let passed = sent[number].ended_us - sent[previous].ended_us;
@@ -615,7 +615,7 @@ fn before(sent: &[Sent], receivers: usize, number: usize) -> Vec<(usize, u32)> {
     newest(&sent[..=previous], receivers, sent[number].ended_us)
 }
 
-/// A step: its kind, a number, and the objects that are hit.
+/// A step of a random run: its kind, a number, and the objects that are damaged.
 type Step = (u8, u32, u8);
 
 fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Step]) -> Result<(), TestCaseError> {
@@ -626,7 +626,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
     let (mut timestamp, mut sampled_us) = (u32::MAX - 300, origin);
     let mut now = origin;
     for &(kind, number, hits) in steps {
-        // Most of the time HORUS keeps its cycle; otherwise its timestamp, its clock or the channel goes wrong.
+        // In most steps HORUS keeps its cycle; in the others its timestamp, its clock or the channel goes wrong.
         let (ms, us) = match kind {
             0..=19 => (10, 10_000),
             20 | 21 => (10, 9_500 + i128::from(number % 1_002)),
@@ -642,7 +642,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
         (timestamp, sampled_us) = (timestamp.wrapping_add(ms), sampled_us + us);
         let profile = profile::<N>(timestamp);
         for (frame, payload) in air::split(&profile).enumerate() {
-            // A frame is lost or hit, or a second one belongs to another cycle.
+            // A frame is lost or damaged, or a second frame belongs to another cycle.
             if number >> 8 & 0xF == frame as u32 + 1 {
                 continue;
             }
@@ -667,7 +667,7 @@ fn images_are_as_the_definition_says<const N: usize>(start_us: u32, steps: &[Ste
             if ended <= now {
                 continue;
             }
-            // The deadline is checked in time, or late, or only with the frame.
+            // The deadline is checked in time, or late, or only when the next frame comes.
             if number >> 20 & 0x3 != 0 {
                 let mut deadline = now;
                 while deadline < ended {

@@ -1,13 +1,13 @@
-//! The image that the SSI streams, as the idle loop accesses it.
+//! The image that the flight controller reads at present, as the idle loop reads it to verify it.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use dpr_fw::{integrity::Shown, ImageMemory, IMAGE_WORDS};
 use firmware_common::memory;
 
-/// The address of the image's buffer; 0 before the first image.
+/// The address of the buffer of the image that the SSI shows; 0 before the first image.
 static ADDRESS: AtomicU32 = AtomicU32::new(0);
-/// The number of images so far.
+/// The number of images that the SSI has shown so far.
 static GENERATION: AtomicU32 = AtomicU32::new(0);
 
 /// Records that the SSI task has taken another image. This is called before the buffer of the previous image can be
@@ -15,7 +15,7 @@ static GENERATION: AtomicU32 = AtomicU32::new(0);
 #[inline]
 pub(super) fn shown(image: &ImageMemory) {
     ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);
-    // After the first image the count is never 0 again.
+    // The count skips 0 when it wraps, since 0 means that there was no image yet.
     let next = GENERATION.load(Ordering::Relaxed).wrapping_add(1).max(1);
     GENERATION.store(next, Ordering::Release);
 }
@@ -29,7 +29,7 @@ impl Shown for ShownImage {
         GENERATION.load(Ordering::SeqCst)
     }
 
-    /// Loads in assembly and not through a reference, since other tasks may scrub or fill the buffer at any time.
+    /// Loads words in assembly and not through a reference, since other tasks may scrub or fill the buffer at any time.
     fn copy(&self, first: usize, words: &mut [u32]) {
         let image = ADDRESS.load(Ordering::Relaxed);
         for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {

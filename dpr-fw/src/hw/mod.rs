@@ -11,16 +11,16 @@
 //!
 //! # Design
 //!
-//! Each peripheral is a type that owns the memory that its DMA may access. A receive buffer is inside [`RfPort`]
-//! for as long as SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as
-//! SPIS1 may read and write them. All are `&'static mut`, so nothing else can access them meanwhile, and they come
-//! out only when the peripheral has reported that it is done. All of this memory is in RAM, as EasyDMA requires (PS
+//! Each peripheral is a type that owns the memory that its DMA may access. A receive buffer is inside [`RfPort`] for
+//! as long as SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as SPIS1 may
+//! read and write them. All are `&'static mut`, so nothing else can access them meanwhile, and they leave the type
+//! only when the peripheral has reported that it is done. All of this memory is in RAM, as EasyDMA requires (PS
 //! v1.7, 6.3). Compiler fences stand before each start and after each end, so that no access to a buffer moves
 //! across; the Cortex-M4 has no data cache and completes its stores in order, so only the compiler could reorder
 //! them.
 //! # Anomalies
 //!
-//! These are anomalies of nRF52840 revisions 1 to 3 that concern the peripherals used here:
+//! The following anomalies of nRF52840 revisions 1 to 3 concern the peripherals that this firmware uses:
 //!
 //! | no. | what | measure |
 //! |---|---|---|
@@ -89,15 +89,15 @@ firmware_common::install_safe_state!(safe_state, protection::area, board::task_o
 #[no_mangle]
 pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 
-/// A receive buffer.
+/// A receive buffer of the RFID side in static memory.
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
-/// An image buffer.
+/// An image buffer in static memory.
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
-/// A receive area of the SSI.
+/// A receive area of the SSI in static memory.
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
-/// Reads and clears an event, and waits until the write is through the bus bridge, so that the event does not call its
-/// interrupt again (PS v1.7, 6.1.8).
+/// Reads and clears an event register, and waits until the write is through the bus bridge, so that the event does not
+/// call its interrupt again (PS v1.7, 6.1.8).
 macro_rules! take_event {
     ($event:expr) => {{
         let event = &$event;
@@ -111,17 +111,17 @@ macro_rules! take_event {
 }
 pub(crate) use take_event;
 
-/// All hardware that the tasks own.
+/// The hardware that the tasks own once it is set up.
 pub(crate) struct Board {
     /// The RFID front end.
     pub(crate) rf: RfPort,
     /// The IRQ edge of the front end.
     pub(crate) rf_edge: RfEdge,
-    /// The SSI.
+    /// SPIS1, by which the flight controller reads and writes the DPR.
     pub(crate) ssi: SsiPort,
     /// The deadline that notices a missed frame.
     pub(crate) deadline: Deadline,
-    /// The watchdog; `None` if something else has configured it, and then owns it.
+    /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
     /// Why the part last started.
     pub(crate) reset_reason: ResetReason,
@@ -164,24 +164,24 @@ impl debug_port::Registers for Protection<'_> {
     }
 }
 
-/// A word that survives every reset that leaves the RAM powered.
+/// A word that keeps its value over every reset that leaves the RAM powered.
 #[link_section = ".uninit.RAM_KEPT"]
 static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
-/// The value of [`RAM_KEPT`] once the firmware has run.
+/// The value of [`RAM_KEPT`] once the firmware has run since power-on.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures everything. A program that differs from the one that was built ends in the safe state, before any pin is
-/// an output.
+/// Configures all hardware. If the program differs from the one that was built, the DPR enters the safe state before
+/// any pin is an output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
     p: pac::Peripherals,
     memory: DmaMemory,
     receive: Filling<ReceiveBuffer>,
 ) -> Board {
-    // The port is opened first, so that a debugger reaches a board whose firmware does not get far.
+    // The debug port is opened first, so that a debugger reaches a board whose firmware stops early.
     let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
 
-    // The watchdog runs since the first instructions (`start_up`), or since before a soft reset or a lockup.
+    // The watchdog was started by the first instructions (`start_up`), or before a soft reset or a lockup.
     let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
@@ -219,13 +219,13 @@ pub(crate) fn init(
     Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
 }
 
-/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). A
-/// crystal that does not start ends in the safe state: without it the DPR has no time with which to judge HORUS's
+/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). If it
+/// does not start, the DPR enters the safe state: without the crystal its clock is too coarse to judge HORUS's
 /// (docs/decisions/0023-start-and-clocks.md).
 fn start_crystal(clock: &pac::CLOCK) {
-    // The event may still be set from an earlier start (anomaly 36).
+    // The event HFCLKSTARTED may still be set from an earlier start (anomaly 36).
     clock.events_hfclkstarted.reset();
-    // SAFETY: a task register takes a 1.
+    // SAFETY: 1 is a valid value of a task register.
     clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
     let is_started = || clock.events_hfclkstarted.read().bits() != 0;
     if !crystal::starts(is_started, || asm::delay(crystal::PAUSE_CYCLES)) {
@@ -237,9 +237,9 @@ fn start_crystal(clock: &pac::CLOCK) {
     }
 }
 
-/// The supply at which the board stops, mV. The part itself needs 1.7 V, but its front end needs 2.4 V (DS13541,
-/// operating conditions). This threshold is the lowest that is above that in every part: it is off by 5 % at most (PS
-/// v1.7, 5.3.8), so it is 2.57 to 2.84 V, below the kit's 3.0 V.
+/// The supply voltage at which the board stops, mV. The part itself needs 1.7 V, but its front end needs 2.4 V
+/// (DS13541, operating conditions). This threshold is the lowest one that lies above 2.4 V in every part: it is off by
+/// 5 % at most (PS v1.7, 5.3.8), so it is 2.57 to 2.84 V, below the kit's 3.0 V.
 const POWER_FAIL_MV: u32 = 2_700;
 
 /// Switches the power-fail comparator and its interrupt on. A supply that is already below the threshold raises the
@@ -260,7 +260,7 @@ fn stop_for_supply() -> ! {
     safe_state::enter(safe_state, stop, |stop| log_stop("supply", stop))
 }
 
-/// Stops the DPR because the supply falls. Nothing else of CLOCK and POWER raises this interrupt.
+/// Stops the DPR because the supply falls; no other event of CLOCK and POWER is enabled to raise this interrupt.
 #[interrupt]
 fn POWER_CLOCK() -> ! {
     stop_for_supply()

@@ -18,10 +18,10 @@ use st25r3916::{
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{call, RfPins, EDGE_CAPTURE, WAIT_COMPARE};
 
-/// The number of polls for SPIM0 to stop, which it does within the byte that it transfers, 1 µs.
+/// The number of polls within which SPIM0 must have stopped; it stops at the end of the byte under way, within 1 µs.
 const STOP_POLLS: u32 = 1_000;
 
-/// The interrupt of the IRQ's edge.
+/// The interrupt of the front end's IRQ pin, which its rising edge raises.
 pub(crate) struct RfEdge(Gpiote);
 
 impl RfEdge {
@@ -29,21 +29,21 @@ impl RfEdge {
         Self(gpiote)
     }
 
-    /// Clears the interrupt. The machine looks at the pin's level, not at the edge.
+    /// Clears the interrupt of the IRQ pin. The driver's state machine then reads the pin's level, not the edge.
     pub(crate) fn clear(&mut self) {
         let channel = self.0.channel0();
         take_event!(*channel.event());
     }
 }
 
-/// The transfer that runs or has ended last.
+/// The SPI transfer with the front end that runs or has ended last.
 #[derive(Clone, Copy)]
 enum Transfer {
     None,
     Short {
         len: usize,
     },
-    /// A read of the FIFO; `kept` is the byte that the byte under the command overwrites.
+    /// A read of the FIFO. `kept` is the byte of the buffer that the byte clocked in under the command overwrites.
     Read {
         offset: usize,
         len: usize,
@@ -74,12 +74,12 @@ impl RfPort {
         rx: &'static mut [u8; Short::MAX],
         receive: Filling<ReceiveBuffer>,
     ) -> Self {
-        // SAFETY: (all four) these are the pins' own selectors; `pins` owns the pins, which are configured as PS v1.7,
-        // 6.25.2 wants them.
+        // SAFETY: (all four) each value is the selector of a pin that `pins` owns and that is configured as PS v1.7,
+        // 6.25.2 wants it.
         spim.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the selector is that of the MOSI pin, which `pins` owns.
         spim.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spim.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
         spim.frequency.write(|w| w.frequency().m8());
         // The SPIM works in mode 1: the clock is low when idle, and data are taken at the trailing edge.
@@ -110,25 +110,25 @@ impl RfPort {
     /// `into` must be valid for `receive` bytes of RAM that are owned by `self` until the transfer has ended or was
     /// stopped.
     unsafe fn start(&mut self, send: usize, into: *mut u8, receive: usize) {
-        // SAFETY: (pointers and counts) `self` owns `tx`, which is at least `send` long, as the callers see to; the
-        // caller vouches for `into`. Counts fit 16 bits.
+        // SAFETY: (pointers and counts) `self` owns `tx`, and the callers see to it that `send` is at most its length;
+        // the caller guarantees that `into` is valid. Counts fit 16 bits.
         self.spim.txd.ptr.write(|w| unsafe { w.ptr().bits(self.tx.as_ptr() as u32) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the caller guarantees that `send` is at most the length of `tx`, which fits 16 bits.
         self.spim.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(send as u16) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the caller guarantees that `into` is valid for `receive` bytes until the transfer has ended.
         self.spim.rxd.ptr.write(|w| unsafe { w.ptr().bits(into as u32) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the caller guarantees that `into` is valid for `receive` bytes, a number that fits 16 bits.
         self.spim.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(receive as u16) });
         self.spim.events_end.reset();
         self.running = true;
         // All writes to the buffers must be in memory before the DMA reads or overwrites it.
         compiler_fence(Ordering::SeqCst);
         let Ok(()) = self.pins.select.set_low();
-        // SAFETY: a task register takes a 1.
+        // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_start.write(|w| unsafe { w.bits(1) });
     }
 
-    /// Ends a transfer that is over or was stopped: the buffers belong to the processor again.
+    /// Ends a transfer that is complete or was stopped: its buffers belong to the processor again.
     fn finish(&mut self) {
         let Ok(()) = self.pins.select.set_high();
         compiler_fence(Ordering::SeqCst);
@@ -146,7 +146,7 @@ impl Port for RfPort {
         *self.tx = *short.padded();
         self.transfer = Transfer::Short { len };
         let into = self.rx.as_mut_ptr();
-        // SAFETY: `self` owns `rx` for ever, which is at least `len` bytes long; nobody reads it before `ended`.
+        // SAFETY: `self` owns `rx` for ever, at least `len` bytes; nobody reads it before the transfer has ended.
         unsafe { self.start(len, into, len) };
     }
 
@@ -154,13 +154,13 @@ impl Port for RfPort {
         let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
-        // The slice has one byte more than the data, for the byte under the command.
+        // The slice has one byte more than the data, for the byte that is clocked in under the command.
         let into = &mut bytes[place..place + 1 + len];
         self.transfer = Transfer::Read { offset, len, kept: into[0] };
         self.tx[0] = command::FIFO_READ;
         let into = into.as_mut_ptr();
-        // SAFETY: the slice was just checked to lie in the receive buffer, which is in `self` until the transfer has
-        // ended: `exchange` refuses meanwhile.
+        // SAFETY: the slice was just checked to lie in the receive buffer, which stays in `self` until the transfer has
+        // ended: `exchange` refuses to replace it before.
         unsafe { self.start(1, into, len + 1) };
         true
     }
@@ -187,11 +187,11 @@ impl Port for RfPort {
 
     fn abort(&mut self) {
         self.spim.events_stopped.reset();
-        // SAFETY: a task register takes a 1.
+        // SAFETY: 1 is a valid value of a task register.
         self.spim.tasks_stop.write(|w| unsafe { w.bits(1) });
         let stopped = (0..STOP_POLLS).any(|_| self.spim.events_stopped.read().bits() != 0);
         // Until STOPPED the peripheral may still write to the buffers (PS v1.7, 6.25, "Low power": wait for it). A
-        // peripheral that never stops would write over a frame, so only the safe state is left.
+        // peripheral that never stops would overwrite a frame, so the DPR enters the safe state.
         assert!(stopped, "SPIM0 does not stop");
         self.spim.events_end.reset();
         self.finish();
@@ -207,11 +207,11 @@ impl Port for RfPort {
         let us = us.max(SHORTEST_US);
         self.timer_from = now_us();
         self.timer_us = us;
-        // SAFETY: any value may be compared with the counter.
+        // SAFETY: the compare register takes any value.
         self.timer.cc[WAIT_COMPARE].write(|w| unsafe { w.bits(self.timer_from.wrapping_add(us)) });
         self.timer.events_compare[WAIT_COMPARE].reset();
         if now_us().wrapping_sub(self.timer_from) >= us {
-            // The task was preempted for so long that the compare was missed, so the timer's task is called at once.
+            // If the task was preempted for long, the counter has passed the value already, so the task is called now.
             call(Task::rf_timer);
         }
     }

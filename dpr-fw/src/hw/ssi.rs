@@ -1,8 +1,8 @@
 //! The SSI: SPIS1 with the image that it streams, the FRESH pin, the expiry of the image in hardware, and the pause
 //! between two transactions that are served.
 //!
-//! `tests/interleavings/board/port.rs` does the same accesses in the same order on a model, and is explored in every
-//! order. Whoever changes this file has to change that one, too.
+//! `tests/interleavings/board/port.rs` makes the same register accesses in the same order on a model, and every order
+//! of events is explored there. Whoever changes this file has to change that file, too.
 
 use core::{
     ops::Range,
@@ -25,22 +25,22 @@ use crate::board::{call, SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE,
 /// optocoupler of 1 Mbit/s.
 const FRESH_US: u32 = 2;
 
-/// What the commit task does to the SSI as well. All of it is single writes to task registers and reads, so both tasks
-/// may do it.
+/// What the commit task may do to the SSI beside the SSI task. It only reads registers and makes single writes to task
+/// registers, so both tasks may do so at any time.
 #[derive(Clone, Copy)]
 pub(crate) struct SsiDoorbell;
 
 impl SsiDoorbell {
-    /// Whether the SSI is set up. Before that it offers nothing, and its tasks must not be triggered.
+    /// Whether the SSI is set up. Before, every transaction reads 0xFF, and the tasks of SPIS1 must not be triggered.
     pub(crate) fn is_enabled() -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; reading a register races with nothing.
+        // SAFETY: the pointer to the peripheral is valid for ever, and reading a register races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
 
-    /// Whether the SPIS has the buffers: a transaction is under way, if the semaphore was asked for before.
+    /// Whether the SPIS owns the buffers; if the semaphore was asked for before, a transaction is then under way.
     fn is_under_way() -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; this only reads a read-only register, which races
+        // SAFETY: the pointer to the peripheral is valid for ever, and only a read-only register is read, which races
         // with nothing.
         let holder = unsafe { &*pac::SPIS1::ptr() }.semstat.read().semstat();
         holder.is_spis() || holder.is_cpupending()
@@ -50,12 +50,12 @@ impl SsiDoorbell {
         call(Task::ssi_end);
     }
 
-    /// Ends the pause: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Only the task of
-    /// TIMER3 calls this, which has the SSI task's priority. A compare does not count if the SSI task has cleared it,
-    /// by beginning the pause anew.
+    /// Ends the pause after a transaction: END and ACQUIRED call the SSI task again, at once if either has come during
+    /// the pause. Only the task of TIMER3 calls this, which has the SSI task's priority. If the SSI task has cleared
+    /// the compare event, because it began the pause anew, nothing is done.
     pub(crate) fn end_pause() {
-        // SAFETY: the pointers are the peripherals', valid for ever. Only this task and the SSI task use the event, and
-        // they do not interrupt each other; INTENSET changes only the bits that are written.
+        // SAFETY: the pointers to both peripherals are valid for ever. Only this task and the SSI task use the event,
+        // and they do not interrupt each other; INTENSET changes only the bits that are written.
         let (spis, pause) = unsafe { (&*pac::SPIS1::ptr(), &*pac::TIMER3::ptr()) };
         if take_event!(pause.events_compare[PAUSE_COMPARE]) {
             spis.intenset.write(|w| w.end().set().acquired().set());
@@ -64,7 +64,7 @@ impl SsiDoorbell {
 
     /// Calls both tasks of the SSI so that they check in, unless the end of a transaction has called them.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
-        // SAFETY: the pointer is the port's, valid for ever; reading its input register races with nothing.
+        // SAFETY: the pointer to the port is valid for ever, and reading its input register races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
         let is_selected = levels & 1 << SSI_SELECT_PIN == 0;
         if sign.is_due(DPR_TELEMETRY.ssi_transactions.get(), is_selected) {
@@ -76,14 +76,14 @@ impl SsiDoorbell {
 
 impl Doorbell for SsiDoorbell {
     fn request(&mut self) -> bool {
-        // SAFETY: the pointer is the peripheral's, valid for ever; this accesses a task register and a read-only one,
-        // which races with nothing.
+        // SAFETY: the pointer to the peripheral is valid for ever; only a task register is written and a read-only one
+        // read, which races with nothing.
         let spis = unsafe { &*pac::SPIS1::ptr() };
-        // SAFETY: a task register takes a 1.
+        // SAFETY: 1 is a valid value of a task register.
         spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
         let is_under_way = Self::is_under_way();
-        // The end of a transaction calls the task by its event; an earlier call would only delay it. If the processor
-        // has the semaphore already, no event comes.
+        // A transaction under way calls the SSI task by its END event, and a call before would only delay that. If the
+        // processor has the semaphore already, no event comes, so the task is called.
         if !is_under_way {
             Self::call();
         }
@@ -91,30 +91,30 @@ impl Doorbell for SsiDoorbell {
     }
 
     fn announce(&mut self) {
-        // SAFETY: the pointer is the peripheral's, valid for ever; the task acts only on FRESH's channel.
+        // SAFETY: the pointer to the peripheral is valid for ever, and the task register acts only on FRESH's channel.
         let gpiote = unsafe { &*pac::GPIOTE::ptr() };
-        // SAFETY: the pointer is the peripheral's, valid for ever, and only this file uses TIMER2.
+        // SAFETY: the pointer to the peripheral is valid for ever, and only this file uses TIMER2.
         let timer = unsafe { &*pac::TIMER2::ptr() };
-        // SAFETY: a task register takes a 1.
+        // SAFETY: 1 is a valid value of a task register.
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: 1 is a valid value of a task register.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // After the counter was cleared no compare can come for 25 ms, so the event that is cleared here is an old one.
+        // The next compare comes 25 ms after the counter was cleared, so the event that is cleared here is an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
 }
 
-/// SPIS1, with the image that is streamed and the area that the flight controller writes.
+/// SPIS1, with the image that it streams and the area that the flight controller's bytes go to.
 pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
     pause: pac::TIMER3,
-    /// The pins are held here so that nothing else configures them.
+    /// The pins of the SSI are held so that nothing else configures them.
     _pins: SsiPins,
     /// The receive area; `None` only within `hand_over`.
     area: Option<Filling<AreaBuffer>>,
     areas: SsiEnd<'static, AreaBuffer>,
-    /// The number of bytes that the last transaction brought.
+    /// The number of bytes that the last transaction clocked in.
     received: usize,
     image: Option<Received<ImageBuffer, ()>>,
     granted: bool,
@@ -132,37 +132,37 @@ impl SsiPort {
         // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
         timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
         for (compare, us) in EXPIRY_COMPARES.into_iter().zip([EXPIRY_US, EXPIRY_US + EXPIRY_AGAIN_US]) {
-            // SAFETY: any value may be compared with the counter.
+            // SAFETY: the compare register takes any value.
             timer.cc[compare].write(|w| unsafe { w.bits(us) });
         }
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the compare register takes any value.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
-        // The timer runs from here on: before the first image there is nothing that it could take away.
-        // SAFETY: a task register takes a 1.
+        // The expiry timer runs from here on, although there is no image yet that it could take away.
+        // SAFETY: 1 is a valid value of a task register.
         timer.tasks_start.write(|w| unsafe { w.bits(1) });
         pause.bitmode.write(|w| w.bitmode()._32bit());
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
         pause.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
-        // SAFETY: any value may be compared with the counter.
+        // SAFETY: the compare register takes any value.
         pause.cc[PAUSE_COMPARE].write(|w| unsafe { w.bits(PAUSE_US) });
         pause.shorts.write(|w| w.compare0_stop().enabled());
         pause.intenset.write(|w| w.compare0().set());
-        // SAFETY: (all four) these are the pins' own selectors; `pins` owns the pins, which are configured as inputs
-        // (PS v1.7, 6.26.4), and the peripheral configures MISO.
+        // SAFETY: (all four) each value is the selector of a pin that `pins` owns and that is configured as an input
+        // (PS v1.7, 6.26.4); the peripheral itself configures MISO.
         spis.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the selector is that of the MOSI pin, which `pins` owns.
         spis.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the selector is that of the MISO pin, which `pins` owns.
         spis.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the selector is that of the chip select pin, which `pins` owns.
         spis.psel.csn.write(|w| unsafe { w.bits(pins.select.psel_bits()) });
         // The SPIS works in mode 0.
         spis.config.write(|w| w.order().msb_first().cpha().leading().cpol().active_high());
-        // SAFETY: any byte may be the default and the over-read character; no CRC accepts 0xFF throughout.
+        // SAFETY: the default character may be any byte. 0xFF is used, since no CRC accepts 0xFF throughout.
         spis.def.write(|w| unsafe { w.def().bits(0xFF) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the over-read character may be any byte.
         spis.orc.write(|w| unsafe { w.orc().bits(0xFF) });
-        // SAFETY: this is the length of every area (`ReceiveArea`), and it fits 16 bits.
+        // SAFETY: this is the length of every receive area (`ReceiveArea`), and it fits 16 bits.
         spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
@@ -174,17 +174,17 @@ impl SsiPort {
 impl Ssi for SsiPort {
     type Buffer = ImageBuffer;
 
-    /// The semaphore is read before the end of a transaction: if one ends in between, this call returns its end and the
-    /// next one its buffers, never the other way round. END and ACQUIRED come together by the shortcut, and a task that
-    /// handled ACQUIRED first would hand the buffers out again before it had noticed the transaction (the fault of
-    /// openthread#5703).
+    /// The semaphore is read before the end of a transaction: if a transaction ends between the two reads, this call
+    /// returns its end and the next call its buffers, never the other way round. END and ACQUIRED come together by the
+    /// shortcut, and a task that handled ACQUIRED first would hand the buffers out again before it had noticed the
+    /// transaction (the fault of openthread#5703).
     fn take_events(&mut self) -> Events<'_> {
         take_event!(self.spis.events_acquired);
         let ours = self.spis.semstat.read().semstat().is_cpu();
         let ended = take_event!(self.spis.events_end);
         if ours || ended {
-            // The peripheral has no use for either buffer: after the end of a transaction it has none until the next
-            // release.
+            // The peripheral does not access either buffer now: from the end of a transaction until the next release
+            // the processor owns them.
             compiler_fence(Ordering::SeqCst);
         }
         if ours {
@@ -210,12 +210,12 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
-        // The counter is at zero before the event is cleared, so the event that is cleared belongs to a pause that this
-        // one replaces.
-        // SAFETY: a task register takes a 1.
+        // The counter is cleared before the event is, so the event that is cleared belongs to the previous pause, which
+        // this one replaces.
+        // SAFETY: 1 is a valid value of a task register.
         self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
         self.pause.events_compare[PAUSE_COMPARE].reset();
-        // SAFETY: a task register takes a 1. The timer has stopped at the end of the previous pause, or runs on.
+        // SAFETY: 1 is a valid value of a task register. The timer has stopped after the previous pause, or runs.
         self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
             call(Task::port);
@@ -244,14 +244,14 @@ impl Ssi for SsiPort {
         let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];
-        // SAFETY: (pointers and count) both buffers are in RAM for ever and in `self` until the processor has the
+        // SAFETY: (pointers and count) both buffers are in RAM for ever, and stay in `self` until the processor has the
         // semaphore again, which `exchange` and `take_events` see to; both slices were checked for their length, which
-        // fits 16 bits. The peripheral reads the one and writes the other, and only between a release and the end of a
-        // transaction.
+        // fits 16 bits. The peripheral reads the image and writes the receive area, and only between a release and the
+        // end of a transaction.
         self.spis.txd.ptr.write(|w| unsafe { w.ptr().bits(window.as_ptr() as u32) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the length is that of the window, which was checked to lie in the image, and fits 16 bits.
         self.spis.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(window.len() as u16) });
-        // SAFETY: the proof above holds here, too.
+        // SAFETY: the receive area is in RAM for ever and stays in `self` until the processor has the semaphore again.
         self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(area.memory().as_mut_ptr() as u32) });
         true
     }
@@ -264,7 +264,7 @@ impl Ssi for SsiPort {
         self.granted = true;
         // All writes to the image must be in memory before the peripheral may read it.
         compiler_fence(Ordering::SeqCst);
-        // SAFETY: a task register takes a 1.
+        // SAFETY: 1 is a valid value of a task register.
         self.spis.tasks_release.write(|w| unsafe { w.bits(1) });
     }
 }

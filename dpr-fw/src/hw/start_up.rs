@@ -1,16 +1,16 @@
 //! The first instructions after a reset ([`firmware_common::start`]): the reasons of the reset, then the watchdog.
 //!
-//! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). They are cleared before the
-//! watchdog starts, so that a restart by the watchdog differs from the start before it, also where that start never
-//! reached [`hw::init`](super::init): if the bit of the reset pin were still set, no other would count (anomaly 136).
+//! RESETREAS collects reasons until each is cleared by writing a one (PS v1.7, 5.3.7.8). All are cleared before the
+//! watchdog starts. So a restart by the watchdog shows the watchdog's bit alone, even if the start before never reached
+//! [`hw::init`](super::init): if the bit of the reset pin were still set, no other would count (anomaly 136).
 //!
-//! The watchdog outlives a soft reset and a lockup. Its registers are then shut until another reset, and it bites
-//! whatever happens here, so it is left as it is. Otherwise it is set up in assembler and not by the HAL, whose code
-//! cannot run before statics are set up; the HAL's handle is recovered from the running peripheral.
+//! The watchdog runs on over a soft reset and a lockup. Its registers are then locked until another reset, and it
+//! cannot be changed, so it is left as it is. Otherwise it is set up in assembler and not by the HAL, whose code cannot
+//! run before statics are set up; the HAL's handle is recovered from the running peripheral.
 
 use firmware_common::start::RESET_FLAGS;
 
-/// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before that.
+/// The watchdog resets after 100 ms: eight deadlines without a check-in. The image expires long before that.
 const WATCHDOG_TICKS: u32 = 32_768 / 10;
 
 /// The value of CONFIG (PS v1.7, 6.36): the watchdog runs on while the processor sleeps, bit 0, and while a debugger

@@ -1,4 +1,4 @@
-//! What a call of `commit` or `deadline` publishes, what Link-Status says then, and when the next call is due.
+//! Tests what a call of `commit` or `deadline` publishes, what Link-Status then says, and when the next call is due.
 
 use std::cell::Cell;
 
@@ -39,7 +39,7 @@ impl Doorbell for Bell {
     fn announce(&mut self) {}
 }
 
-/// The generation of the image that is shown.
+/// The generation of the image that the flight controller reads.
 struct Generation(u32);
 
 impl Shown for Generation {
@@ -142,7 +142,7 @@ impl Dpr {
         self.receiving = Some(self.rotation.rotate(written, info).0);
     }
 
-    /// Lets the idle loop find the image of this generation damaged.
+    /// Makes the idle loop's finding that the image of this generation is damaged.
     fn damaged(&self, generation: u32) {
         let _ = Judge::new().judge(&Slice::default(), Some(generation), &self.integrity, &self.telemetry);
     }

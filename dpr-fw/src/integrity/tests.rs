@@ -10,12 +10,12 @@ use proptest::prelude::*;
 
 const N: usize = 3;
 
-/// An image that is exchanged after a number of words were read.
+/// An image that is exchanged after a given number of words were read.
 struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word whose first read returns this bit wrong.
+    /// The word, and its bit, that the first read of that word returns wrong.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 
@@ -65,7 +65,7 @@ impl Images for Album {
     }
 }
 
-/// Returns the image that a commit publishes for cycle `cycles`, where the link is found after three.
+/// Returns the image that a commit publishes for cycle number `cycles`; the sequence is found after three cycles.
 fn image(cycles: u32) -> ImageMemory {
     let mut album = Album([0; IMAGE_WORDS], vec![]);
     let mut commit = Commit::<N>::new();
@@ -94,7 +94,7 @@ fn round(check: &mut ImageCheck<N>, board: &Board) -> Vec<usize> {
         .collect()
 }
 
-/// Returns the object that has a byte of the image, from 0 for Link-Status.
+/// Returns the number of the object to which a byte of the image belongs; Link-Status is 0.
 fn object_of(byte: usize) -> usize {
     let at = |object: &usize| ImageCheck::<N>::place(*object).expect("an object").contains(&byte);
     (0..ImageCheck::<N>::OBJECTS).find(at).expect("every byte belongs to one")
@@ -151,7 +151,7 @@ proptest! {
         let mut check = ImageCheck::<N> { next: object_of(byte) };
         board.words_to_exchange.set(words);
         prop_assert_eq!(check.step(&board), None);
-        // The object is verified again afterwards.
+        // The check verifies the same object again at its next step, when the image stays the same.
         prop_assert_eq!(check.step(&board), Some(8));
     }
 
@@ -231,7 +231,7 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
         for ram_first in [false, true] {
             let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
             assert!(!judge.begin_self_test(&integrity) && !integrity.is_self_test_running());
-            // Passes before the request do not count.
+            // Passes that ended before the self-test was asked for do not count.
             let both = Slice { flash: Some(CHANGED), ram_pass: Some(false), ..Slice::default() };
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
@@ -242,14 +242,14 @@ fn a_self_test_ends_after_a_whole_pass_of_flash_and_ram() {
             let of_ram = Slice { ram_pass: Some(ram), ..Slice::default() };
             let (first, second) = if ram_first { (of_ram, of_flash) } else { (of_flash, of_ram) };
             judge.judge(&first, None, &integrity, &telemetry);
-            // The other pass takes longer; this one comes again meanwhile and does not count any more.
+            // Passes over the same memory, before that over the other memory ends, do not count for the self-test.
             judge.judge(&Slice { flash: None, ram_pass: None, ..first }, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             judge.judge(&second, None, &integrity, &telemetry);
             assert!(!integrity.is_self_test_running());
             assert_eq!(integrity.take_result(), Some(passed), "{flash:?} {ram}");
             assert_eq!(integrity.take_result(), None);
-            // Later passes give no result without a request.
+            // Passes after the self-test give no further result.
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
         }

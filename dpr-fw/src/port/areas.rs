@@ -4,14 +4,14 @@
 //!
 //! Three areas rotate as the receive buffers of the RFID side do, with the same types ([`triple`](crate::triple)): one
 //! is lent to the peripheral, one waits or is being judged, one is clean. An area is scrubbed between two transactions,
-//! so what one transaction brought can never be read as brought by another; besides, no more of an area is read than
-//! the peripheral says has come in.
+//! so what one transaction brought can never be taken for what another brought; besides, no more of an area is read
+//! than the number of bytes that the peripheral reports.
 //!
 //! The SSI task has the highest priority, and a flight controller waits for it. So it moves areas by two queues that
-//! need no lock, has the next area at hand before a transaction ends, uses the queues when the flight controller no
+//! need no lock, has the next area at hand before a transaction ends, accesses the queues when the flight controller no
 //! longer waits, and never scrubs. If no clean area is at hand, because two transactions wait to be judged, the
-//! transaction that has just ended is dropped and its area is wiped and lent again. So a flight controller that writes
-//! faster than the port task runs loses what it writes, and delays nobody.
+//! transaction that has just ended is dropped, and its area is zeroed and lent again. So a flight controller that
+//! writes faster than the port task runs loses what it writes, and delays no task.
 
 use heapless::spsc::{Consumer, Producer, Queue};
 
@@ -41,7 +41,7 @@ pub type Brought<B> = Received<B, Transaction>;
 /// The queues between the SSI task and the port task.
 #[derive(Debug)]
 pub struct Areas<B> {
-    // A queue of heapless holds one item less than its length.
+    // A queue of heapless holds one item less than the length of its array.
     brought: Queue<Brought<B>, AREAS>,
     clean: Queue<Clean<B>, AREAS>,
 }
@@ -61,8 +61,8 @@ impl<B> Areas<B> {
 }
 
 impl<B: Memory> Areas<B> {
-    /// Scrubs the areas and returns the area to receive into first, the SSI task's end of the queues, the port task's
-    /// end, and what the scrubs found.
+    /// Scrubs the areas. Returns the first area to receive into, the SSI task's end of the queues, the port task's end,
+    /// and the result of the scrubs.
     pub fn split(&mut self, areas: [B; AREAS]) -> (Filling<B>, SsiEnd<'_, B>, PortEnd<'_, B>, Scrubbed) {
         let mut found = Scrubbed::default();
         let [first, rest @ ..] = areas.map(|area| {
@@ -88,28 +88,28 @@ impl<B: Memory> Areas<B> {
 pub struct SsiEnd<'q, B> {
     brought: Producer<'q, Brought<B>>,
     clean: Consumer<'q, Clean<B>>,
-    /// The area for the next transaction.
+    /// The area for the next transaction, if a clean one was at hand.
     next: Option<Clean<B>>,
-    /// The area that is to be passed on to the port task.
+    /// The area of the last transaction, which is to be passed on to the port task.
     waits: Option<Brought<B>>,
 }
 
-/// The outcome of a transaction at [`SsiEnd::hand_over`].
+/// What becomes of a transaction at [`SsiEnd::hand_over`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandedOver {
     /// The transaction waits for the port task, which has to be called.
     Waits,
     /// The transaction brought no byte.
     Empty,
-    /// Two transactions wait already, so this one was dropped, and the object that it brought with it.
+    /// Two other transactions wait already, so this transaction was dropped with the object that it brought.
     Dropped,
-    /// Two transactions wait already, so this one was dropped, but its object was idle by identifier and status.
+    /// Two other transactions wait already, so this one was dropped. By identifier and status its object was idle.
     DroppedIdle,
 }
 
 impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
     /// Takes the area with what an ended transaction brought, and returns the area for the next one.
-    /// [`SsiEnd::pass_on`] comes before the next call.
+    /// [`SsiEnd::pass_on`] must be called before the next call.
     pub fn hand_over(&mut self, mut area: Filling<B>, transaction: Transaction) -> (Filling<B>, HandedOver) {
         if transaction.bytes == 0 {
             return (area, HandedOver::Empty);
@@ -125,7 +125,7 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })
     }
 
-    /// Passes on what was handed over, and gets the next area ready. Returns whether to call the port task.
+    /// Passes on the area of the last transaction, and gets the next area ready. Returns whether to call the port task.
     pub fn pass_on(&mut self) -> bool {
         if self.next.is_none() {
             self.next = self.clean.dequeue();
@@ -152,8 +152,8 @@ impl<B: Memory> PortEnd<'_, B> {
         self.brought.dequeue()
     }
 
-    /// Scrubs the area of a transaction that has been judged; it then waits for the SSI task unless it is taken out of
-    /// use. Returns the result of the scrub.
+    /// Scrubs the area of a transaction that has been judged. The area then waits for the SSI task unless it is taken
+    /// out of use. Returns the result of the scrub.
     pub fn done(&mut self, brought: Brought<B>) -> Scrubbed {
         let (clean, found) = self.in_use.admit(brought.done().scrub());
         if let Some(clean) = clean {
@@ -163,7 +163,7 @@ impl<B: Memory> PortEnd<'_, B> {
     }
 }
 
-/// Puts an area into a queue. One of the three areas is always lent, so no queue ever holds more than two.
+/// Puts an area into a queue. One of the three areas is always lent, so a queue of two never overflows.
 fn put<T>(queue: &mut Producer<'_, T>, area: T) {
     assert!(queue.enqueue(area).is_ok(), "three areas, of which one is lent");
 }

@@ -1,16 +1,16 @@
-//! What the flight controller writes: uplinks and commands, how they are stored, and what Port-Status says.
+//! Judges what the flight controller writes: uplinks and commands. Stores uplinks and seals Port-Status.
 //!
 //! # Design
 //!
-//! The SSI task hands over what a transaction brought ([`areas`]); a task that has the lowest priority above idle
-//! judges it here, [part](profile::port_status) by part. Neither the RFID side nor the next transaction waits for
+//! The SSI task hands over what a transaction brought ([`areas`]). The task `port`, whose priority is the lowest above
+//! idle, judges it here, [part](profile::port_status) by part. Neither the RFID side nor the next transaction waits for
 //! that.
 //!
-//! | what came in | what follows |
+//! | what came in | consequence |
 //! |---|---|
 //! | nothing (0x00 or 0xFF throughout) | nothing changes |
 //! | an intact uplink of a writer, [newer](Uplink) than its last | it is stored in the writer's place |
-//! | an intact [command](profile::Command), newer than the last | it is carried out |
+//! | an intact [command](profile::Command), newer than the writer's last | it is carried out |
 //! | anything else | it is counted by its [kind](profile::Violation), and changes nothing |
 //!
 //! Port-Status and both uplinks are one [`PortArea`] of 192 bytes, which is sealed here, before the commit task needs
@@ -44,23 +44,23 @@ use crate::{
 use areas::Transaction;
 use newer::Timestamps;
 
-/// The words that an idle line brings.
+/// The values of a word that was clocked in on an idle line.
 pub const IDLE: [u32; 2] = [0, u32::MAX];
 
-/// Whether all of `bytes` are what an idle line brings.
+/// Whether all of `bytes` have the value that an idle line brings.
 fn is_idle(bytes: &[u8]) -> bool {
     let (words, rest) = bytes.as_chunks();
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
-    // The byte is repeated four times, so that it can be compared like a word.
+    // The byte is repeated four times, so that it can be compared with a word.
     let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
     let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
     any == 0 || all == u32::MAX
 }
 
-/// What other tasks know and Port-Status shows.
+/// The state of the DPR that other tasks hold and Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// How often the SSI task used its transactions up or dropped an object, since start, wrapping.
+    /// How often the SSI task has granted its last transaction or dropped an object, since start, wrapping.
     pub too_many: u32,
     /// The number of faults that the patrol found in images.
     pub integrity_faults: u32,
@@ -74,7 +74,7 @@ pub struct Diagnostics {
     pub last_stop: u32,
 }
 
-/// The place of one writer's uplink.
+/// The stored uplink of one writer.
 #[derive(Clone, Copy, Debug)]
 struct Slot<W> {
     timestamps: Timestamps,
@@ -89,7 +89,7 @@ impl<W: WritesUplink> Slot<W> {
         Self { timestamps: Timestamps::new(), stored: Uplink::EMPTY, stored_us: None, writer: PhantomData }
     }
 
-    /// Stores an uplink that has come in at `now_us`, if it is newer.
+    /// Stores an uplink that has come in at `now_us`, if it is newer than the writer's last one.
     fn store(&mut self, uplink: &Uplink, now_us: u64) -> Result<(), Violation> {
         if !self.timestamps.accept(uplink.timestamp()) {
             return Err(Violation::UplinkNotNewer);
@@ -99,8 +99,8 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Puts the uplink into `area` if it may be shown at `now_us`. Returns the time since the last one was stored, ms;
-    /// saturates, as it does if there was none. From [`Uplink::EXPIRY_MS`] on nothing is shown.
+    /// Puts the stored uplink into `area`, or zeros if it is older than [`Uplink::EXPIRY_MS`] at `now_us`. Returns the
+    /// time since it was stored, ms. The time saturates, also if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
         // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds. 32 bits of µs last longer than
@@ -114,7 +114,7 @@ impl<W: WritesUplink> Slot<W> {
     }
 }
 
-/// The state of the self-test, which is carried out elsewhere.
+/// The state of the self-test, which the idle loop carries out.
 #[derive(Clone, Copy, Debug, Default)]
 struct SelfTest {
     running: bool,
@@ -136,7 +136,7 @@ pub struct WritePort {
     violations: Violations,
     /// The number of access violations of all kinds since start.
     total: u32,
-    /// The part of [`Diagnostics::too_many`] that is counted already.
+    /// The part of [`Diagnostics::too_many`] that is already counted as violations.
     too_many: u32,
 }
 
@@ -147,7 +147,7 @@ impl Default for WritePort {
 }
 
 impl WritePort {
-    /// The state before anything has come in.
+    /// Returns the state before anything has come in.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -166,14 +166,14 @@ impl WritePort {
         }
     }
 
-    /// Judges at `now_us` on the DPR's µs counter what a transaction brought, which is in the first bytes of `area`.
+    /// Judges what a transaction brought, which is in the first bytes of `area`; `now_us` is the µs counter's value.
     /// The counter must not go back from one call of this or of [`WritePort::prepare`] to the next, and one of the two
-    /// must be called every 71 minutes. Returns whether this changed what Port-Status says.
+    /// must be called every 71 minutes. Returns whether this changed the contents of Port-Status.
     pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
         self.clock.advance(now_us);
         let total = self.total;
-        // Bytes that did not come in are zero, since areas are scrubbed. So this is an idle line, and the usual
-        // transaction: one that only reads.
+        // Bytes that did not come in are zero, since areas are scrubbed. So all zeros mean an idle line: the
+        // transaction only reads, as most do.
         if area.iter().all(|word| *word == 0) {
             return false;
         }
@@ -201,7 +201,7 @@ impl WritePort {
         !is_idle(object) || self.total != total
     }
 
-    /// Stores or carries out an object that is intact and known.
+    /// Stores an uplink or carries out a command that is intact and known.
     fn written(&mut self, written: Written<'_>) -> Result<(), Violation> {
         match written {
             Written::BaseStation(uplink) => self.base_station.store(uplink, self.clock.us())?,
@@ -236,7 +236,7 @@ impl WritePort {
         self.violations.count(violation, saturated(times));
     }
 
-    /// Returns the access violations of all kinds since start, for Link-Status; stays at `u32::MAX`.
+    /// Returns the number of access violations of all kinds since start, for Link-Status; it stays at `u32::MAX`.
     #[must_use]
     pub const fn access_violations(&self) -> u32 {
         self.total
@@ -254,20 +254,20 @@ impl WritePort {
         self.uplinks_accepted
     }
 
-    /// Whether a self-test was asked for and is not done.
+    /// Whether a self-test was asked for and has not ended.
     #[must_use]
     pub const fn self_test_requested(&self) -> bool {
         self.self_test.running
     }
 
-    /// Takes note that the self-test is done. Without a self-test that was asked for this changes nothing.
+    /// Records the result of the self-test. If none was asked for this changes nothing.
     pub fn self_test_done(&mut self, passed: bool) {
         if core::mem::take(&mut self.self_test.running) {
             self.self_test.passed = Some(passed);
         }
     }
 
-    /// Seals Port-Status, and puts it and the uplinks that are fresh at `now_us` into `area`.
+    /// Seals Port-Status, and puts it into `area` with the uplinks that have not expired at `now_us`.
     pub fn prepare(&mut self, diagnostics: &Diagnostics, now_us: u32, area: &mut PortArea) {
         self.clock.advance(now_us);
         let more = diagnostics.too_many.wrapping_sub(self.too_many);

@@ -1,25 +1,25 @@
-//! Decides which timestamps of a writer are newer than those known so far ([`profile::Uplink`] has the rule).
+//! Decides which timestamps of a writer are newer than those already accepted ([`profile::Uplink`] has the rule).
 
-/// After a restart the writer's third timestamp in a row is accepted, if each is newer than the one before.
+/// The length of a row of timestamps, each newer than the one before, whose last is accepted after a writer's restart.
 pub const ROW: u8 = 3;
 
-/// The known timestamps of one writer's objects of one kind.
+/// The last timestamps of one writer's objects of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timestamps {
     /// The last timestamp that was accepted.
     last: Option<u32>,
-    /// The last timestamp that was refused since then, and the length of the row that it ends.
+    /// The last timestamp that was refused since then, and the number of refused timestamps in the row that it ends.
     row: Option<(u32, u8)>,
 }
 
-/// Whether the step is forward, by less than half of what a timestamp can count; every other step is back.
+/// Whether `timestamp` is less than half of the 32-bit range ahead of `than`; otherwise it is behind it.
 const fn is_newer(timestamp: u32, than: u32) -> bool {
     let step = timestamp.wrapping_sub(than);
     step != 0 && step <= u32::MAX / 2
 }
 
 impl Timestamps {
-    /// The state in which nothing is known.
+    /// Returns the state in which no timestamp was accepted yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { last: None, row: None }
@@ -87,7 +87,7 @@ mod tests {
                     prop_assert!(!replay.accept(timestamp));
                 }
             }
-            // An object that was seen before is sent over and over.
+            // Somebody sends an object that was accepted before, again and again.
             let mut known = Timestamps::new();
             let mut last = 0;
             for (number, _) in (0_u32..).zip(&timestamps) {

@@ -1,4 +1,4 @@
-//! What the port task hands over to the commit task.
+//! Hands Port-Status and the uplinks over from the port task to the commit task.
 
 use core::borrow::Borrow;
 
@@ -7,23 +7,23 @@ use profile::map::PortArea;
 /// The newest Port-Status and uplinks that are ready.
 ///
 /// The port task fills an area of its own and [exchanges](Prepared::exchange) it for this one, which moves two
-/// references. The commit task, of higher priority, [reads](Prepared::newest) this one. So it always finds a whole
-/// area, and never waits for longer than the exchange.
+/// references. The commit task, of higher priority, [reads](Prepared::newest) this one. So the commit task always finds
+/// a whole area, and never waits for longer than the exchange takes.
 #[derive(Clone, Copy, Debug)]
 pub struct Prepared<A>(A);
 
 impl<A: Borrow<PortArea>> Prepared<A> {
-    /// Begins with `area`.
+    /// Returns a holder whose newest area is `area`.
     pub const fn new(area: A) -> Self {
         Self(area)
     }
 
-    /// Returns what the next image shows.
+    /// Returns the area that the next image shows.
     pub fn newest(&self) -> &PortArea {
         self.0.borrow()
     }
 
-    /// Makes `area` the newest one; `area` becomes what was the newest before.
+    /// Makes `area` the newest one. The area that was the newest before is then in `area`.
     pub fn exchange(&mut self, area: &mut A) {
         core::mem::swap(&mut self.0, area);
     }

@@ -27,14 +27,14 @@ fn command(timestamp: u32, command: Command) -> CommandObject {
     CommandObject::seal(FC, timestamp, command)
 }
 
-/// Returns `bytes`, sealed anew.
+/// Returns `bytes` with a new CRC at their end.
 fn sealed(mut bytes: [u8; 64]) -> [u8; 64] {
     let crc = profile::crc::frame(&bytes[..60]);
     bytes[60..].copy_from_slice(&crc.to_be_bytes());
     bytes
 }
 
-/// The port and a flight controller that writes.
+/// The DPR's port and a flight controller that writes to it.
 struct Bench {
     port: WritePort,
     windows: Windows<MAP>,
@@ -47,7 +47,7 @@ impl Bench {
         Self { port: WritePort::new(), windows: Windows::new(), now_us: 0, diagnostics: Diagnostics::default() }
     }
 
-    /// Makes a transaction in which `mosi` is clocked in.
+    /// Makes a transaction in which the bytes `mosi` are clocked in.
     fn clock(&mut self, mosi: &[u8]) -> bool {
         let mut area = ReceiveArea::default();
         let bytes = mosi.len().min(RECEIVE_BYTES);
@@ -75,7 +75,7 @@ impl Bench {
         self.area().verify().status.expect("Port-Status is intact").values()
     }
 
-    /// Returns the only kind that was counted, and how often; `None` if none was.
+    /// Returns the only kind of violation that was counted, and its number; `None` if none was counted.
     #[track_caller]
     fn counted(&mut self) -> Option<(Violation, u16)> {
         let violations = self.values().violations;
@@ -151,7 +151,7 @@ fn an_idle_line_of_any_length_is_no_violation_and_changes_nothing() {
             assert!(!bench.port.last_refused());
         }
     }
-    // Each part may be idle in its own way.
+    // Each part of a transaction may be idle at either level.
     let mut bench = Bench::new();
     assert!(!bench.clock(&[[0x00; 8].as_slice(), &[0xFF; 64], &[0x00; 8]].concat()));
     assert!(!bench.clock(&[[0xFF; 8].as_slice(), &[0x00; 64], &[0xFF; 8]].concat()));
@@ -289,7 +289,7 @@ fn a_writer_that_was_silent_for_long_goes_on_where_it_was() {
     bench.write(uplink(FC, 100).as_bytes());
     bench.wait_ms(2_000);
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
-    // The old uplink again is not newer.
+    // The old uplink is written again, so it is not newer.
     bench.write(uplink(FC, 100).as_bytes());
     assert_eq!(bench.area().uplink::<FlightController>(), &Uplink::EMPTY);
     bench.write(uplink(FC, 2_100).as_bytes());
@@ -350,7 +350,7 @@ fn a_second_self_test_is_refused_while_the_first_runs() {
         assert_eq!(bench.values().status, before.with_last_refused(false).with_self_test_running(true));
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert_eq!(bench.values().violations.of(Violation::CommandBusy), u16::try_from(round).expect("few") + 1);
-        // A command that was refused for this reason is not carried out later either.
+        // A command that was refused because a self-test was under way is not carried out later either.
         bench.port.self_test_done(passed);
         bench.write(command(10 * round + 2, Command::SelfTest).as_bytes());
         assert!(!bench.port.self_test_requested());
@@ -377,7 +377,7 @@ fn counters_of_faults_and_violations_stay_at_their_end() {
     assert_eq!(bench.port.access_violations(), 70_000, "Link-Status's total is not that of the kinds");
 }
 
-/// What is written, which is a good object most of the time.
+/// Returns the bytes of a transaction, which hold a good object most of the time.
 fn mosi() -> impl Strategy<Value = Vec<u8>> {
     let request = prop_oneof![
         Just(vec![0; 8]),
@@ -407,8 +407,8 @@ fn mosi() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
-    /// A place holds zeros or, byte for byte, an intact uplink of its own writer that was written less than 500 ms
-    /// before; nothing else that is written can be read back.
+    /// An uplink's place holds zeros or, byte for byte, an intact uplink of its own writer that was written less than
+    /// 500 ms before. Nothing else that is written can be read back.
     #[test]
     fn whatever_is_clocked_in_only_the_uplinks_and_the_counters_change(
         transactions in prop::collection::vec((mosi(), 0_u32..300), 0..40),
@@ -441,7 +441,7 @@ proptest! {
                 prop_assert_eq!(fresh, place != &Uplink::EMPTY && written.iter().any(recent));
                 prop_assert!(fresh || (place == &Uplink::EMPTY && verified == Err(Rejection::Crc)));
             }
-            // The flight controller cannot change the DPR's faults, and a transaction counts at most three times.
+            // The flight controller cannot change the DPR's faults; a transaction is at most three violations.
             let faults = [values.integrity_faults, values.flash_passes, values.stuck_bits, values.buffers_out_of_use];
             prop_assert_eq!((faults, values.last_stop), ([0; 4], 0));
             let cleared = values.last_command == Command::ClearCounters.word();
@@ -450,7 +450,7 @@ proptest! {
         }
     }
 
-    /// The two tasks run in any order: what one transaction brought is judged as it was, or dropped whole.
+    /// The SSI and port tasks run in any order. The bytes of a transaction are judged as they came, or all dropped.
     #[test]
     fn areas_rotate_clean_and_nothing_is_read_twice(
         steps in prop::collection::vec(prop::option::of(0_usize..=80), 0..60),

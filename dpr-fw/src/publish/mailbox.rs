@@ -1,4 +1,4 @@
-//! The commit task's side of the hand-over: what it hands over, and how it announces that.
+//! The commit task's side of the hand-over of images: what it hands over, and how it announces an image.
 
 use core::borrow;
 
@@ -20,12 +20,12 @@ use crate::{
 #[derive(Debug)]
 pub struct Mailbox<B> {
     exchange: Exchange<B>,
-    /// Whether FRESH has risen for the newest image already.
+    /// Whether FRESH has already risen for the newest image.
     announced: bool,
 }
 
 impl<B: Memory> Mailbox<B> {
-    /// A mailbox in which no image has been published.
+    /// Returns a mailbox in which no image has been published.
     pub fn new(buffers: [B; IMAGES]) -> Self {
         Self { exchange: Exchange::new(buffers), announced: false }
     }
@@ -53,39 +53,39 @@ impl<B: Memory> Scrubbable for Mailbox<B> {
 /// What is known of the image that the SSI task took out of the mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Taken {
-    /// Whether the image is newer than the one that was streamed before.
+    /// Whether the image is newer than the one that was streamed before it.
     pub(super) newer: bool,
-    /// Whether FRESH has risen for the image already.
+    /// Whether FRESH has already risen for the image.
     pub(super) announced: bool,
 }
 
-/// What the commit task needs from the SSI.
+/// The hardware operations of the SSI that the commit task needs.
 pub trait Doorbell {
-    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way, whose end has to
-    /// come first.
+    /// Asks for the semaphore, and calls the SSI task. Returns whether a transaction is under way; then the semaphore
+    /// comes only at the transaction's end.
     fn request(&mut self) -> bool;
-    /// Raises FRESH, from which the image's time begins anew.
+    /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
 }
 
-/// Where the commit task puts images: into the mailbox, of which it tells the SSI.
+/// Where the commit task puts its images: into the mailbox. It then tells the SSI of each.
 #[derive(Debug)]
 pub struct Outbox<'a, M, B, D> {
     /// The mailbox, which the commit task shares with the SSI task.
     pub mailbox: M,
     /// The image that is being filled, if there is one.
     pub filling: &'a mut Option<Filling<B>>,
-    /// The SSI, which has to be told of images.
+    /// The hardware of the SSI, to which a published image is announced.
     pub doorbell: D,
-    /// What the port task has ready for the next image.
+    /// Port-Status and the uplinks as the port task has prepared them for the next image.
     pub port: &'a PortArea,
     /// The counters of scrubs and publications.
     pub telemetry: &'a Telemetry,
 }
 
 impl<M: Mutex<T = Mailbox<B>>, B: ImageBuffer, D: Doorbell> Outbox<'_, M, B, D> {
-    /// Takes the buffer for the next image, and scrubs it if the scrub task has not. To be called when all that was due
-    /// has been published, so that neither step comes between a frame and its image.
+    /// Takes the buffer for the next image, and scrubs it if the scrub task has not. To be called when every image that
+    /// was due has been published, so that neither step comes between a frame and its image.
     pub fn prepare(&mut self) {
         let _ = self.filling();
     }

@@ -1,4 +1,4 @@
-//! The SSI task's side of the hand-over: what a transaction gets.
+//! The SSI task's side of the hand-over of images: what a transaction gets.
 
 use core::ops::Range;
 
@@ -12,48 +12,48 @@ use crate::{
     triple::Received,
 };
 
-/// What the SSI task finds when it is called.
+/// What has happened on the SSI when its task is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Events<'a> {
-    /// Whether the semaphore is the processor's.
+    /// Whether the processor has the semaphore.
     pub ours: bool,
     /// The bytes that the ended transaction clocked in, as far as they fit; `None` if no transaction has ended.
     pub received: Option<&'a [u8]>,
     /// Whether the ended transaction clocked out more than its window had.
     pub over_read: bool,
-    /// Whether the ended transaction clocked in more than fits.
+    /// Whether the ended transaction clocked in more bytes than the receive area has.
     pub overflow: bool,
 }
 
-/// What the SSI task needs from the SSI.
+/// The hardware operations of the SSI that its task needs.
 pub trait Ssi {
     /// An image buffer.
     type Buffer: ImageBuffer;
 
     /// Returns what has happened since the last call, and clears it. `ours` must be read before the end of a
-    /// transaction is: if one ends in between, this call returns its end and the next one its buffers, never the other
-    /// way round. If a transaction has ended, the peripheral's events do not call the task until the pause is over that
-    /// [`Ssi::pass_on`] begins.
+    /// transaction is: if a transaction ends between the two reads, this call returns its end and the next call its
+    /// buffers, never the other way round. After a transaction has ended, the peripheral's events do not call the task
+    /// until the pause that [`Ssi::pass_on`] begins is over.
     fn take_events(&mut self) -> Events<'_>;
-    /// Takes what the ended transaction brought for the port task, with what it asked for. Called before the next
-    /// release.
+    /// Takes the bytes that the ended transaction brought for the port task, with what the transaction asked for.
+    /// Called before the next release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
-    /// Passes what was taken on to the port task, and calls it, and begins the pause of
+    /// Passes the bytes of the ended transaction on to the port task, calls that task, and begins the pause of
     /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, since the flight
     /// controller waits for that.
     fn pass_on(&mut self);
-    /// Whether the image's time is over. Called only while the semaphore is the processor's.
+    /// Whether the time of the image that is streamed is over. Called only while the processor has the semaphore.
     fn is_expired(&mut self) -> bool;
-    /// Exchanges the image. Called only while the semaphore is the processor's.
+    /// Exchanges the image that is streamed. Called only while the processor has the semaphore.
     fn exchange<R>(
         &mut self,
         with: impl FnOnce(Option<Received<Self::Buffer, ()>>) -> (Option<Received<Self::Buffer, ()>>, R),
     ) -> R;
-    /// Points the peripheral to `window` of the image; returns false if there is no image.
+    /// Points the peripheral to the bytes `window` of the image; returns false if there is no image.
     fn load(&mut self, window: Range<usize>) -> bool;
-    /// Raises FRESH, from which the image's time begins anew.
+    /// Raises FRESH, which also restarts the time until the image expires.
     fn announce(&mut self);
-    /// Gives the semaphore to the SPIS, so that the next transaction shows what was loaded.
+    /// Gives the semaphore to the SPIS, so that the next transaction gets the window that was loaded.
     fn release(&mut self);
 }
 
@@ -65,14 +65,14 @@ pub struct Server<const LEN: usize> {
 }
 
 impl<const LEN: usize> Server<LEN> {
-    /// The state in which the next transaction shows the whole image.
+    /// Returns the state in which the next transaction shows the whole image.
     #[must_use]
     pub const fn new() -> Self {
         Self { windows: Windows::new(), budget: Budget::new() }
     }
 
-    /// Serves a call of the task: a transaction has ended, or the semaphore has come because there is a newer image or
-    /// because time is over, or the task is to check in.
+    /// Serves a call of the task: a transaction has ended, the semaphore has come because there is a newer image or
+    /// because an image has expired, or the task is called only to check in.
     pub fn serve<S: Ssi>(
         &mut self,
         ssi: &mut S,
@@ -88,7 +88,7 @@ impl<const LEN: usize> Server<LEN> {
         if ours {
             self.offer(ssi, &mut mailbox, telemetry);
         }
-        // The flight controller may select again, so counting can wait until now.
+        // The release is done, so the flight controller may select again, and the counters can be updated now.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
             telemetry.ssi_transactions.add_alone(1);
@@ -99,8 +99,8 @@ impl<const LEN: usize> Server<LEN> {
         }
     }
 
-    /// Offers the newest image to the next transaction, if there is one that may be read. The semaphore must be the
-    /// processor's.
+    /// Offers the newest image to the next transaction, if there is one that may be read. The processor must have the
+    /// semaphore.
     fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
         let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
         if newer {
@@ -123,7 +123,7 @@ impl<const LEN: usize> Server<LEN> {
     }
 }
 
-/// The outcome of a transaction that has ended.
+/// What the SSI task found out about a transaction that has ended.
 struct Ended {
     /// Whether it was the last transaction that is granted between two images.
     spent: bool,

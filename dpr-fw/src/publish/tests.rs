@@ -1,4 +1,4 @@
-//! Both tasks run against a model of the SPIS's semaphore, and the flight controller, the timer and the SSI task
+//! Tests the commit and SSI tasks on a model of the SPIS's semaphore. The flight controller, the timer and the SSI task
 //! interrupt them at every access to hardware.
 
 use std::{cell::RefCell, collections::VecDeque, ops::Range, rc::Rc};
@@ -33,7 +33,7 @@ enum Semaphore {
     CpuPending,
 }
 
-/// What happens beside the processor.
+/// An event outside the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     Nothing,
@@ -60,13 +60,13 @@ struct World {
     end: bool,
     acquired: bool,
     pended: bool,
-    /// Whether END and ACQUIRED do not call the task.
+    /// Whether the pause runs, so that END and ACQUIRED do not call the SSI task.
     paused: bool,
     /// The image that a release gave to the SPIS.
     loaded: Option<u32>,
-    /// What the transaction under way reads.
+    /// What the transaction under way reads; `None` if none is under way.
     selected: Option<Read>,
-    /// The bytes that the transaction under way will have clocked in.
+    /// The bytes that the transaction under way will have clocked in at its end.
     mosi: Vec<u8>,
     /// The newest image for which FRESH has risen.
     announced: u32,
@@ -93,11 +93,11 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// What the transactions asked for. The next fields say what becomes of them.
+    /// What each transaction asked for. The next two fields hold what becomes of the bytes of a transaction.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,
-    /// The board, to let something happen before and after each access.
+    /// The board, so that events can happen before and after each access of the SSI task.
     board: Option<Board>,
 }
 
@@ -134,7 +134,7 @@ impl World {
             Happening::Select => {}
             Happening::Deselect => {
                 if let Some(Read::Image(_)) = self.selected.take() {
-                    // This is the shortcut from END to ACQUIRE.
+                    // The shortcut from END to ACQUIRE takes effect here.
                     self.end = true;
                     self.semaphore = Semaphore::Cpu;
                     self.acquired = true;
@@ -193,7 +193,7 @@ impl Board {
         board
     }
 
-    /// Lets something happen in hardware, and then lets the SSI task interrupt.
+    /// Makes the next event happen in hardware, and then lets the SSI task interrupt.
     fn point(&self) {
         let next = self.world.borrow_mut().happenings.pop_front();
         self.world.borrow_mut().happen(next.unwrap_or(Happening::Nothing));
@@ -235,7 +235,7 @@ impl Board {
         self.point();
     }
 
-    /// Scrubs the images, all of which are sound, and returns how many there were.
+    /// Scrubs the images that wait for a scrub, all without a stuck bit, and returns their number.
     fn scrub(&self) -> u32 {
         let found = crate::triple::scrub_waiting(self.clone());
         assert_eq!((found.stuck_bits, found.out_of_use), (0, 0));
@@ -350,7 +350,7 @@ impl Ssi for SsiModel {
     }
 
     fn announce(&mut self) {
-        // While the SSI task runs, no image can be published that is newer than the one that it has taken.
+        // While the SSI task runs, no image can be published, so the image that it has taken is the newest.
         self.board.clone().expect("on the board").announce();
     }
 
@@ -377,9 +377,9 @@ fn happening() -> impl Strategy<Value = Happening> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
-    /// There are more generations and happenings than in the search of `tests/interleavings`, drawn at random. A
-    /// transaction reads the image that FRESH announced last, whole and in time, or 0xFF; and once nothing happens any
-    /// more, it reads the newest image.
+    /// More generations and events than in the search of `tests/interleavings` are drawn at random. Each transaction
+    /// reads the image that FRESH announced last, whole and in time, or 0xFF; and after the last event a transaction
+    /// reads the newest image.
     #[test]
     fn a_transaction_reads_the_announced_image_or_nothing(
         happenings in prop::collection::vec(happening(), 0..60), scrubs in prop::collection::vec(any::<bool>(), 6),
@@ -408,7 +408,7 @@ proptest! {
 
 #[test]
 fn fresh_rises_before_the_image_is_released() {
-    // The flight controller selects at each access in turn: it never reads the new image before FRESH has risen.
+    // The flight controller selects at each access in turn, and never reads the new image before FRESH has risen.
     let mut busy = 0;
     for at in 0..20 {
         let board = Board::new();

@@ -1,4 +1,4 @@
-//! The images on their way from the commit task to the SSI.
+//! The buffers of images on their way from the commit task to the SSI.
 
 use heapless::Deque;
 
@@ -9,10 +9,10 @@ use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, 
 pub const IMAGES: usize = 4;
 
 /// The number of images that stay in use however faulty they are: one is streamed, one waits to be streamed, one is
-/// filled. The fourth lets the scrub task hold one beside these. With three it gets none, since nothing might be left
-/// to fill if the commit task interrupted it. The commit task then scrubs the one that it fills, off the deadline path
-/// ([`Outbox::prepare`](crate::publish::Outbox::prepare)). With two the newest image would have to be withdrawn,
-/// although FRESH may have risen for it.
+/// filled. A fourth lets the scrub task hold one beside these three. With three the scrub task gets no image, since
+/// none might be left to fill if the commit task interrupted it. The commit task then scrubs the image that it fills,
+/// off the deadline path ([`Outbox::prepare`](crate::publish::Outbox::prepare)). With two the newest image would have
+/// to be withdrawn, although FRESH may have risen for it.
 pub const IMAGES_LEAST: usize = 3;
 
 /// The triple buffer between the commit task and the SSI. Unlike frames, images do not queue: the newest wins.
@@ -29,12 +29,12 @@ pub struct Exchange<B> {
 pub enum Blank<B> {
     /// The scrub task has scrubbed the buffer, which is the usual case.
     Clean(Clean<B>),
-    /// The scrub task has not, or gets no buffer any more ([`IMAGES_LEAST`]), so [`Blank::fill`] scrubs.
+    /// The scrub task has not scrubbed the buffer, or gets none any more ([`IMAGES_LEAST`]), so [`Blank::fill`] does.
     Dirty(Dirty<B>),
 }
 
 impl<B: Memory> Blank<B> {
-    /// Begins to fill the buffer, which is scrubbed in any case, and returns what a scrub now found.
+    /// Begins to fill the buffer. Scrubs it first if the scrub task has not, and returns the result of that scrub.
     pub fn fill(self) -> (Filling<B>, Scrubbed) {
         let (clean, found) = match self {
             Self::Clean(clean) => (clean, Scrubbed::default()),
@@ -45,7 +45,7 @@ impl<B: Memory> Blank<B> {
 }
 
 impl<B: Memory> Exchange<B> {
-    /// An exchange of buffers of which none holds an image.
+    /// Returns an exchange of buffers of which none holds an image.
     pub fn new(buffers: [B; IMAGES]) -> Self {
         let mut exchange = Self { newest: None, clean: Deque::new(), dirty: Deque::new(), in_use: InUse::ALL };
         for buffer in buffers {
@@ -60,20 +60,20 @@ impl<B: Memory> Exchange<B> {
         self.in_use.out_of_use()
     }
 
-    /// Returns a buffer to fill. There is one while at most one each is streamed, scrubbed and filled.
+    /// Returns a buffer to fill. There is one while at most one each is streamed, waits to be streamed and is scrubbed.
     pub fn begin(&mut self) -> Option<Blank<B>> {
         let clean = self.clean.pop_front().map(Blank::Clean);
         clean.or_else(|| self.dirty.pop_front().map(Blank::Dirty))
     }
 
-    /// Makes what was filled the newest image.
+    /// Makes the image that was filled the newest one.
     pub fn publish(&mut self, filling: Filling<B>) {
         if let Some(unread) = self.newest.replace(filling.received(())) {
             put(&mut self.dirty, unread.done());
         }
     }
 
-    /// Returns the image to stream next, the newest if it is newer than the one streamed so far, and whether it is.
+    /// Returns the image to stream next, the newest or the one streamed so far, and whether it is a newer one.
     pub fn take(&mut self, streamed: Option<Received<B, ()>>) -> (Option<Received<B, ()>>, bool) {
         match (self.newest.take(), streamed) {
             (Some(newest), streamed) => {

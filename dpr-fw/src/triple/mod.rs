@@ -4,7 +4,7 @@
 //!
 //! There are three receive buffers: the RFID side writes one, one is read into the image, one is scrubbed. The roles
 //! rotate at each frame. The purpose is a single sentence: *old data can never be read as new*. The compiler enforces
-//! it:
+//! these ways from state to state:
 //!
 //! ```text
 //!            Clean::receive            Filling::received             Received::done
@@ -14,30 +14,30 @@
 //!     └──────────────────────────────── Dirty::scrub ────────────────────────────────────┘
 //! ```
 //!
-//! Each state is a type that owns the buffer, none can be cloned, and the arrows above are the only ways from one to
-//! the next. So a frame can only be received into a buffer of which every bit was just scrubbed, only a received frame
-//! can be read, and it cannot be read again: the buffer is then dirty, and a dirty buffer can only be scrubbed.
+//! Each state is a type that owns the buffer, no state can be cloned, and the arrows above are the only ways from one
+//! to the next. So a frame can only be received into a buffer of which every bit was just scrubbed, only a received
+//! frame can be read, and it cannot be read again: the buffer is then dirty, and a dirty buffer can only be scrubbed.
 //!
 //! [`Rotation`] holds the buffers that wait for a task: received ones for the commit task, dirty ones for the scrub
-//! task, clean ones for the RFID task. Its operations move a few words, so they may be made in a critical section.
+//! task, clean ones for the RFID task. Its operations move a few words, so tasks may call them in a critical section.
 //!
 //! # Scrub
 //!
-//! The paper fills with 0x00 or 0xFF; this firmware fills with both in turn and reads back each time, so a scrub also
-//! finds bits that are stuck at either level. A scrub ends with 0x00, which no CRC with initial value 0xFFFFFFFF
-//! accepts. The work is the same whatever the memory holds and however it is broken.
+//! The paper fills with 0x00 or 0xFF. This firmware fills with both in turn and reads the buffer back each time, so a
+//! scrub also finds bits that are stuck at either level. A scrub ends with 0x00, which no CRC with initial value
+//! 0xFFFFFFFF accepts. The work is the same whatever the memory holds and however it is broken.
 //!
 //! # Buffers out of use
 //!
-//! A buffer in which the scrub task finds a stuck bit is taken out of use until the next start, as long as
-//! [`RECEIVE_LEAST`] receive buffers, or [`IMAGES_LEAST`] images, remain. The buffer is moved into the set that has to
-//! decide ([`Faulty`]) and dropped there, so nothing is left that could write or read it. The last buffers stay in use,
-//! faulty or not: their objects are protected by CRCs, and an object that a stuck bit changes is rejected. In either
-//! case Link-Status shows the fault, and the number of buffers out of use is counted
-//! ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
+//! A buffer in which the scrub task finds a stuck bit is taken out of use until the next start, unless only
+//! [`RECEIVE_LEAST`] receive buffers, or [`IMAGES_LEAST`] images, are left. A faulty buffer is moved into the set of
+//! buffers that decides whether it goes on being used ([`Faulty`]); if not, the set drops it, so that no code can write
+//! or read it any more. The last buffers stay in use, faulty or not: their objects are protected by CRCs, and an object
+//! that a stuck bit changes is rejected. In either case Link-Status shows the fault, and the buffers out of use are
+//! counted ([`Telemetry::buffers_out_of_use`](crate::telemetry::Telemetry::buffers_out_of_use)).
 //!
-//! A task that scrubs a buffer because no other is at hand keeps the buffer whatever it finds. The scrub task finds the
-//! fault again when it scrubs the buffer next.
+//! A task that scrubs a buffer because no other is at hand goes on with that buffer whatever the scrub finds. The scrub
+//! task finds the fault again when it scrubs the buffer next.
 //!
 //! # Every order
 //!
@@ -81,7 +81,7 @@ pub fn scrub_waiting<S: Scrubbable>(mut buffers: impl Mutex<T = S>) -> Scrubbed 
     all
 }
 
-/// The number of a set's `OF` buffers that are in use; `LEAST` of them stay so, however faulty they are.
+/// The number of buffers in use, of a set of `OF`. However faulty they are, `LEAST` of them stay in use.
 #[derive(Debug)]
 pub(crate) struct InUse<const OF: u32, const LEAST: u32>(u32);
 
@@ -96,10 +96,10 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
         self.0 <= LEAST
     }
 
-    /// Returns the buffer, unless it is faulty and there are enough others.
+    /// Returns the buffer, unless it is faulty and the set has more than the least number in use; and the result.
     pub(crate) fn admit<B>(&mut self, outcome: Outcome<B>) -> (Option<Clean<B>>, Scrubbed) {
         match outcome {
-            // The buffer is dropped, so nothing is left that could use it.
+            // The faulty buffer is dropped, so that no code can use it any more.
             Err(faulty) if !self.is_least() => {
                 self.0 -= 1;
                 (None, Scrubbed { buffers: 1, stuck_bits: faulty.stuck_bits(), out_of_use: 1 })
@@ -113,7 +113,7 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
 }
 
 /// Returns the buffer, faulty or not, to a task that scrubs because no other buffer is at hand. The scrub task finds
-/// the fault again, and can take the buffer out of use.
+/// the fault again later, and can take the buffer out of use.
 pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     match outcome {
         Ok(clean) => (clean, Scrubbed { buffers: 1, ..Scrubbed::default() }),
@@ -124,7 +124,7 @@ pub(crate) fn keep<B>(outcome: Outcome<B>) -> (Clean<B>, Scrubbed) {
     }
 }
 
-/// Puts an item into a queue. The queues are as long as there can be buffers in them, so the push cannot fail.
+/// Puts a buffer into a queue. The queues are as long as there can be buffers in them, so the push cannot fail.
 fn put<T, const LEN: usize>(queue: &mut Deque<T, LEN>, item: T) {
     let full = queue.push_back(item).is_err();
     debug_assert!(!full, "a buffer too many has appeared");

@@ -1,4 +1,4 @@
-//! The receive buffers that wait for a task.
+//! The receive buffers, while they wait for a task.
 
 use heapless::Deque;
 
@@ -7,14 +7,14 @@ use super::{keep, put, Clean, Dirty, Filling, InUse, Memory, Outcome, Received, 
 /// The number of receive buffers: one is written, one is read, one is scrubbed.
 pub const RECEIVE_BUFFERS: usize = 3;
 
-/// The number of receive buffers that stay in use however faulty they are. With two, one is written while the other is
-/// read and then scrubbed. If that takes until the next frame is whole, there is no clean one: the frame is given up in
-/// the buffer in which it stands, and the one that is being read is left alone ([`Rotated::Overrun`]). Until then the
-/// commit and scrub tasks have 3.9 ms, the shortest time between the ends of two frames (five receivers), and need less
-/// than 0.3 ms.
+/// The number of receive buffers that stay in use however faulty they are. With two buffers, one is written while the
+/// other is read and then scrubbed. If the reading and scrubbing take until the next frame is whole, there is no clean
+/// buffer: that frame is scrubbed away in the buffer in which it stands, and the buffer that is being read is left
+/// alone ([`Rotated::Overrun`]). For their work commit and scrub have 3.9 ms, the shortest time between the ends of two
+/// frames (five receivers), and need less than 0.3 ms.
 pub const RECEIVE_LEAST: usize = 2;
 
-/// The buffers that wait, of a set of three of which one is always being written.
+/// The buffers that wait for a task, from a set of three of which one is always being written.
 #[derive(Debug)]
 pub struct Rotation<B, I> {
     clean: Deque<Clean<B>, 2>,
@@ -23,18 +23,18 @@ pub struct Rotation<B, I> {
     in_use: InUse<{ RECEIVE_BUFFERS as u32 }, { RECEIVE_LEAST as u32 }>,
 }
 
-/// The outcome of a frame at [`Rotation::rotate`].
+/// What becomes of a frame at [`Rotation::rotate`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rotated {
     /// The frame waits to be read.
     Handed,
     /// No clean buffer was at hand, so the frame was scrubbed away where it stood: the tasks that read and scrub are
-    /// late by a cycle. The value is what the scrub found.
+    /// late by a cycle. The value is the result of that scrub.
     Overrun(Scrubbed),
 }
 
 impl<B: Memory, I> Rotation<B, I> {
-    /// Scrubs three buffers and starts to write the first that stays in use. Also returns what the scrubs found.
+    /// Scrubs three buffers and begins to write the first that stays in use. Also returns the result of the scrubs.
     ///
     /// # Panics
     ///
@@ -63,7 +63,7 @@ impl<B: Memory, I> Rotation<B, I> {
         self.in_use.out_of_use()
     }
 
-    /// Hands the buffer of a whole frame on to be read, and takes a clean one to be written.
+    /// Hands the buffer of a whole frame on to be read, and returns a clean buffer to be written.
     pub fn rotate(&mut self, filling: Filling<B>, about: I) -> (Filling<B>, Rotated) {
         match self.clean.pop_front() {
             Some(clean) => {
@@ -77,8 +77,8 @@ impl<B: Memory, I> Rotation<B, I> {
         }
     }
 
-    /// Queues the buffer of a frame that is not whole to be scrubbed, and takes a clean one to be written. If no clean
-    /// one is at hand, the same one is scrubbed here; returns what that scrub found.
+    /// Queues the buffer of a frame that is not whole for a scrub, and returns a clean buffer to be written. If no
+    /// clean one is at hand, the given buffer is scrubbed here instead, and the result of that scrub returned.
     pub fn replace(&mut self, filling: Filling<B>) -> (Filling<B>, Scrubbed) {
         match self.clean.pop_front() {
             Some(clean) => {
@@ -97,7 +97,7 @@ impl<B: Memory, I> Rotation<B, I> {
         self.received.pop_front()
     }
 
-    /// Ends the reading of a frame: its buffer waits to be scrubbed.
+    /// Ends the reading of a frame: its buffer now waits to be scrubbed.
     pub fn done(&mut self, received: Received<B, I>) {
         put(&mut self.dirty, received.done());
     }

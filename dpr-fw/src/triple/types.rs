@@ -28,9 +28,9 @@ impl<M: Memory + ?Sized> Memory for &mut M {
     }
 }
 
-/// In RAM both steps pass through an optimisation barrier and a compiler fence: the fill has to be in memory before it
-/// is read back, and the read back has to load it from there, since the compiler may assume nothing of a value that
-/// went through [`black_box`]. The on-target tests bound the cycles of a scrub from below, so a dropped one would show.
+/// In RAM fill and read-back both pass through an optimisation barrier and a compiler fence: the fill has to be in
+/// memory before it is read back, and the read-back has to load from there, since the compiler may assume nothing of a
+/// value that went through [`black_box`]. The on-target tests detect a dropped step by its cycles.
 impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn words(&self) -> usize {
         WORDS
@@ -48,7 +48,7 @@ impl<const WORDS: usize> Memory for [u32; WORDS] {
     fn differing_bits(&self, pattern: u32) -> u32 {
         compiler_fence(Ordering::SeqCst);
         let words = black_box(self);
-        // This is all of the work, whatever the memory has held; only stuck bits are counted one by one.
+        // The loop does the same work whatever the memory has held. Only stuck bits are then counted one by one.
         let differing = words.iter().fold(0, |differing, word| differing | (word ^ pattern));
         if differing == 0 {
             0
@@ -73,24 +73,24 @@ pub struct Received<B, I> {
     about: I,
 }
 
-/// A buffer that may not be read any more. New buffers begin in this state, so that none is used unscrubbed.
+/// A buffer that may not be read any more. New buffers begin in this state, so that each is scrubbed before use.
 #[derive(Debug)]
 pub struct Dirty<B>(B);
 
-/// A scrubbed buffer in which the scrub found stuck bits. Only the set to which it belongs can go on using it; whoever
-/// drops it takes it out of use until the next start.
+/// A scrubbed buffer in which the scrub found stuck bits. Only the set of buffers to which it belongs can go on using
+/// it; whoever drops it takes it out of use until the next start.
 #[derive(Debug)]
 pub struct Faulty<B> {
     buffer: B,
     stuck_bits: u32,
 }
 
-/// What scrubs did and found.
+/// The results of one scrub or several.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scrubbed {
     /// The number of buffers that were scrubbed.
     pub buffers: u32,
-    /// The number of bits that did not take a 1 or did not take a 0; 0 for sound memory.
+    /// The number of bits that did not take a 1 or did not take a 0. Memory without a fault has none.
     pub stuck_bits: u32,
     /// The number of buffers that were taken out of use because of stuck bits.
     pub out_of_use: u32,
@@ -117,41 +117,41 @@ impl<B> Filling<B> {
         &mut self.0
     }
 
-    /// Returns what has been written so far, for the writer itself.
+    /// Returns the memory as written so far, for the task that writes it.
     pub fn peek(&self) -> &B {
         &self.0
     }
 
-    /// Takes what was written as whole: it may be read, once. `about` goes with it.
+    /// Ends the writing: the buffer holds a whole frame, which may be read once. `about` is kept with it.
     pub fn received<I>(self, about: I) -> Received<B, I> {
         Received { buffer: self.0, about }
     }
 
-    /// Gives up what was written: the buffer must be scrubbed before it is written again.
+    /// Gives up the frame that was being written: the buffer must be scrubbed before it is written again.
     pub fn discard(self) -> Dirty<B> {
         Dirty(self.0)
     }
 }
 
 impl<B, I> Received<B, I> {
-    /// Returns the memory, to be read.
+    /// Returns the memory that holds the frame.
     pub fn memory(&self) -> &B {
         &self.buffer
     }
 
-    /// Returns what was told of the frame when it was received.
+    /// Returns what [`Filling::received`] was given about the frame.
     pub fn about(&self) -> &I {
         &self.about
     }
 
-    /// Ends the reading.
+    /// Ends the reading: the buffer must be scrubbed before it is written again.
     pub fn done(self) -> Dirty<B> {
         Dirty(self.buffer)
     }
 }
 
 impl<B: Memory> Dirty<B> {
-    /// Takes a buffer with unknown content.
+    /// Returns a buffer with unknown content, which must be scrubbed before its first use.
     pub fn new(buffer: B) -> Self {
         Self(buffer)
     }
@@ -160,7 +160,7 @@ impl<B: Memory> Dirty<B> {
     ///
     /// # Errors
     ///
-    /// [`Faulty`] if any bit that is read back differs. The content is then 0x00 except for the stuck bits.
+    /// [`Faulty`] if any bit that is read back differs. The buffer then holds 0x00 except for the stuck bits.
     pub fn scrub(mut self) -> Result<Clean<B>, Faulty<B>> {
         let mut stuck_bits = 0;
         for pattern in [u32::MAX, 0] {
@@ -182,7 +182,7 @@ impl<B> Faulty<B> {
         self.stuck_bits
     }
 
-    /// Returns the buffer as clean, so that it goes on being used.
+    /// Returns the buffer as clean although it has stuck bits, so that it goes on being used.
     pub(super) fn keep(self) -> Clean<B> {
         Clean(self.buffer)
     }

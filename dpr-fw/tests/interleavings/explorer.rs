@@ -1,11 +1,11 @@
-//! Depth-first search over everything that can happen next, by running the same deterministic program again and again.
+//! Depth-first search over every order of events, by running the same deterministic program again and again.
 //!
-//! A run asks [`Explorer::choose`] wherever more than one thing can happen next. The first run always takes the first;
-//! each later run repeats the choices of the previous run up to the last one that has an alternative left, and takes
-//! that alternative. Code that is interrupted cannot be copied, so a run is repeated from its start instead (as loom
-//! does). A run ends early where it meets a state that an earlier run has met, since everything that follows from that
-//! state is known. States are compared by digests of 64 bits; that any two of half a million share one has a
-//! probability of 1 in 10^8.
+//! A run calls [`Explorer::choose`] wherever more than one thing can happen next. The first run always takes the first
+//! continuation. Each later run repeats the choices of the previous run up to the last one that has an alternative
+//! left, and takes that alternative. Code that is interrupted cannot be copied, so a run is repeated from its start
+//! instead (as loom does). A run ends early where it meets a state that an earlier run has met, since everything that
+//! follows from that state is known. States are compared by digests of 64 bits; the probability that any two of half a
+//! million states share a digest is 1 in 10^8.
 
 use std::{
     any::Any,
@@ -16,17 +16,17 @@ use std::{
     panic::{catch_unwind, resume_unwind, AssertUnwindSafe},
 };
 
-/// The longest path from start to end. No model here comes near it; a model that does not end is faulty.
+/// The most choices of one run. No model here comes near this number; a model that exceeds it never ends.
 const DEPTH: usize = 10_000;
-/// Bounds that allow more states than this are too wide for a test.
+/// The most states of one search. Bounds that allow more of them are too wide for a test.
 const STATES: usize = 1_500_000;
 
-/// The extent of a search.
+/// The size of a search that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Explored {
     /// The number of different states in which more than one thing could happen next.
     pub(crate) states: usize,
-    /// The number of runs, complete ones and those that met a known state.
+    /// The number of runs: complete runs and those that met a known state.
     pub(crate) runs: usize,
 }
 
@@ -44,12 +44,12 @@ impl fmt::Debug for Counterexample {
     }
 }
 
-/// Ends a run that met a known state.
+/// The panic payload that ends a run which met a known state.
 struct Known;
-/// Ends a run in which a rule was broken.
+/// The panic payload that ends a run in which a rule was broken, with that rule.
 struct Broken(String);
 
-/// The search.
+/// The state of the search.
 #[derive(Default)]
 pub(crate) struct Explorer {
     search: RefCell<Search>,
@@ -57,20 +57,21 @@ pub(crate) struct Explorer {
 
 #[derive(Default)]
 struct Search {
-    /// The choices of this run: which continuation was taken, and of how many.
+    /// The choices of this run: for each, the number of the continuation that was taken, and the number of
+    /// continuations.
     path: Vec<(usize, usize)>,
-    /// The number of these choices that this run has made again so far.
+    /// The number of choices at the start of `path` that this run has repeated so far.
     made: usize,
     seen: HashSet<u64>,
-    /// The digests of this run in their order. The next field counts those that the run has asked for.
+    /// The digests of this run in their order. The next field is the number of them that the run has asked for.
     digests: Vec<u64>,
     asked: usize,
     trace: Vec<&'static str>,
 }
 
 impl Explorer {
-    /// Chooses one of `of` continuations; the first is 0. `state` gives a digest of everything on which the future
-    /// depends.
+    /// Chooses one of `of` continuations, whose numbers begin with 0. `state` gives a digest of everything on which the
+    /// future depends.
     pub(crate) fn choose(&self, of: usize, state: impl FnOnce() -> u64) -> usize {
         if of == 1 {
             return 0;
@@ -92,13 +93,13 @@ impl Explorer {
         0
     }
 
-    /// Returns the digest that `compute` gives. While a run repeats the previous one, the digests of that one are
-    /// taken, since computing them is most of the work.
+    /// Returns the digest that `compute` gives. While a run repeats the previous run, the digests of that run are used
+    /// again, since computing digests is most of the work.
     pub(crate) fn remember(&self, compute: impl FnOnce() -> u64) -> u64 {
         let mut search = self.search.borrow_mut();
         let asked = search.asked;
         search.asked += 1;
-        // The last choice of the path is the first one that differs.
+        // The last choice of the path is the first that differs from the previous run's.
         if search.made < search.path.len() {
             if let Some(&known) = search.digests.get(asked) {
                 return known;
@@ -110,7 +111,7 @@ impl Explorer {
         digest
     }
 
-    /// Writes into the trace of this run.
+    /// Writes `what` into the trace of this run.
     pub(crate) fn note(&self, what: &'static str) {
         self.search.borrow_mut().trace.push(what);
     }
@@ -153,14 +154,14 @@ pub(crate) fn broken(rule: impl Into<String>) -> ! {
     resume_unwind(Box::new(Broken(rule.into())))
 }
 
-/// Breaks `rule` unless it holds.
+/// Ends the run with `rule` as broken, unless `condition` is true.
 pub(crate) fn holds(condition: bool, rule: &str) {
     if !condition {
         broken(rule);
     }
 }
 
-/// Returns the rule, or the text of a panic in the code under test.
+/// Returns the rule that was broken, or the text of a panic in the code under test.
 fn what_broke(why: Box<dyn Any + Send>) -> String {
     match why.downcast::<Broken>() {
         Ok(broken) => broken.0,
@@ -171,14 +172,14 @@ fn what_broke(why: Box<dyn Any + Send>) -> String {
     }
 }
 
-/// Returns a digest of what can be hashed.
+/// Returns a digest of a value that can be hashed.
 pub(crate) fn digest(of: impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
     of.hash(&mut hasher);
     hasher.finish()
 }
 
-/// Returns a digest of private state, which can only be shown, by its derived `Debug`.
+/// Returns a digest of a value whose state is private, from what its derived `Debug` prints.
 pub(crate) fn digest_shown(of: &impl fmt::Debug) -> u64 {
     struct Into(DefaultHasher);
     impl fmt::Write for Into {

@@ -1,5 +1,5 @@
-//! The hardware beside the processor, as plain data: RAM as DMA sees it, SPIS, expiry timer, FRESH, and the two wires
-//! from outside (SSI and air). Numbers of sections are those of the nRF52840 product specification v1.7.
+//! The hardware beside the processor, as plain data: RAM as DMA sees it, SPIS, expiry timer, FRESH, and the two
+//! connections to the outside (SSI and air). Section numbers are those of the nRF52840 product specification v1.7.
 
 use super::{
     board::Task,
@@ -8,12 +8,12 @@ use super::{
 };
 use profile::ssi::{encode, Request};
 
-/// Receive buffers have the first places in RAM, and images follow.
+/// The number of receive buffers, which come first in RAM; the images come after them.
 pub(crate) const RECEIVE: usize = dpr_fw::triple::RECEIVE_BUFFERS;
 /// The number of buffers in RAM.
 pub(crate) const BUFFERS: usize = RECEIVE + dpr_fw::triple::IMAGES;
 
-/// The owner of the SPIS's buffers (6.26, SEMSTAT).
+/// Who owns the SPIS's buffers (6.26, SEMSTAT).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Semaphore {
     Free,
@@ -22,48 +22,48 @@ pub(crate) enum Semaphore {
     CpuPending,
 }
 
-/// What a transaction shows of an image.
+/// The part of an image that a transaction shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Window {
     Whole,
     UpperHalf,
 }
 
-/// The transaction under way.
+/// The SSI transaction that is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Transaction {
     buffer: usize,
     window: Window,
     /// The generation that FRESH had announced last when the transaction began.
     generation: u8,
-    /// How much of the transaction EasyDMA has carried, in halves.
+    /// The number of halves of the transaction's bytes that EasyDMA has carried.
     carried: u8,
     /// The window that the transaction asks for.
     asks: Window,
 }
 
-/// What can happen beside the processor, at any instant at which it is enabled.
+/// The events that can happen beside the processor, each at any instant at which it is enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
     /// The flight controller selects the DPR.
     Select,
     /// EasyDMA carries the next half of the bytes, out and in.
     Carry,
-    /// The flight controller deselects, which is the event END.
+    /// The flight controller deselects the DPR, which raises the event END.
     Deselect,
-    /// The shortcut from END to ACQUIRE takes effect.
+    /// The shortcut from END takes effect and triggers the task ACQUIRE.
     Shortcut,
-    /// The expiry timer's first compare comes, through PPI to ACQUIRE.
+    /// The expiry timer's first compare comes and triggers ACQUIRE through PPI.
     Expire,
-    /// The expiry timer's second compare comes.
+    /// The expiry timer's second compare comes and triggers ACQUIRE again.
     ExpireAgain,
-    /// The compare comes that ends the pause.
+    /// The compare that ends the pause after a transaction comes.
     PauseEnd,
     /// EasyDMA writes the next half of a frame into the receive buffer.
     Arrive,
-    /// The frame has ended.
+    /// The frame that is arriving has ended.
     FrameEnd,
-    /// The frame is not delivered.
+    /// The frame that is arriving is lost and will not be delivered.
     FrameLost,
     /// The deadline of the next frame passes.
     Deadline,
@@ -98,7 +98,7 @@ impl Step {
 pub(crate) struct Hardware {
     /// RAM as DMA sees it: the two halves of each buffer. All words of a half hold the same value.
     pub(crate) ram: [[u32; 2]; BUFFERS],
-    /// A store to the upper half that the compiler still holds back.
+    /// For each buffer, a store to its upper half that the compiler still holds back.
     pub(crate) held_back: [Option<u32>; BUFFERS],
     pub(crate) stuck: Option<usize>,
     /// The buffer in which the scrub task has found a stuck bit.
@@ -106,43 +106,43 @@ pub(crate) struct Hardware {
     pub(crate) semaphore: Semaphore,
     pub(crate) end: bool,
     pub(crate) acquired: bool,
-    /// Whether END has come and the shortcut is still to come.
+    /// Whether END has come and its shortcut has not taken effect yet.
     pub(crate) ending: bool,
-    /// Whether END and ACQUIRED do not call the SSI task.
+    /// Whether the pause masks END and ACQUIRED, so that they do not call the SSI task.
     pub(crate) masked: bool,
-    /// Whether the compare that ends the pause is still to come. The next field is its COMPARE event.
+    /// Whether the compare that ends the pause is still to come. The next field is the event of that compare.
     pub(crate) pause_runs: bool,
     pub(crate) pause_over: bool,
     /// Whether the SSI task is about to begin the pause.
     pub(crate) pause_begins: bool,
     /// The buffer and the window that TXD points to.
     pub(crate) txd: Option<(usize, Window)>,
-    /// The bytes that the SPIS has written into the SSI task's memory. The next field is their number.
+    /// The bytes that the SPIS has written into the SSI task's memory. The next field is the number of these bytes.
     pub(crate) rxd: [u8; 8],
     pub(crate) amount: usize,
     pub(crate) transaction: Option<Transaction>,
     /// The window that the last granted transaction has asked for.
     asked: Window,
-    /// The number of compares since the expiry timer was cleared; `None` before its first start.
+    /// The number of compares since the expiry timer was cleared; `None` before the timer's first start.
     pub(crate) expired: Option<u8>,
-    /// The COMPARE event of the first compare.
+    /// The event of the expiry timer's first compare.
     pub(crate) compare: bool,
-    /// Whether the timer was cleared just now, before its event is cleared.
+    /// Whether the expiry timer was cleared and its event is not cleared yet.
     pub(crate) just_cleared: bool,
-    /// Whether the first compare came while the SSI task ran, and that run has not ended.
+    /// Whether the first compare came while the SSI task ran, and that run of the task has not ended.
     pub(crate) expired_in_task: bool,
-    /// The newest generation that was published. The next field is the newest that FRESH has announced.
+    /// The newest generation that was published. The next field is the newest generation that FRESH has announced.
     pub(crate) published: u8,
     pub(crate) announced: u8,
-    /// The receive buffer that is written. The next field is how much of a frame is there, in halves.
+    /// The receive buffer that is written. The next field is the number of halves of a frame that it holds.
     pub(crate) receiving: usize,
     pub(crate) arrived: u8,
-    /// The number of the frame that arrives or comes next.
+    /// The number of the frame that is arriving or comes next.
     pub(crate) frame: u8,
     left: Left,
 }
 
-/// What may still happen.
+/// How many events of each kind may still happen.
 #[derive(Clone, Copy, Debug, Hash)]
 struct Left {
     frames: u8,
@@ -155,7 +155,7 @@ struct Left {
 impl Hardware {
     pub(crate) fn new(bounds: &Bounds) -> Self {
         Self {
-            // The content of RAM at start belongs to no generation.
+            // RAM begins with a value that no generation has.
             ram: [[0xEE; 2]; BUFFERS],
             held_back: [None; BUFFERS],
             stuck: None,
@@ -192,11 +192,12 @@ impl Hardware {
         }
     }
 
-    /// Calls `with` with each step that is enabled, where only a task above `level` would run at once. A step that
-    /// merely calls a task is enabled where that task would run: called earlier, the task would wait until then.
+    /// Calls `with` with each event that is enabled, where only a task of a priority above `level` would run at once.
+    /// An event that merely calls a task is enabled where that task would run at once: called earlier, the task would
+    /// wait until then.
     pub(crate) fn steps(&self, level: u8, receiver_runs: bool, bounds: &Bounds, mut with: impl FnMut(Step)) {
-        // A transaction that meets the semaphore in other hands reads DEF throughout and changes nothing, however long
-        // it lasts (6.26.1), so it is left out.
+        // A transaction that begins while the processor has the semaphore reads DEF throughout and changes nothing,
+        // however long it lasts (6.26.1), so it is left out.
         if self.transaction.is_none() && self.semaphore == Semaphore::Free && self.left.transactions > 0 {
             with(Step::Select);
         }
@@ -210,13 +211,15 @@ impl Hardware {
             with(Step::Shortcut);
         }
         match self.expired {
-            // The compare comes 25 ms after the timer was cleared, so what follows the clearing at once is over.
+            // The compare comes 25 ms after the timer was cleared, and the next step of the task is over long before
+            // that.
             Some(0) if self.left.expiries > 0 && !self.just_cleared => with(Step::Expire),
-            // The second compare comes 20 µs after the first, so the SSI task that ran at the first has ended.
+            // The second compare comes 20 µs after the first, so an SSI task that ran at the first has ended by then.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
         }
-        // While the SSI task runs, it matters only whether the compare comes before the task begins the pause anew.
+        // While the SSI task runs, it matters only whether the compare comes before or after the task begins the pause
+        // anew.
         if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
             with(Step::PauseEnd);
         }
@@ -241,14 +244,14 @@ impl Hardware {
         }
     }
 
-    /// Carries out a step that concerns only the hardware.
+    /// Carries out an event that concerns only the hardware.
     pub(crate) fn happen(&mut self, step: Step, mutation: Mutation, in_ssi_task: bool) {
         match step {
             Step::Select => self.select(),
             Step::Carry => self.carry(),
             Step::Deselect => {
                 let Some(transaction) = self.transaction.take() else { return };
-                // A request that was cut off asks for nothing.
+                // A transaction that ended within its request asks for nothing.
                 self.asked = if transaction.carried == 2 { transaction.asks } else { Window::Whole };
                 self.amount = 4 * usize::from(transaction.carried);
                 self.end = true;

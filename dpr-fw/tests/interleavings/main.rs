@@ -1,38 +1,39 @@
-//! The rotation of the receive buffers and the hand-over to the SSI, in every order in which tasks, DMA, the flight
-//! controller, the air and the timers can meet.
+//! Tests the rotation of the receive buffers and the hand-over to the SSI in every order in which tasks, DMA, the
+//! flight controller, the air and the timers can meet.
 //!
 //! # What is explored
 //!
 //! The real types of the library ([`dpr_fw::triple`], [`dpr_fw::publish`]) run on a model of the hardware
 //! ([`hardware`]), in tasks with the firmware's priorities ([`board`]). [`explorer`] tries every continuation wherever
 //! more than one is possible, and recognises a state by a digest of everything on which the future depends. Every half
-//! of a buffer carries the number of its frame or of its generation, so whoever reads a byte that is torn, stale,
-//! scrubbed or not scrubbed detects it, be it the commit task or the SPIS's EasyDMA.
+//! of a buffer carries the number of its frame or of its generation. So the commit task and the SPIS's EasyDMA can tell
+//! whether a half that they read is torn, stale, or not scrubbed.
 //!
 //! | who | steps |
 //! |---|---|
-//! | tasks | each critical section, each access to a register; a higher task runs where it is called and not masked |
-//! | flight controller | selects, deselects at any time, also before it has clocked a request in whole |
-//! | EasyDMA | each half of a transaction, out and in, and each half of a frame, at any time in between |
+//! | tasks | each critical section, each register access; a higher task runs where it is called and not masked |
+//! | flight controller | selects, and deselects at any time, also before it has clocked in a whole request |
+//! | EasyDMA | carries each half of a transaction, out and in, and each half of a frame, at any time in between |
 //! | air | a frame ends or is lost |
-//! | timers | deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
-//! | RAM | a bit gets stuck; a store that no fence holds comes late |
+//! | timers | the deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
+//! | RAM | a bit gets stuck; a store that no fence holds back comes late |
 //!
-//! Two halves of a buffer stand for all of its words: the processor writes the buffer from its start to its end,
-//! EasyDMA reads it in the same order, and where these two meet, one half lies before that place and one behind it.
+//! Two halves of a buffer stand for all of its words: the processor writes the buffer from its start to its end, and
+//! EasyDMA reads it in the same order. At the instant at which they meet, one half lies before the meeting point and
+//! one half behind it.
 //!
-//! loom explores threads on the memory model of C11. Here interrupts of one core meet, which have priorities and run to
-//! their end, and hardware, which has no program: neither is a thread. So this search is of the same kind as loom's,
-//! and the model that it drives is written for it.
+//! loom explores threads on the memory model of C11. Here interrupts of one core, which have priorities and run to
+//! their end, meet hardware, which has no program; neither is a thread. So this search is of the same kind as loom's,
+//! but drives a model that is written for it.
 //!
 //! # What is not shown
 //!
-//! The search has no instants: it also explores an order that cannot happen on silicon because something takes
-//! longer than something else, with two exceptions: a compare does not come in the moment in which its timer is
-//! cleared, and the second compare comes later than the SSI task takes. Registers: review, and the bench, which runs
-//! the image, show that `hw/ssi.rs` does what [`board`]'s port does, in this order. The compiler: a fence cannot be
-//! executed, so a missing one is explored as what it would allow. The budget of transactions is longer than a search
-//! can be.
+//! The search has no instants: it also explores orders that cannot happen on silicon because one thing takes longer
+//! than another, with two exceptions: a compare does not come in the moment in which its timer is cleared, and the
+//! second compare comes later than the SSI task takes. Registers: review, and the bench, which runs the image, show
+//! that `hw/ssi.rs` makes the accesses of [`board`]'s port in the same order. The compiler: a fence cannot be executed,
+//! so a missing fence is explored as the late store or early load that it would allow. The budget of transactions is
+//! longer than a search can be.
 
 mod board;
 mod explorer;
@@ -41,22 +42,22 @@ mod hardware;
 use board::OneRun;
 use explorer::{Counterexample, Explored, Explorer};
 
-/// The bytes of an image here. The next constant is those of its lower half.
+/// The number of bytes of an image here. The next constant is the number of bytes of its lower half.
 const LEN: usize = 4 * dpr_fw::IMAGE_WORDS;
 const HALF_BYTES: usize = 4 * (dpr_fw::IMAGE_WORDS / 2);
 
-/// What may happen, and what is done wrong on purpose.
+/// How often each event may happen in a search, and which rule is broken on purpose.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
-    /// The number of frames that begin to arrive.
+    /// The number of frames that may begin to arrive.
     frames: u8,
-    /// The number of deadlines that pass, which bring images without objects.
+    /// The number of deadlines that may pass; each brings an image without objects.
     deadlines: u8,
-    /// The number of transactions that begin.
+    /// The number of transactions that may begin.
     transactions: u8,
-    /// How often the expiry timer runs out.
+    /// How often the expiry timer may run out.
     expiries: u8,
-    /// The number of bits that get stuck, in any buffer from `stick_from` on.
+    /// The number of bits that may get stuck, in any buffer from number `stick_from` on.
     sticks: u8,
     stick_from: usize,
     /// Whether the commit task publishes images: one at start, and one for each frame and each deadline.
@@ -68,19 +69,19 @@ struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mutation {
     None,
-    /// The newer one of two frames that wait is read first.
+    /// If two frames wait, the newer one is read first.
     RotationOrder,
-    /// Nothing is scrubbed.
+    /// No buffer is scrubbed.
     NoScrub,
     /// A scrub does not report the stuck bit that it found, so the buffer stays in use.
     FaultyUsedAgain,
-    /// A store to the image may come after the release.
+    /// A store to the image may come after the release of that image.
     NoFenceBeforeRelease,
     /// The received bytes may be loaded before the end of the transaction is read.
     NoFenceAfterEnd,
-    /// FRESH rises when the image is published, before the commit task has taken the image that the SPIS has.
+    /// FRESH rises when the image is published, before the commit task has taken back the image that the SPIS has.
     FreshBeforeTaken,
-    /// FRESH rises after the release.
+    /// FRESH rises after the image is released instead of before.
     FreshAfterRelease,
     /// The end of a transaction is read before the semaphore is.
     EndBeforeSemaphore,
@@ -88,19 +89,19 @@ enum Mutation {
     ExpiryNotAskedAgain,
     /// An image is released whether it has expired or not.
     ReleasedAfterExpiry,
-    /// The timer has no second compare.
+    /// The expiry timer has no second compare.
     NoSecondCompare,
-    /// The compare's event is cleared before the timer is.
+    /// The event of the expiry timer's compare is cleared before the timer is.
     EventClearedBeforeTimer,
-    /// The end of a transaction calls the task at any time.
+    /// No pause masks the end of a transaction, so it calls the task at any time.
     NoPause,
-    /// The pause begins, and its compare is not set.
+    /// The pause begins although its compare is not set, so it never ends.
     PauseWithoutEnd,
-    /// A pause that begins anew takes the end of the previous pause for its own.
+    /// When a pause begins anew, the event of the previous pause's end is not cleared, and ends the new pause.
     OldPauseEndKept,
 }
 
-/// The bounds for images, transactions and expiry: three generations.
+/// The bounds of the search for images, transactions and expiry: three generations.
 const HAND_OVER: Bounds = Bounds {
     frames: 0,
     deadlines: 2,
@@ -112,7 +113,7 @@ const HAND_OVER: Bounds = Bounds {
     mutation: Mutation::None,
 };
 
-/// The bounds for receive buffers alone: one frame more than there are buffers, and another.
+/// The bounds of the search for receive buffers alone: two frames more than there are buffers.
 const ROTATION: Bounds = Bounds {
     frames: 5,
     deadlines: 0,
@@ -128,7 +129,7 @@ fn explore(bounds: Bounds) -> Result<Explored, Counterexample> {
     Explorer::explore(|explorer| OneRun::new(explorer, bounds).run())
 }
 
-/// Explores all orders, and compares the number of states with the one that the documentation gives.
+/// Explores all orders, expects no broken rule, and compares the number of states with the documented one.
 fn has_no_counterexample(bounds: Bounds, states: usize) {
     let explored = explore(bounds).expect("no rule is broken");
     assert_eq!(explored.states, states, "docs/decisions/0012-exhaustive-interleavings.md gives this number, too");

@@ -21,7 +21,7 @@ impl Width {
     }
 }
 
-/// What an access is for. The bus matrix of a part distinguishes these purposes.
+/// The purpose of an access. The bus matrix of a part distinguishes these purposes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// The core fetches an instruction (over the I-Code bus below 0x2000_0000, else over the system bus).
@@ -34,7 +34,7 @@ pub enum Purpose {
     Vector,
     /// Exception entry or return writes or reads a register on the stack.
     Stack,
-    /// A debugger reads or writes. Such an access has no side effect: nothing changes that only a real access changes.
+    /// A debugger reads or writes. Such an access has none of the side effects of a real access.
     Debugger,
     /// The AHB-AP of the debug port reads or writes. This is a real access with all its side effects, but no
     /// instruction makes it.
@@ -48,7 +48,7 @@ pub struct Access {
     pub address: u32,
     /// The number of bytes.
     pub width: Width,
-    /// What the access is for.
+    /// The purpose of the access.
     pub purpose: Purpose,
     /// Whether the core is privileged.
     pub privileged: bool,
@@ -62,12 +62,12 @@ pub struct Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
-/// The bound for which a bus counts its wait states, see [`crate::Cost`].
+/// The bound on wait states that a bus counts, see [`crate::Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// The least: every cache hits, and no other bus controller delays the access.
+    /// The least wait states: every cache hits, and no other bus controller delays the access.
     Best,
-    /// The most: every cache misses, and every other active bus controller delays the access.
+    /// The most wait states: every cache misses, and every other active bus controller delays the access.
     Worst,
 }
 
@@ -91,8 +91,8 @@ pub trait Bus {
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError>;
 
     /// Returns the value that [`Bus::read`] would return, where the address is in memory that answers at once and
-    /// reading has no side effect. It is a faster way to the same value. Returns `None` for all other addresses and for
-    /// unaligned accesses.
+    /// reading has no side effect. It is a faster way than [`Bus::read`] to the same value. Returns `None` for all
+    /// other addresses and for unaligned accesses.
     #[inline(always)]
     fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
         let _ = (address, width);
@@ -100,7 +100,7 @@ pub trait Bus {
     }
 
     /// Does what [`Bus::write`] would do and returns `true`, where the address is in memory that takes the value at
-    /// once and writing has no other effect. It is a faster way to the same end. Returns `false` for all other
+    /// once and writing has no other effect. It is a faster way than [`Bus::write`]. Returns `false` for all other
     /// addresses and for unaligned accesses.
     #[inline(always)]
     fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
@@ -115,12 +115,12 @@ pub trait Bus {
     /// Returns [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// Whether the memory at `address` stays the same until [`Signals::forget_code`] is called. Flash does.
+    /// Whether the memory at `address`, such as flash, stays the same until [`Signals::forget_code`] is called.
     fn is_constant(&self, address: u32) -> bool;
 
     /// Begins to watch the page of 1 KiB that has `address`, in writable memory, for writes. Returns whether the part
-    /// can do so. For memory that the part cannot watch, the core compares each decoded instruction with what
-    /// [`Bus::fetch`] reads before executing it.
+    /// can watch it. For memory that the part cannot watch, the core compares each decoded instruction with what
+    /// [`Bus::fetch`] reads before executing the instruction.
     fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
         false

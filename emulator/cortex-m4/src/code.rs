@@ -1,14 +1,14 @@
 //! The cache of decoded instructions.
 //!
-//! | memory | when it is decoded | when that is forgotten |
+//! | memory | what is decoded at a time, and when | what is dropped, and when |
 //! |---|---|---|
 //! | constant ([`Bus::is_constant`]) | a page, at its first execution | all pages, on [`crate::Signals::forget_code`] |
-//! | watched ([`Bus::watch_code`]) | a page, at its first execution | a page, when something in it was written |
+//! | watched ([`Bus::watch_code`]) | a page, at its first execution | a page, when a byte in it was written |
 //! | other | each instruction, when it is first executed | an instruction, when memory holds other halfwords |
 //!
 //! A page has 1 KiB, and all of it must be memory of one kind. Clones of a core share pages, so that a clone costs
-//! little and decodes nothing that another clone has decoded. A page that also has data, and is therefore written again
-//! and again, is no longer watched after it was decoded anew [`MOST_REWRITES`] times.
+//! little and decodes nothing that another clone has decoded. A page that also has data is written again and again.
+//! After such a page was decoded anew [`MOST_REWRITES`] times, it is no longer watched.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::{Bus, Fault, decode};
 pub(crate) const BITS: u32 = 10;
 /// The number of instruction slots of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);
-/// How often a page may be decoded anew as a whole because something in it was written.
+/// How often a page may be decoded anew as a whole because a byte in it was written.
 const MOST_REWRITES: u32 = 64;
 /// The number of entries of the index, which must be a power of two.
 const INDEX: usize = 256;
@@ -65,7 +65,7 @@ impl Page {
         self.kind
     }
 
-    /// Whether nothing was written into the memory from which the page was decoded.
+    /// Whether the memory from which the page was decoded has not been written since.
     fn is_current<B: Bus>(&self, bus: &B) -> bool {
         self.kind != Kind::Watched
             || bus.is_watched(self.number << BITS) && (!self.straddles || bus.is_watched((self.number + 1) << BITS))
@@ -76,7 +76,7 @@ impl Page {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pages: Vec<Arc<Page>>,
-    /// The place in `pages` where a page may be, found by the low bits of its number mixed with its region.
+    /// The place in `pages` where a page may be, found by the low bits of the page's number mixed with its region.
     index: Vec<u16>,
     /// The caller's breakpoints, sorted.
     breakpoints: Vec<u32>,
@@ -84,7 +84,7 @@ pub(crate) struct Code {
     hardware: Vec<u32>,
     /// The value of [`Bus::rewritten`] when the pages were last checked.
     rewritten: u64,
-    /// How often each page was decoded anew because something in it was written.
+    /// How often each page was decoded anew because a byte in it was written.
     rewrites: BTreeMap<u32, u32>,
 }
 
@@ -113,7 +113,7 @@ impl Code {
         self.rewritten
     }
 
-    /// Forgets the pages in which something was written.
+    /// Drops the pages in which a byte was written.
     #[cold]
     #[inline(never)]
     pub(crate) fn forget_rewritten<B: Bus>(&mut self, bus: &B) {
@@ -174,8 +174,7 @@ impl Code {
         page
     }
 
-    /// Decodes the instruction at `pc`, in memory that may have changed. With `over`, it is the instruction under a
-    /// breakpoint.
+    /// Decodes the instruction at `pc`, in memory that may have changed. With `over`, a breakpoint at `pc` is ignored.
     #[inline(never)]
     pub(crate) fn changing<B: Bus>(&mut self, bus: &mut B, pc: u32, over: bool) -> Op {
         if over {
@@ -208,7 +207,7 @@ impl Code {
         op
     }
 
-    /// Forgets all decoded instructions, since they no longer match memory.
+    /// Drops all decoded instructions, since they no longer match memory.
     pub(crate) fn forget(&mut self) {
         self.pages.clear();
         self.index.clear();
@@ -233,7 +232,7 @@ impl Code {
         self.breakpoints.binary_search(&address).is_ok()
     }
 
-    /// Replaces the addresses that the FPB and the DWT compare with.
+    /// Replaces the addresses with which the FPB and the DWT compare the program counter.
     pub(crate) fn set_hardware(&mut self, mut addresses: Vec<u32>) {
         addresses.sort_unstable();
         let before = std::mem::replace(&mut self.hardware, addresses.clone());

@@ -34,23 +34,25 @@ pub enum Exit {
     Until,
     /// The part called [`crate::Signals::stop`].
     Stopped,
-    /// The next instruction is at one of the caller's breakpoints, see [`Core::set_breakpoint`]. It was not executed.
+    /// The next instruction is at one of the caller's breakpoints, see [`Core::set_breakpoint`]. The instruction was
+    /// not executed.
     Breakpoint,
     /// The last instruction made an access that the caller watches, see [`Core::set_watchpoint`] and
     /// [`Core::take_watched`].
     Watchpoint,
-    /// The next instruction is `BKPT 0xAB`, a semihosting call; see [`Core::finish_host_call`]. It was not executed.
+    /// The next instruction is `BKPT 0xAB`, a semihosting call; see [`Core::finish_host_call`]. The instruction was not
+    /// executed.
     HostCall,
-    /// The core has just locked up (`locked_up`) and executes nothing until it is reset. Reported once per lockup,
-    /// since time goes on.
+    /// The core has just locked up (`locked_up`) and executes nothing until it is reset. This is returned once per
+    /// lockup, since time goes on.
     Lockup,
     /// The firmware wrote AIRCR.SYSRESETREQ: the part has to reset the core, see [`Core::reset`].
     ResetRequest,
     /// The core has just entered HardFault, MemManage, BusFault or UsageFault, and the caller requested this exit, see
     /// [`Core::tell_faults`]. The first instruction of the handler was not executed.
     Fault,
-    /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it. Reported
-    /// once per halt, since time goes on.
+    /// The core has just halted for debug (DHCSR.S_HALT) and executes nothing until the debugger resumes it. This is
+    /// returned once per halt, since time goes on.
     Halted,
 }
 
@@ -108,14 +110,14 @@ pub struct Core<C: Cost> {
     pub(crate) attention: bool,
     /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
     pub(crate) system: System,
-    /// The MPU rights that an aligned read or write of memory needs to take the short way ([`Core::load`]). Both are 0
-    /// while no access may take it.
+    /// The MPU rights that an aligned read needs to access memory directly, without the checks of other reads
+    /// ([`Core::load`]). The next field is the same for a write. Both are 0 while no access may go directly to memory.
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
     /// The cache of decoded instructions.
     pub(crate) code: Code,
-    /// The core executes instructions without a break while `cycle` is below this limit. Setting it to 0 makes the run
-    /// loop check what else happened.
+    /// The core executes instructions without a break while `cycle` is below this limit. Setting the limit to 0 makes
+    /// the run loop check for other events.
     pub(crate) limit: u64,
     /// The cycle at which the next event is due.
     pub(crate) due: u64,
@@ -129,14 +131,14 @@ pub struct Core<C: Cost> {
     pub(crate) kept_flags: (bool, bool, bool, bool),
     /// The address of the last word of code that was fetched, for the wait states. An odd value means none.
     pub(crate) fetched: u32,
-    /// The core executes nothing before this cycle.
+    /// The cycle before which the core executes nothing, since the bus stalls it.
     pub(crate) stalled_until: u64,
-    /// What the core met instead of an instruction: [`Core::run`] returns it.
+    /// An event in place of an instruction, which [`Core::run`] returns.
     pub(crate) paused: Option<Exit>,
-    /// The address of the breakpoint from which [`Core::run`] last returned. The core executes the instruction there
-    /// next.
+    /// The address of the breakpoint at which [`Core::run`] last returned. The core executes the instruction at that
+    /// address next.
     pub(crate) passed: Option<u32>,
-    /// The address of a semihosting call that nobody answers, so that the core treats it as a plain `BKPT`.
+    /// The address of a semihosting call that the caller does not answer, so that the core treats it as a plain `BKPT`.
     pub(crate) refused_call: Option<u32>,
     /// Whether [`Bus::sleeps`](crate::Bus::sleeps) was called for the beginning of a sleep, and not yet for its end.
     pub(crate) told_sleep: bool,
@@ -349,8 +351,9 @@ impl<C: Cost> Core<C> {
 
     /// Makes the core hang: from the next instruction boundary on it executes nothing and takes no exception until it
     /// is reset, like a core that is stuck in its highest exception with all others masked, NMI included. A sleeping
-    /// core does not wake. Everything but execution goes on: the core's timers count, interrupts become pending, a
-    /// debugger may halt and reset the core, and a step that a debugger asks for ends where it began.
+    /// core does not wake. Everything except execution goes on: the core's timers count, interrupts become pending, a
+    /// debugger may halt and reset the core, and a step that a debugger asks for ends at the instruction at which it
+    /// began.
     pub fn hang(&mut self) {
         self.hung = true;
     }
@@ -396,8 +399,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// Finishes a semihosting call after [`Exit::HostCall`]: puts the answer into r0 and sets the program counter
-    /// behind the call. `None` means that nobody answers: the instruction is then a plain `BKPT`, as on a part without
-    /// a debugger.
+    /// behind the call. With `None` the caller does not answer: the instruction is then a plain `BKPT`, as on a part
+    /// without a debugger.
     pub fn finish_host_call(&mut self, answer: Option<u32>) {
         let pc = self.r[15];
         match answer {

@@ -16,23 +16,23 @@
 //! | `B<cc>`, CBZ, CBNZ | 1 or 1 + P | 1, taken 2 | 1, taken 4 |
 //! | TBB, TBH | 2 + P | 3 | 5 |
 //! | loads of one register | 2; 1 where it is pipelined with a neighbour (3.3.3) | 1 | 2 |
-//! | the same to PC | 2 + P | 2 + 1 | 2 + 3 |
+//! | loads of PC | 2 + P | 2 + 1 | 2 + 3 |
 //! | stores of one register | 2; "STR is always one cycle" with an immediate offset (3.3.3) | 1 | 2 |
 //! | LDRD, STRD | 1 + N, N = 2 | 3 | 3 |
 //! | LDM, STM, PUSH, POP | 1 + N | 1 + N | 1 + N |
 //! | LDM, POP with PC | 1 + N + P | 2 + N | 4 + N |
-//! | LDREX, STREX and their kin | 2 | 2 | 2 |
+//! | LDREX, STREX and their byte and half forms | 2 | 2 | 2 |
 //! | CLREX, SEV, NOP | 1 | 1 | 1 |
 //! | WFI, WFE | 1 + W, the sleep | 1 | 1 |
 //! | IT | 1; 0 where it is folded into a 16-bit instruction before it | 0 | 1 |
 //! | an instruction that is skipped in an IT block | not in the table: it passes the pipeline | 1 | 1 |
 //! | CPS, MRS, MSR | 1 or 2 | 1 | 2 |
-//! | ISB, DSB, DMB | 1 + B; B is not stated: taken as none to a refill, stores having been waited for | 1 | 4 |
-//! | SVC, BKPT | not stated: that of the exception, and | 1 | 1 |
+//! | ISB, DSB, DMB | 1 + B; B is not stated: taken as 0 to 3, a refill, after the stores have been waited for | 1 | 4 |
+//! | SVC, BKPT | not stated: the cost of the exception, and | 1 | 1 |
 //! | floating point | TRM table 7-1 | [`crate::fp`] | [`crate::fp`] |
 //!
-//! Left out: no interrupt abandons a division, as silicon may do. The division completes first, which takes up to 12
-//! cycles. The bounds hold for each instruction by itself; no silicon takes the most for all of them.
+//! Left out: no interrupt abandons a division, as silicon may do. Here the division completes first, which takes up to
+//! 12 cycles. The bounds hold for each instruction by itself; no silicon takes the most cycles for all instructions.
 
 use std::fmt::Debug;
 
@@ -41,12 +41,12 @@ use crate::fp;
 use crate::op::Do;
 
 /// A clock of the core: what each instruction and exception costs. It is a type parameter, so that the fast clock does
-/// not compute what only the others need.
+/// not compute what only the other clocks need.
 pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     /// The clock's name, as it is given on a command line.
     const NAME: &'static str;
 
-    /// Which wait states of the bus count, `None` for none of them.
+    /// The bound of the bus's wait states that count; `None` if none count.
     const BOUND: Option<Bound>;
 
     /// P of the TRM's table: the cycles that refilling the pipeline adds to a taken branch.
@@ -69,8 +69,8 @@ pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
     const FP_STACKING: u64;
     /// The extra cycles of unstacking s0 to s15 and FPSCR. The return then takes 27 cycles in place of 10 (TRM 3.9.1).
     const FP_UNSTACKING: u64;
-    /// The cycles of stacking s0 to s15 and FPSCR when the handler's first FP instruction makes lazy preservation do
-    /// it. They are taken to be the same 17.
+    /// The cycles of stacking s0 to s15 and FPSCR when the handler's first FP instruction triggers lazy preservation.
+    /// They are taken to be 17, as in an entry.
     const LAZY_STACKING: u64;
 }
 

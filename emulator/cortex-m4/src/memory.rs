@@ -11,7 +11,7 @@
 //!
 //! An unaligned access becomes several aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2).
 //! A half at an odd address becomes two bytes, a word at 2 mod 4 two halves, and a word at an odd address byte, half,
-//! byte. The core's own space allows aligned accesses only; others take UFSR.UNALIGNED. The write buffer is not
+//! byte. The core's own space allows aligned accesses only; unaligned ones take UFSR.UNALIGNED. The write buffer is not
 //! modelled: each bus fault is precise.
 
 use crate::system::mpu::data_right;
@@ -35,8 +35,8 @@ const fn sized(bytes: u8) -> Width {
     }
 }
 
-/// Whether an access to `address` may need more than the bus, as bit-band aliases and the core's own space do. It is
-/// true for some other addresses as well.
+/// Whether an access to `address` may need more than the bus, as bit-band aliases and the core's own space do. The
+/// result is also true for some addresses that do not need more.
 #[inline(always)]
 const fn is_special(address: u32) -> bool {
     address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000
@@ -53,8 +53,8 @@ const fn bit_band(address: u32) -> Option<(u32, u32)> {
 }
 
 impl<C: Cost> Core<C> {
-    /// Finds out which accesses may take the short way: those to memory that answers at once and that the MPU opens.
-    /// Neither privilege nor watching changes while instructions execute without a break.
+    /// Finds out which accesses may go directly to memory, without further checks: those to memory that answers at once
+    /// and that the MPU opens. Neither privilege nor watching changes while instructions execute without a break.
     #[inline(always)]
     pub(crate) fn note_short_way(&mut self) {
         let short = C::BOUND.is_none() && !self.watching();
@@ -102,7 +102,7 @@ impl<C: Cost> Core<C> {
         self.store_as(bus, address, width, value, purpose, privileged)
     }
 
-    /// Does [`Core::load`] with a given privilege, for the LDRT family.
+    /// Loads as [`Core::load`] does, but with the given privilege, for the LDRT family.
     #[inline(always)]
     pub(crate) fn load_as<B: Bus>(
         &mut self,
@@ -118,7 +118,7 @@ impl<C: Cost> Core<C> {
         self.load_plain(bus, address, width, purpose, privileged)
     }
 
-    /// Does [`Core::store`] with a given privilege, for the STRT family.
+    /// Stores as [`Core::store`] does, but with the given privilege, for the STRT family.
     #[inline(always)]
     pub(crate) fn store_as<B: Bus>(
         &mut self,
@@ -135,7 +135,8 @@ impl<C: Cost> Core<C> {
         self.store_plain(bus, address, width, value, purpose, privileged)
     }
 
-    /// Reads the next word of a multiple, at `address`. `reached` tells that [`Core::reaches`] holds for all its words.
+    /// Reads the next word of a load multiple, at `address`. `reached` tells that [`Core::reaches`] holds for all its
+    /// words.
     #[inline(always)]
     pub(crate) fn load_next<B: Bus>(&mut self, bus: &mut B, address: u32, reached: bool) -> Result<u32, Fault> {
         match reached.then(|| bus.read_memory(address, Width::Word)).flatten() {
@@ -144,7 +145,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Does for a store what [`Core::load_next`] does for a load.
+    /// Writes the next word of a store multiple, as [`Core::load_next`] reads that of a load multiple.
     #[inline(always)]
     pub(crate) fn store_next<B: Bus>(
         &mut self,
@@ -159,8 +160,8 @@ impl<C: Cost> Core<C> {
         self.store(bus, address, Width::Word, value, Purpose::Data)
     }
 
-    /// Whether the core may read or write all of `bytes` from `address` on directly, if that is memory: no wait states
-    /// are counted, the DWT does not watch, and the MPU opens it.
+    /// Whether the core may read or write all of `bytes` from `address` on directly, if they are memory: no wait states
+    /// are counted, the DWT does not watch, and the MPU opens these addresses.
     #[inline(always)]
     pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         C::BOUND.is_none() && !self.watching() && self.mpu_opens(address, bytes, write, privileged)
@@ -188,8 +189,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes a [`Core::load_plain`] of one width. It is a separate function so that the bus is not inlined into each
-    /// load instruction.
+    /// Makes an aligned load of one width. It is a separate function so that the bus is not inlined into each load
+    /// instruction.
     #[inline(never)]
     fn load_sized<B: Bus, const WIDTH: u8>(
         &mut self,
@@ -236,8 +237,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes a [`Core::store_plain`] of one width. It is a separate function for the same reason as
-    /// [`Core::load_sized`].
+    /// Makes an aligned store of one width. It is a separate function so that the bus is not inlined into each store
+    /// instruction.
     #[inline(never)]
     fn store_sized<B: Bus, const WIDTH: u8>(
         &mut self,
@@ -265,7 +266,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// Ends the run loop's burst after an access with which the part announced a change.
+    /// Ends a burst of the run loop after an access in which the part announced a change.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
         if bus.signals().is_announced() {
@@ -307,8 +308,8 @@ impl<C: Cost> Core<C> {
             if !self.mpu_data(address, false, privileged) {
                 return Err(refused(address, purpose, false));
             }
-            // The access has the width of the instruction's access, and goes to the alias's bytes of the word (TRM
-            // 3.7.1).
+            // The access has the width of the instruction's access, and goes to those bytes of the word to which the
+            // alias belongs (TRM 3.7.1).
             let whole = byte & !(width.bytes() - 1);
             let value = self.load_plain(bus, whole, width, purpose, privileged)?;
             return Ok(value >> (8 * (byte - whole) + bit) & 1);

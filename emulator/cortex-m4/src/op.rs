@@ -5,7 +5,7 @@
 //! | [`Op::what`] | the operation with its operands; addresses relative to the program counter are already absolute |
 //! | [`Op::size`] | 2 or 4 bytes |
 //! | [`Op::least`], [`Op::most`] | core cycles at the two bounds, see [`crate::cost`] |
-//! | [`Op::block`] | how it behaves in an IT block |
+//! | [`Op::block`] | how the instruction behaves in an IT block |
 //!
 //! An `Op` has sixteen bytes, so that four of them share a cache line of the host.
 
@@ -70,8 +70,8 @@ pub(crate) enum Alu {
     Cmp,
 }
 
-/// Shifts by a constant or by a register (ARM ARM A7.4). The amount 0 of LSR and ASR is already decoded as 32, and that
-/// of ROR as `Rrx`.
+/// Shifts by a constant or by a register (ARM ARM A7.4). LSR and ASR by the encoded amount 0 are already decoded as
+/// shifts by 32, and ROR by 0 as `Rrx`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shift {
     Lsl,

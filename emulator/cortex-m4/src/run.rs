@@ -7,14 +7,15 @@
 //! | exceptions | after each event above, and after an instruction that may have changed a priority |
 //! | the MPU's rights to execute | once for each page, or at each instruction of a page that is not open as a whole |
 //!
-//! An instruction executes as a whole. The cycle of its access is that at which the instruction began, plus the cycles
-//! of the accesses before it where the clock counts wait states.
+//! An instruction executes as a whole. The cycle of its access is the one at which the instruction began, plus the
+//! cycles of the accesses before it where the clock counts wait states.
 
 use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// How far a burst goes: on through a constant page, or on while no watched page is written, or one instruction only.
+/// How far a burst goes: `ON`, through a constant page. The other two values end it at a write into a watched page, or
+/// after one instruction.
 const ON: u8 = 0;
 const WHILE_UNWRITTEN: u8 = 1;
 const ONCE: u8 = 2;
@@ -41,9 +42,9 @@ impl<C: Cost> Core<C> {
         exit
     }
 
-    /// Does what [`Core::run`] does, but returns [`Exit::Until`] after at most one instruction, or right after an
+    /// Runs as [`Core::run`] does, but returns [`Exit::Until`] after at most one instruction, or right after an
     /// exception entry, before the handler's first instruction. [`Core::retired`] and [`Core::exception_changes`] tell
-    /// which of the two happened; where neither moved, time passed for a core that sleeps. A run in such steps has the
+    /// which of the two happened; if neither changed, time passed for a core that sleeps. A run in such steps has the
     /// same effect as one [`Core::run`].
     pub fn run_one<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
@@ -82,7 +83,7 @@ impl<C: Cost> Core<C> {
                 if change.stop {
                     return Exit::Stopped;
                 }
-                // The change may have moved what is due next.
+                // The change may have moved the cycle of the next event.
                 continue;
             }
             let stalled = self.stalled_until > self.cycle;
@@ -139,7 +140,7 @@ impl<C: Cost> Core<C> {
             }
             if self.waiting.is_some() || self.locked_up || self.halted || self.hung {
                 if self.limit == u64::MAX {
-                    // Nothing will ever be due, and the caller set no end.
+                    // No event will ever be due, and the caller set no end.
                     return Exit::Until;
                 }
                 let cycle = self.limit;
@@ -175,7 +176,7 @@ impl<C: Cost> Core<C> {
                     self.attention = true;
                 }
             } else if pace == Pace::OneOrEntry {
-                // The next call handles what the instruction set off.
+                // The next call handles the effects of the instruction.
                 return Exit::Until;
             }
         }
@@ -214,8 +215,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The instruction at `pc` where the page's decoded instruction cannot be used unchecked. `known` tells that `op`,
-    /// which is the page's decoded instruction, matches memory.
+    /// Returns the instruction at `pc` where the page's decoded instruction `op` cannot be used unchecked. `known`
+    /// tells that `op` matches memory.
     #[inline(never)]
     fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
@@ -232,8 +233,8 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`. Unless `GOES` is [`ONCE`], it then executes what follows on `page` while the cycle is below
-    /// the limit. With [`WHILE_UNWRITTEN`] it also stops when something writes into a watched page.
+    /// Executes `first`. Unless `GOES` is [`ONCE`], it then executes the following instructions on `page` while the
+    /// cycle is below the limit. With [`WHILE_UNWRITTEN`] it also stops when a watched page is written.
     #[inline(never)]
     fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
@@ -246,7 +247,8 @@ impl<C: Cost> Core<C> {
                 pc = self.r[15];
             } else {
                 let it = if GOES == ONCE { self.it } else { 0 };
-                // At a breakpoint nothing is fetched yet: time stands still until the instruction there is executed.
+                // At a breakpoint no instruction is fetched yet: time stands still until the instruction at the
+                // breakpoint is executed.
                 if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
                     self.fetch_waits(bus, pc, u32::from(op.size));
                 }
@@ -259,7 +261,8 @@ impl<C: Cost> Core<C> {
                             }
                             self.r[15] = next;
                             pc = next;
-                            // Neither count comes near 2^64, so an overflow check at each instruction would be wasted.
+                            // The counts never come near 2^64, so an overflow check at each instruction would be
+                            // wasted.
                             self.cycle = self.cycle.wrapping_add(cost::<C>(op));
                             self.retired = self.retired.wrapping_add(1);
                             if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
@@ -298,9 +301,10 @@ impl<C: Cost> Core<C> {
     }
 
     /// On the optimistic clock, moves time back to an event that is due in the middle of `op`, which began at the cycle
-    /// `began`, where silicon interrupts the instruction. Silicon does so with a load/store multiple (TRM 3.9.1) and
-    /// with the lazy saving of the FP state (TRM 7.2). The rest of the instruction's cycles passes with the return from
-    /// the exception, or at once if there is none. Its effects on registers and memory are already complete.
+    /// `began`, if silicon interrupts the instruction in such a case. Silicon does so with a load/store multiple (TRM
+    /// 3.9.1) and with the lazy saving of the FP state (TRM 7.2). The rest of the instruction's cycles passes with the
+    /// return from the exception, or at once if there is none. The instruction's effects on registers and memory are
+    /// already complete.
     #[cold]
     #[inline(never)]
     fn cut_short(&mut self, op: &Op, began: u64) {
@@ -338,7 +342,7 @@ impl<C: Cost> Core<C> {
         false
     }
 
-    /// Adds the wait states of fetching those words of an instruction that were not fetched with the one before.
+    /// Adds the wait states of fetching those words of an instruction that the previous instruction has not fetched.
     fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
         let Some(bound) = C::BOUND else {
             return;
@@ -360,7 +364,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Stops the run at something that stands in the place of an instruction.
+    /// Stops the run at a breakpoint or a call, which takes the place of an instruction.
     #[cold]
     pub(crate) fn pause(&mut self, exit: Exit) {
         self.paused = Some(exit);

@@ -65,18 +65,18 @@ impl Signals {
         }
     }
 
-    /// Raises an event from outside for `WFE`. The core clears it when it takes it.
+    /// Raises an event from outside for `WFE`. The core clears the event when it takes it.
     pub fn raise_event(&mut self) {
         (self.event, self.changed) = (true, true);
     }
 
-    /// Makes the core forget its decoded instructions, since memory no longer holds them (flash was programmed or
+    /// Makes the core drop its decoded instructions, since memory no longer matches them (flash was programmed or
     /// erased). RAM needs no such call.
     pub fn forget_code(&mut self) {
         (self.code_changed, self.changed) = (true, true);
     }
 
-    /// Whether the core still has to forget its decoded instructions.
+    /// Whether the core still has to drop its decoded instructions.
     #[must_use]
     pub fn forgets_code(&self) -> bool {
         self.code_changed
@@ -102,7 +102,7 @@ impl Signals {
         self.stalled_until
     }
 
-    /// Takes what was announced since the last call; afterwards nothing is announced.
+    /// Takes the changes that were announced since the last call. Afterwards nothing is announced.
     #[inline]
     pub(crate) fn take_change(&mut self) -> Option<Change> {
         if !std::mem::take(&mut self.changed) {
@@ -112,7 +112,7 @@ impl Signals {
         Some(Change { stalled_until: self.stalled_until, forget_code, stop: std::mem::take(&mut self.stop) })
     }
 
-    /// Takes the event for `WFE`: whether one came since the last call.
+    /// Returns whether an event for `WFE` came since the last call, and clears the event.
     #[inline]
     pub(crate) fn take_event(&mut self) -> bool {
         std::mem::take(&mut self.event)
@@ -124,7 +124,7 @@ impl Signals {
 pub(crate) struct Change {
     /// The core must not execute anything before this cycle.
     pub(crate) stalled_until: u64,
-    /// Whether memory no longer holds what was decoded.
+    /// Whether memory no longer matches the decoded instructions.
     pub(crate) forget_code: bool,
     /// Whether [`crate::Core::run`] has to return.
     pub(crate) stop: bool,

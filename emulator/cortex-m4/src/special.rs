@@ -1,6 +1,6 @@
 //! Special registers: MRS, MSR and CPS (ARM ARM B5.2), the program status register, and the selection of the stack.
 //!
-//! All of them are covered. Accesses that the privilege does not allow read zero and write nothing, as B5.2.2 and
+//! All of them are covered. An access that the privilege does not allow reads zero or writes nothing, as B5.2.2 and
 //! B5.2.3 say.
 
 use crate::{Core, Cost};

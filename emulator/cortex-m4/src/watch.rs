@@ -6,13 +6,12 @@
 //! | how often the active exception changed | [`Core::exception_changes`] |
 //! | at which cycle each change was, and to what | [`Core::watch_exceptions`], then [`Core::take_exceptions`] |
 //!
-//! One call of [`Core::run`] may include an entry and a return, which its caller would miss; the record keeps both.
-//! While nothing is recorded, a change costs one increment, and an instruction without a change costs nothing.
+//! One call of [`Core::run`] may include an entry and a return, which its caller would miss; the record has both. While
+//! nothing is recorded, a change costs one increment, and an instruction without a change costs nothing.
 
 use crate::{Core, Cost};
 
-/// The most changes that the record keeps until they are taken. A caller that takes them every millisecond gets far
-/// fewer.
+/// The most changes that the record keeps until they are taken. In a millisecond there are far fewer.
 const MOST_CHANGES: usize = 4096;
 
 /// The changes of the active exception.
@@ -34,8 +33,8 @@ impl Watch {
     }
 
     /// Completes the record after the run loop has executed instructions up to `cycle`; `before` changes were recorded
-    /// when it began. A change ends a burst, so there is at most one. Its cycle can be recorded only now, since the
-    /// cycles of the instruction that made it (`BX LR`, `SVC`) are counted after its execution.
+    /// when the loop began. A change ends a burst, so there is at most one new change. Its cycle can be recorded only
+    /// now, since the cycles of the instruction that made it (`BX LR`, `SVC`) are counted after its execution.
     #[inline]
     pub(crate) fn complete(&mut self, before: usize, cycle: u64) {
         if self.record.len() > before
@@ -55,8 +54,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// How often the active exception has changed since the core was made: at each entry, at each return, and once
-    /// where one handler follows another by tail-chaining. The count goes on through resets, and whether changes are
-    /// recorded or not.
+    /// where one handler follows another by tail-chaining. The count goes on through resets, and also while changes are
+    /// not recorded.
     #[must_use]
     pub const fn exception_changes(&self) -> u64 {
         self.watch.changes
@@ -70,15 +69,15 @@ impl<C: Cost> Core<C> {
 
     /// Takes the changes since the last call, oldest first. Each has the cycle at which the first instruction of the
     /// new handler (or of the code returned to) can begin, and the number of the exception that is active from then on,
-    /// as [`Core::active_exception`] gives it. The list is empty where changes are not recorded.
+    /// as [`Core::active_exception`] gives it. The list is empty if changes are not recorded.
     ///
-    /// The record keeps the first 4096 changes. A caller that gets fewer than [`Core::exception_changes`] grew by has
-    /// lost the latest ones.
+    /// The record keeps the first 4096 changes. If a caller gets fewer changes than [`Core::exception_changes`] grew
+    /// by, the latest ones were lost.
     pub fn take_exceptions(&mut self) -> Vec<(u64, u16)> {
         std::mem::take(&mut self.watch.record)
     }
 
-    /// Notes that the active exception changed, or that a handler was entered anew, at the present cycle.
+    /// Records that the active exception changed, or that a handler was entered anew, at the present cycle.
     #[inline]
     pub(crate) fn exception_changed(&mut self) {
         self.watch.changes += 1;
@@ -87,7 +86,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Notes a change of IPSR by anything but an entry or a return; `before` is its former value.
+    /// Records a change of IPSR that was neither an entry nor a return; `before` is its former value.
     pub(crate) fn exception_changed_from(&mut self, before: u16) {
         if self.ipsr != before {
             self.exception_changed();

@@ -1,13 +1,13 @@
-//! A debugger's watchpoints: data accesses at which the caller wants to stop, as many as it likes.
+//! A debugger's watchpoints: data accesses at which the caller wants to stop, any number of them.
 //!
-//! Watchpoints are independent of the comparators of the DWT, which belong to the firmware and to whoever writes its
-//! registers. Like the comparators (ARM ARM C1.8), watchpoints detect the loads and stores of instructions. They do not
-//! detect the stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA). The
-//! instruction completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
+//! Watchpoints are independent of the comparators of the DWT, which belong to the firmware and to whoever writes the
+//! DWT's registers. Like the comparators (ARM ARM C1.8), watchpoints detect the loads and stores of instructions. They
+//! do not detect the stacking and unstacking of exceptions, vector fetches, or accesses of other bus controllers (DMA).
+//! The instruction completes, and [`Core::run`] then returns [`Exit::Watchpoint`] before anything else happens.
 
 use crate::{Bus, Core, Cost, Exit, Width};
 
-/// A range of addresses at which to stop.
+/// A range of addresses, with the kinds of access to it at which to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchpoint {
     /// The first watched byte.
@@ -51,7 +51,7 @@ pub(crate) struct Watchpoints {
 }
 
 impl<C: Cost> Core<C> {
-    /// Makes [`Core::run`] return after each instruction that makes such an access.
+    /// Makes [`Core::run`] return after each instruction that makes an access which `watchpoint` describes.
     pub fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
         if !self.watchpoints.list.contains(&watchpoint) {
             self.watchpoints.list.push(watchpoint);
@@ -67,7 +67,8 @@ impl<C: Cost> Core<C> {
         self.watchpoints.list.len() < before
     }
 
-    /// Takes the access after [`Exit::Watchpoint`]. If the instruction made several, it is the first that counts.
+    /// Takes the access that led to [`Exit::Watchpoint`]. If the instruction made several such accesses, it is the
+    /// first.
     pub fn take_watched(&mut self) -> Option<Watched> {
         self.watchpoints.seen.take()
     }
@@ -86,8 +87,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// The value of [`Core::limit`] that holds for a load/store multiple under way. A watchpoint stops the run after
-    /// the instruction, and must not leave it in the middle, which would cost time. A change that an access announced
-    /// meanwhile may leave it.
+    /// the instruction, and must not interrupt the instruction in the middle, which would cost time. A change that an
+    /// access announced meanwhile may interrupt it.
     pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
         match self.paused {
             Some(Exit::Watchpoint) if !bus.signals().is_announced() => self.watchpoints.limit,

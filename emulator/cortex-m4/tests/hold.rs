@@ -1,4 +1,5 @@
-//! Tests of what a debugger needs of the core: watchpoints and single steps, neither of which changes what a run does.
+//! Tests of what a debugger needs from the core: watchpoints and single steps, neither of which changes a run's
+//! results.
 
 use crate::common;
 
@@ -109,7 +110,8 @@ fn one_at_a_time_is_the_same_run<C: Cost>() {
         let (executed, changes) = (single.core.retired(), single.core.exception_changes());
         assert_eq!(single.core.run_one(&mut single.board, 200), Exit::Until);
         let (executed, changes) = (single.core.retired() - executed, single.core.exception_changes() - changes);
-        // A call executes one instruction at most. An entry is a call of its own, and a return is an instruction.
+        // A call executes one instruction at most. An exception entry takes a call of its own, and a return is an
+        // instruction.
         assert!(executed <= 1 && changes <= 1, "{executed} instructions, {changes} changes");
         if executed == 0 && changes == 1 {
             assert_eq!((single.core.active_exception(), single.core.pc()), (16, CODE + 0x80));

@@ -1,4 +1,5 @@
-//! Tests of interrupts between and within instructions: interrupted code computes the same results.
+//! Tests of interrupts between and within instructions: interrupted code must compute the same results as uninterrupted
+//! code.
 
 use crate::common;
 
@@ -6,8 +7,8 @@ use common::{Board, CODE, CONFIG, DEVICE, RAM};
 use cortex_m4::{Access, Bound, Bus, BusError, Core, Cost, Exit, Fast, Optimistic, Pessimistic, Register, Signals};
 
 /// The program enables interrupt 0. Sixteen times it copies 256 bytes with LDM and STM, with PUSH, POP and an IT block
-/// between, and mixes them; then r7 is 99. The handler, [`HANDLER`] bytes from the start, writes to the device and
-/// increments the count at 0x2000_1000.
+/// in between, and mixes the bytes; then r7 is 99. The handler, [`HANDLER`] bytes from the start, writes to the device
+/// and increments the count at 0x2000_1000.
 #[rustfmt::skip]
 const PROGRAM: &[u16] = &[
     0x4816, 0x2101, 0x6001, 0xF04F, 0x5800, 0xF8DF, 0x9054, 0x2210, 0x4640, 0x4649, 0x2308, 0xE8B0, 0x5CF0,
@@ -20,8 +21,8 @@ const HANDLER: u32 = 0x64;
 
 /// The program allows the FPU, gives interrupt 1 the lower priority, and enables both interrupts. 64 times it pushes
 /// and pops 16 FP registers and pushes 12 core registers; then it writes to the device's byte 8. The handler of
-/// interrupt 1, [`LOW`] bytes from the start, pushes and pops the same FP registers. That of interrupt 0, [`HIGH`]
-/// bytes from the start, writes to the device at once.
+/// interrupt 1, [`LOW`] bytes from the start, pushes and pops the same FP registers. The handler of interrupt 0,
+/// [`HIGH`] bytes from the start, writes to the device at once.
 #[rustfmt::skip]
 const MULTIPLES: &[u16] = &[
     0x4817, 0xF44F, 0x0170, 0x6001, 0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F, 0x4814, 0xF44F, 0x4100, 0x6001, 0x4813, 0x2103,
@@ -40,7 +41,7 @@ struct Storm {
     period: u64,
     before: u64,
     due: u64,
-    /// The cycle at which line 0 was raised, and the longest time that its handler then took until its write.
+    /// The cycle at which line 0 was raised. The next field is the longest time from then until the handler's write.
     raised: u64,
     latest: u64,
     /// The cycle at which the program wrote that it has ended.
@@ -107,7 +108,7 @@ impl Bus for Storm {
     }
 }
 
-/// Returns what the program leaves in RAM, and how often the handler ran.
+/// Returns the bytes that the program leaves in RAM, and how often the handler ran.
 fn run<C: Cost>(period: u64) -> (Vec<u8>, u32) {
     let mut board = Board::new(PROGRAM);
     board.flash[0x40..0x44].copy_from_slice(&((CODE + HANDLER) | 1).to_le_bytes());

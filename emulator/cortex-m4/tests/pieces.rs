@@ -75,7 +75,7 @@ fn each_end_is_a_boundary<C: Cost>(waits: u32) {
             stepped.steps(1);
             steps += 1;
             if stepped.core.cycle() == before {
-                // Where two boundaries have the same cycle, the run ends at the later one.
+                // If two boundaries have the same cycle, the run ends at the later boundary.
                 continue;
             }
             let mut run = start.clone();

@@ -174,7 +174,7 @@ fn a_loop_in_ram_that_rewrites_itself_executes_as_rewritten() {
         rig.set(1, 1).set(2, RAM + 0x202).set(5, 0).set(6, 0);
         assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
         assert_eq!((rig.r(5), rig.r(6)), ((1..=8).sum(), 8));
-        // The code runs twice, the second time with what a bus controller wrote meanwhile.
+        // The code runs twice, the second time after a bus controller has changed it.
         rig.board.set_word(RAM + 0x200, 0x0064_F240);
         rig.board.set_word(RAM + 0x204, 0x3101_1A2D);
         rig.set(15, RAM + 0x200).set(5, 1000).set(6, 7);
@@ -183,7 +183,7 @@ fn a_loop_in_ram_that_rewrites_itself_executes_as_rewritten() {
     }
 }
 
-/// The code writes so often that its page is no longer watched.
+/// The code writes to its own page so often that the page is no longer watched.
 #[test]
 fn code_that_keeps_writing_to_its_own_page_executes_as_rewritten() {
     // The code is: loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop. r1 holds the second halfword
@@ -278,12 +278,12 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
     }
 }
 
-/// The code is: CPSID f; CCR = r3; r0 = the word at r1, where nothing answers; r6 = CFSR; r7 = BFAR; a store there; B .
+/// The code is: CPSID f; CCR = r3; r0 = the word at r1, where nothing answers; r6 = CFSR; r7 = BFAR; a store to r1; B .
 const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
 
-/// With BFHFNMIGN, handlers of priority -1 and -2 ignore the exception of a data bus fault (ARM ARM B3.2.8), but not
-/// its status. Each precise fault sets the status (B3.2.15, PRECISERR and BFARVALID), and firmware probes an address by
-/// it.
+/// With BFHFNMIGN, handlers of priority -1 and -2 ignore the exception of a data bus fault (ARM ARM B3.2.8), but the
+/// status is still set. Each precise fault sets the status (B3.2.15, PRECISERR and BFARVALID), by which firmware finds
+/// out whether anything answers at an address.
 #[test]
 fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {
     fn probes<C: Cost>() {

@@ -1,5 +1,5 @@
 //! Tests of the record of the active exception. Each handler, and the code returned to, begins with a store to the
-//! device, whose log has the cycle at which that instruction began. The record must have the same cycle.
+//! device. The device's log has the cycle at which that instruction began, and the record must have the same cycle.
 
 use crate::common;
 
@@ -50,7 +50,7 @@ fn rig<C: Cost>(thread: &[u16], handlers: [&[u16]; 2], priorities: [u8; 2]) -> R
     rig
 }
 
-/// Runs to the end in one piece and compares the record with the cycles of the device's log.
+/// Runs to the end in one call and compares the record with the cycles of the device's log.
 fn assert_record<C: Cost>(mut rig: Rig<C>, active: &[u16]) {
     assert_eq!(rig.core.run(&mut rig.board, 500), Exit::Until);
     let marks = rig.board.writes.iter().map(|&(.., cycle)| cycle);

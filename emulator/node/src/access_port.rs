@@ -1,7 +1,7 @@
 //! The access to a node through the access port of a debug port. The port itself is [`crate::debug_port`].
 //!
-//! Unlike [`super::hold`], which stops the whole virtual world, this is what silicon offers: the core halts by its own
-//! debug registers, and everything else goes on.
+//! The debugger in [`super::hold`] stops the whole virtual world. The access port offers what silicon does: the core
+//! halts by its own debug registers, and everything else goes on.
 
 use cortex_m4::{Cost, Fault, Width};
 use emulator_part::Part;
@@ -9,12 +9,12 @@ use emulator_part::Part;
 use super::{Board, Error, Firmware, Node};
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Makes a node at power-on from `part` on `board`. It runs what the part's memory already holds, which is nothing
-    /// on a new part. No symbols are known.
+    /// Makes a node at power-on from `part` on `board`. The node runs the firmware that the part's memory already
+    /// holds; on a new part there is none. It has no symbols.
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // Until a debugger writes a firmware, what is there belongs to nobody, so its faults are not reported.
+        // Until a debugger writes a firmware, no known firmware runs, so faults of the core are not reported.
         node.core.tell_faults(false);
         node
     }
@@ -24,7 +24,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Differs`] where memory holds something else.
+    /// Returns [`Error::Differs`] where memory holds other bytes than `firmware`.
     pub fn programmed_with(part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
             let held = u32::try_from(*address).ok().and_then(|address| part.memory(address, bytes.len()));
@@ -38,7 +38,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         Ok(Self::begin(part, board, firmware))
     }
 
-    /// Sets whether a debugger has powered the debug domain. Meanwhile, a part that resets on a lock-up does not.
+    /// Sets whether a debugger has powered the debug domain. While it has, the part does not reset on a lock-up.
     pub fn set_debugged(&mut self, debugged: bool) {
         self.debugged = debugged;
     }
@@ -55,7 +55,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Writes as an access port does, see [`Node::access_port_read`].
+    /// Writes `value` at `address` as an access port does, see [`Node::access_port_read`].
     ///
     /// # Errors
     ///
@@ -67,7 +67,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Calls the part at the present cycle, for a debug port that has more than one access port to it.
+    /// Calls `call` with the part at the present cycle, for a debug port that has more than one access port to the
+    /// part.
     pub fn with_part<T>(&mut self, call: impl FnOnce(&mut B::Part, u64) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, _| call(part, at));

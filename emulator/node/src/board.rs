@@ -1,9 +1,9 @@
 //! What is wired around a microcontroller.
 //!
-//! A [`Board`] is called for what its part does to pins and buses ([`emulator_part::Outside`], with instants in
-//! nanoseconds), and returns what its chips do to the part's pins. The node calls [`Board::settle`] after everything
-//! that reaches the board, and when the board's own [`Board::next_event`] has come. The part gets the result at that
-//! same instant.
+//! A node calls its [`Board`] with what the part does to pins and buses ([`emulator_part::Outside`], with instants in
+//! nanoseconds). The board returns what its chips do to the part's pins. The node calls [`Board::settle`] after every
+//! call that reaches the board, and when the board's own [`Board::next_event`] has come. The part gets the result at
+//! that same instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -59,12 +59,12 @@ pub trait Board: Clone + Debug + Send + 'static {
         u64::MAX
     }
 
-    /// Lets the chips act up to `at`. It adds to `inputs` what they do to the part's pins, changes only.
+    /// Lets the chips act up to the instant `at`, and adds to `inputs` the changes that they make to the part's pins.
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let _ = (at, inputs);
     }
 
-    /// Whether something waits to leave the board. It makes [`super::Node::advance`] return at once.
+    /// Whether something waits to leave the board. If so, [`super::Node::advance`] returns at once.
     fn outgoing(&self) -> bool {
         false
     }
@@ -91,7 +91,7 @@ impl<P: Part> Board for Bare<P> {
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Set when something reaches the board.
+    /// Set when the part does something that reaches the board.
     pub(super) touched: &'a mut bool,
 }
 

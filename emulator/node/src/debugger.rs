@@ -46,8 +46,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Fills `to` from `address` on, up to the first byte that nothing answers, and returns the number of bytes read.
-    /// Memory is read as it is. A word of a peripheral or of the core's own space is read on a copy of core and board,
-    /// which is then dropped. So the read reports, clears and starts nothing, whatever a real read does there.
+    /// Memory is read directly. A word of a peripheral or of the core's own space is read on a copy of core and board,
+    /// which is then dropped. So the read reports, clears and starts nothing, whatever a real read of that word does.
     #[must_use]
     pub fn peek(&self, address: u32, to: &mut [u8]) -> usize {
         if memory::read(&self.side.part, u64::from(address), to) {

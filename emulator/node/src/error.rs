@@ -22,7 +22,7 @@ pub enum Error {
         /// The segment's length in bytes.
         length: usize,
     },
-    /// The flash contents that a part should keep have another size than its flash.
+    /// The flash contents that a part should keep differ in size from the part's flash.
     #[error("{length} bytes are not what the {part} keeps")]
     OtherFlash {
         /// The name of the part.
@@ -30,7 +30,7 @@ pub enum Error {
         /// The number of bytes in the contents.
         length: usize,
     },
-    /// The part's memory does not hold this image.
+    /// The part's memory holds other bytes than this image.
     #[error("the {part} does not hold {firmware}: its memory differs at {address:#010x}")]
     Differs {
         /// The name of the image.
@@ -48,7 +48,7 @@ pub enum Error {
         /// The requested name.
         symbol: String,
     },
-    /// A function does not hold certain bytes at exactly one place.
+    /// A function of the image does not hold the bytes that were looked for at exactly one place.
     #[error("{function} holds {bytes:02x?} at {found}: is it another build of the firmware?")]
     NoPlace {
         /// The name of the function.

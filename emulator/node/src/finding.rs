@@ -1,4 +1,4 @@
-//! What went wrong in a run, for a person and for a test.
+//! Reports of what went wrong in a run, for a person and for a test.
 
 use std::fmt;
 
@@ -17,14 +17,14 @@ pub enum FindingKind {
     Unmapped,
     /// The part refused an access: the peripheral's clock is off, or the bus answers with an error.
     Refused,
-    /// The firmware accessed a register that this bench does not model. Its value was stored or read back, and nothing
+    /// The firmware accessed a register that this bench does not model. The value was stored or read back, and nothing
     /// else happened.
     Unmodelled,
     /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
-    /// The firmware made a state that the manual forbids, and that the real part does not report.
+    /// The firmware brought about a state that the manual forbids, and that the real part does not report.
     Misuse,
-    /// The firmware used something that an erratum of the part spoils.
+    /// The firmware used a function of the part that does not work because of an erratum.
     Erratum,
     /// A bus controller was given an address that it cannot reach.
     Unreachable,
@@ -36,7 +36,7 @@ pub enum FindingKind {
     RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
-    /// Something reached a board after the instant at which it was due, so the run is not exact. Either a message took
+    /// An input reached a board after the instant at which it was due, so the run is not exact. Either a message took
     /// less time than the lookahead that the scheduler was given, or the instant of an actor beside the board was not
     /// taken into account.
     Late,
@@ -58,7 +58,7 @@ impl From<emulator_part::FindingKind> for FindingKind {
 }
 
 impl FindingKind {
-    /// Whether the firmware stopped its work, as opposed to doing something questionable and going on.
+    /// Whether the firmware stopped its work. After other findings the firmware goes on.
     #[must_use]
     pub fn is_fatal(self) -> bool {
         self.ends_run() || matches!(self, Self::Panic | Self::Unmapped | Self::ExitStatus)

@@ -1,4 +1,4 @@
-//! Firmware images: what goes into memory, and the names of addresses for a reader.
+//! Firmware images: the contents of memory, and the names of addresses for a reader.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ pub struct Symbol {
     pub size: u64,
 }
 
-/// A function, for naming the addresses inside it.
+/// A function of the image, by which addresses inside it are named.
 #[derive(Clone, Debug)]
 struct Function {
     start: u64,
@@ -41,7 +41,7 @@ struct Contents {
     symbols: BTreeMap<String, Symbol>,
     functions: Vec<Function>,
     log: Option<defmt_decoder::Table>,
-    /// Why the table of log messages cannot be read, if the image has at least a part of one.
+    /// Why the table of log messages cannot be read, if the image has such a table or a part of one.
     log_error: Option<String>,
 }
 
@@ -57,7 +57,7 @@ impl Firmware {
         Self::parse(&name, bytes)
     }
 
-    /// Parses the ELF file in `elf`, which reports call `name`.
+    /// Parses the ELF file in `elf`. Reports call the image `name`.
     ///
     /// # Errors
     ///
@@ -118,7 +118,7 @@ impl Firmware {
             symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
         }
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
-        // An image may link crates that log with defmt without logging itself. It runs all the same.
+        // An image may link crates that log with defmt without logging itself. Such an image runs all the same.
         let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
             Ok(table) => (table, None),
             Err(error) => (None, Some(error.to_string())),
@@ -182,8 +182,8 @@ impl Firmware {
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
     }
 
-    /// The end of what the image places in RAM between `from` and `top`. It is `from` where the image places nothing
-    /// there, and `None` for an image without sections.
+    /// The end of what the image places in RAM between `from` and `top`: `from` where the image places nothing there,
+    /// and `None` for an image without sections.
     pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
         let file = object::File::parse(&*self.0.elf).ok()?;
         let mut any = false;
@@ -225,7 +225,7 @@ impl Firmware {
         self.0.log.as_ref()
     }
 
-    /// Why the image's defmt table cannot be read, if the image has at least a part of one.
+    /// Why the image's defmt table cannot be read, if the image has such a table or a part of one.
     pub(crate) fn log_error(&self) -> Option<&str> {
         self.0.log_error.as_deref()
     }
@@ -248,9 +248,9 @@ impl Firmware {
     }
 
     /// The function and source line of the instruction at `address`, for a reader, like `horus_tx_fw::app::cycle+0x1c
-    /// (src/main.rs:120)`. For code that was inlined from the language's own libraries or from a dependency, both are
-    /// those of the innermost caller in the firmware itself. If that caller was inlined too, the function of the
-    /// linker's symbol follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    /// (src/main.rs:120)`. For code that was inlined from the language's own libraries or from a dependency, function
+    /// and line are those of the innermost caller in the firmware itself. If that caller was inlined too, the function
+    /// of the linker's symbol follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
     #[must_use]
     pub fn place_of(&self, address: u64) -> Option<String> {
         let name = self.name_of(address)?;
@@ -262,8 +262,8 @@ impl Firmware {
         })
     }
 
-    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF.
-    /// [`Firmware::place_of`] says which line it is where there are several.
+    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF. Where
+    /// there are several lines, [`Firmware::place_of`] says which of them it is.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
         self.source_of(address).map(|source| source.line)
@@ -306,8 +306,8 @@ impl Firmware {
             }
             outermost = function;
         }
-        // The linker leaves code that it removed from the image in the debug information at address 0. On a part whose
-        // flash begins at 0, it overlaps the code that is really there.
+        // The debug information still has code that the linker removed from the image, at address 0. On a part whose
+        // flash begins at 0, that code overlaps the code that is really there.
         let start = self.function_at(address)?.start;
         let is_there = |name: &String| {
             let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();

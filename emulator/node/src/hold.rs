@@ -2,8 +2,8 @@
 //!
 //! No time passes for a halted node: [`Node::advance`] returns at once, and whoever advances the node must stop
 //! everything else of its world too. So a firmware cannot detect that it was halted, and its watchdogs, its timers and
-//! the other board are not affected; on silicon they all would be. Whatever a debugger does between [`Halt`] and
-//! [`Resume`] without changing a register or memory does not change the run.
+//! the other board are not affected; on silicon they all would be. If a debugger changes no register and no memory
+//! between [`Halt`] and [`Resume`], it does not change the run.
 //!
 //! | what | rule |
 //! |---|---|
@@ -58,8 +58,8 @@ pub enum Resume {
 pub(super) struct Hold {
     halted: Option<Halt>,
     breakpoints: BTreeSet<u32>,
-    /// Where the core was resumed: its program counter and the number of instructions it had executed. The breakpoint
-    /// there does not halt it again.
+    /// Where the core was resumed: its program counter and the number of instructions that it had executed. The
+    /// breakpoint at that place does not halt the core again.
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
@@ -111,14 +111,14 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Removes a breakpoint. Returns whether it was set.
     pub fn clear_breakpoint(&mut self, address: u32) -> bool {
         let was = self.hold.breakpoints.remove(&(address & !1));
-        // If the node itself stops at this address to report what happened, it still does so.
+        // If the node itself stops at this address to report what happened, it goes on doing so.
         if was && !self.is_trap(u64::from(address & !1)) {
             self.core.clear_breakpoint(address);
         }
         was
     }
 
-    /// Makes the core halt after each instruction that makes such an access, from now on.
+    /// Makes the core halt after each instruction that makes the access of `watchpoint`, from now on.
     pub fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
         self.core.set_watchpoint(watchpoint);
     }
@@ -134,7 +134,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Sets whether the core halts when the firmware ends ([`Halt::Ended`]): before the first instruction of the
-    /// handler, or after the last one before a lock-up.
+    /// fault's handler, or after the last instruction before a lock-up.
     pub fn halt_at_end(&mut self, on: bool) {
         self.hold.halts_at_end = on;
     }
@@ -174,7 +174,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             step.place = place;
         } else if executed || entered && FAULTS.contains(&place.2) {
             self.hold.step = None;
-            // A watchpoint is the more specific reason to halt.
+            // Where both apply, a watchpoint is the more specific reason to halt.
             if exit != Exit::Watchpoint {
                 self.halt_for(Halt::Stepped);
             }
@@ -190,7 +190,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         if !self.hold.breakpoints.contains(&pc) {
             return;
         }
-        // The handling of a trap there may have removed the breakpoint.
+        // The code that handled a trap at this address may have removed the breakpoint.
         self.core.set_breakpoint(pc);
         if self.hold.resumed != Some((pc, self.core.retired())) {
             self.halt_for(Halt::Breakpoint);

@@ -1,4 +1,4 @@
-//! How the outside acts on a node.
+//! How actors outside a node act on the node.
 
 use cortex_m4::Cost;
 use emulator_part::{Cycle, Part, Pin, UartFrame};
@@ -12,8 +12,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         &self.side.board
     }
 
-    /// Lets the outside act on the board's chips now, or take out what they collected. The chips may change their
-    /// plans, and the part gets what they do at this same instant.
+    /// Lets `act` change the board's chips now, or take out what they have collected. The chips may change their plans,
+    /// and the part gets what they do at this same instant.
     pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
         let answer = act(&mut self.side.board);
         let at = self.present();
@@ -29,8 +29,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         &self.side.part
     }
 
-    /// Lets the outside act on the part now: on its pins, a bus or an oscillator. `act` gets the part, its
-    /// surroundings, and the present cycle.
+    /// Lets `act` change the part now: its pins, a bus or an oscillator. `act` gets the part, its surroundings, and the
+    /// present cycle.
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B::Part, &mut View<'_, B>, Cycle) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, view| act(part, view, at));
@@ -39,12 +39,12 @@ impl<B: Board, C: Cost> Node<B, C> {
         answer
     }
 
-    /// Drives `pin` from outside from now on, or stops driving it.
+    /// Drives `pin` from outside from now on, or stops driving the pin.
     pub fn drive(&mut self, pin: Pin, level: Option<bool>) {
         self.input(|part, view, at| part.drive(at, pin, level, view));
     }
 
-    /// Sends a UART frame to `pin`, whose start bit begins now.
+    /// Sends a UART frame to `pin`. The frame's start bit begins now.
     pub fn receive(&mut self, pin: Pin, frame: UartFrame) {
         self.input(|part, view, at| part.receive(at, pin, frame, view));
     }

@@ -1,5 +1,5 @@
-//! A board for a part that is otherwise alone, with leads to its pins: some are watched or driven, and some have a UART
-//! at the far end.
+//! A board for a part that is otherwise alone, with leads to the part's pins: some pins are watched or driven, and some
+//! have a UART at the far end.
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -43,11 +43,11 @@ pub struct Sending {
     pub bytes: Vec<u8>,
 }
 
-/// The leads to a part that is otherwise alone.
+/// The leads that are connected to a part that is otherwise alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Connected {
-    /// The pins of which every change is reported, at the latest at the end of the UART or SPI frame that makes it. The
-    /// levels of I2C are not reported.
+    /// The pins of which every change is reported, at the latest at the end of the UART or SPI frame that makes the
+    /// change. The levels of I2C are not reported.
     pub watched: Vec<Pin>,
     /// The levels that are driven onto pins.
     pub driven: Vec<Drive>,
@@ -79,7 +79,7 @@ pub struct Leads<P> {
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
     heard: Vec<SentByte>,
-    /// The inputs that are left to be made, latest first, each with its instant.
+    /// The inputs that are still to be made, latest first, each with its instant.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
 }
@@ -98,7 +98,7 @@ impl<P> Leads<P> {
                 plan.push((at + frame.ns(), Input::Frame(sending.pin, at, frame)));
                 at += frame.ns();
             }
-            // The line rests high.
+            // The line of a UART rests high.
             plan.push((0, Input::Level(sending.pin, Some(true))));
         }
         plan.sort_by_key(|&(at, _)| std::cmp::Reverse(at));
@@ -111,7 +111,8 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.edges)
     }
 
-    /// Notes what the part does to `pin` from `at` (ns) on, if the pin is watched and that is a change.
+    /// Records what the part does to `pin` from `at` (ns) on, if the pin is watched and the state differs from the last
+    /// one.
     fn watch(&mut self, at: u64, pin: Pin, pad: Pad) {
         if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
             self.edges.push(PinEdge { at, pin, pad });
@@ -227,7 +228,7 @@ mod tests {
     fn a_watched_pin_shows_the_bits_of_a_uart_frame() {
         let mut leads = Leads::<Nrf52840>::new(Connected { watched: vec![ONE], ..Connected::default() });
         leads.pin(0, ONE, Pad::Driven(true));
-        // 0x43 with even parity, at 1 Mbit/s: 0 11000010 1 1.
+        // The frame is 0x43 with even parity, at 1 Mbit/s: 0 11000010 1 1.
         let frame = UartFrame { parity: UartParity::Even, ..UartFrame::eight_n_one(0x43, 1_000_000) };
         leads.uart(20_000, ONE, &frame);
         leads.uart(20_000, OTHER, &frame);

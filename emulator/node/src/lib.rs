@@ -1,9 +1,9 @@
 //! Nodes: real firmware images on emulated microcontrollers, in virtual time.
 //!
 //! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`emulator_part::Part`]) and what is
-//! wired around it ([`Board`]). [`Node::advance`] runs it to an instant. A [`Pair`] keeps two nodes in lock-step, with
-//! whatever passes between them. A [`Relay`] runs two of which one only sends and the other only receives, on one
-//! thread or on two. Everything is a function of the images, the board and the caller's inputs: nothing depends on
+//! wired around the part ([`Board`]). [`Node::advance`] runs it to an instant. A [`Pair`] keeps two nodes in lock-step,
+//! with whatever passes between them. A [`Relay`] runs two nodes, one of which only sends and the other only receives,
+//! on one thread or on two. A run is a function of the images, the board and the caller's inputs: nothing depends on
 //! wall-clock time, randomness or the order of threads. All state is plain data: a clone that is run on does what the
 //! original does.
 //!
@@ -89,10 +89,10 @@ pub use usage::{LineEdge, Usage};
 
 /// One board that runs one firmware: a core, its part, the chips around it, and the clock between them.
 ///
-/// [`Node::advance`] runs the core until an instant is reached. What is due in the part and on the board before that
-/// happens on the way, each at its own instant. The part counts cycles of its core; an [`emulator_part::Timebase`]
-/// converts them into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that is
-/// run on does what the original does.
+/// [`Node::advance`] runs the core until an instant is reached. Events of the part and of the board that are due before
+/// that happen on the way, each at its own instant. The part counts cycles of its core; an [`emulator_part::Timebase`]
+/// converts cycles into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that
+/// is run on does what the original does.
 #[derive(Clone, Debug)]
 pub struct Node<B: Board, C: Cost = Fast> {
     core: Core<C>,
@@ -105,18 +105,18 @@ pub struct Node<B: Board, C: Cost = Fast> {
     hold: Hold,
     /// Whether the part has its supply.
     powered: bool,
-    /// The lowest supply voltage while the supply held the part in reset, in µV.
+    /// The lowest supply voltage since the supply began to hold the part in reset, in µV.
     lowest: u32,
     /// Whether a debugger has powered the debug domain.
     debugged: bool,
     /// Whether the part was told (by `Part::halts`) that the core is halted for debug.
     told_halt: bool,
-    /// The active exception from each instant (ns) on, `None` unless it is watched.
+    /// The active exception from each instant (ns) on; `None` if exceptions are not recorded.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
-    /// When the RAM is searched for the log's control block, if the image does not say where it is, in virtual ns.
+    /// When the RAM is next searched for the log's control block, if the image does not say where it is, in virtual ns.
     search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,

@@ -1,14 +1,14 @@
 //! Two boards in lock-step.
 //!
 //! The method is conservative parallel simulation on one thread: a board never runs past the first instant at which
-//! something could reach it. The bound on that instant is what the other board may do first (its next event if it
+//! something could reach it. The bound on that instant is the other board's next possible action (its next event if it
 //! sleeps, its present if it is awake) plus the [`Lookahead`], the least time that anything takes to cross. Each
-//! message carries its instant and is delivered at it. Actors beside a board (a flight controller, a receiver) act at
-//! their own instants. A sleeping board does not hold the other one back.
+//! message carries the instant of its delivery. Actors beside a board (a flight controller, a receiver) act at their
+//! own instants. A sleeping board does not hold the other one back.
 //!
-//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and which actors are beside
-//! each board. The order is fixed: messages come before actors, and messages are ordered by instant and then by when
-//! they were sent. So a run is a function of its inputs.
+//! The caller describes what passes between the boards in a [`Between`]: what leaves a board, when it arrives, and
+//! which actors are beside each board. The order is fixed: messages come before actors, and messages are ordered by
+//! instant and then by when they were sent. So a run is a function of its inputs.
 
 use std::collections::BTreeMap;
 
@@ -18,9 +18,9 @@ use super::{Board, Node};
 
 /// The least time that anything takes to cross between the boards, in virtual nanoseconds.
 ///
-/// At least one of the two must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever passes. A
-/// controller on one board that reads an answer from the other within one transfer needs less than a byte time of its
-/// bus, 1 µs at 8 MHz.
+/// At least one of the two times must not be zero. [`Lookahead::NEVER`] is for a direction in which nothing ever
+/// passes. A controller on one board that reads an answer from the other within one transfer needs a time below a byte
+/// time of its bus, 1 µs at 8 MHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookahead {
     /// The least time from the first board to the second.
@@ -70,28 +70,28 @@ impl<M> Sent<M> {
     }
 }
 
-/// What passes between two boards, and the actors beside each.
+/// What passes between two boards, and the actors beside each board.
 pub trait Between<A: Board, B: Board, C: Cost = Fast> {
     /// The messages to the first board.
     type ToA;
     /// The messages to the second board.
     type ToB;
 
-    /// The least times of crossing.
+    /// The least times that anything takes to cross, in both directions.
     fn lookahead(&self) -> Lookahead;
 
-    /// Takes what left the first board up to its present, and sends each message with the instant at which it arrives.
+    /// Takes what left the first board up to its present, and sends each message with the instant of its arrival.
     fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
         let _ = (node, to_b);
     }
 
-    /// Takes what left the second board up to its present, and sends each message with the instant at which it arrives.
+    /// Takes what left the second board up to its present, and sends each message with the instant of its arrival.
     fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
         let _ = (node, to_a);
     }
 
-    /// Delivers `message`, which is due at `at`, to the first board, which has reached that instant. Use
-    /// [`Node::input`] for it.
+    /// Delivers `message`, which is due at `at`, to the first board, which has reached that instant. An implementation
+    /// uses [`Node::input`].
     fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
         let _ = (at, message, node);
     }
@@ -111,13 +111,13 @@ pub trait Between<A: Board, B: Board, C: Cost = Fast> {
         None
     }
 
-    /// Lets the actor beside the first board act, which is due at `at`. [`Between::next_at_a`] must return a later
+    /// Lets the actor beside the first board act at `at`, when it is due. [`Between::next_at_a`] must return a later
     /// instant afterwards.
     fn act_at_a(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 
-    /// Lets the actor beside the second board act, which is due at `at`. [`Between::next_at_b`] must return a later
+    /// Lets the actor beside the second board act at `at`, when it is due. [`Between::next_at_b`] must return a later
     /// instant afterwards.
     fn act_at_b(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
@@ -144,7 +144,7 @@ pub struct Pair<A: Board, B: Board, L: Between<A, B, C>, C: Cost = Fast> {
     pub a: Node<A, C>,
     /// The second board.
     pub b: Node<B, C>,
-    /// What passes between them.
+    /// What passes between the two boards.
     pub between: L,
     to_a: Sent<L::ToA>,
     to_b: Sent<L::ToB>,

@@ -5,7 +5,7 @@ use cortex_m4::Cost;
 use super::rtt::{self, LogLine};
 use super::{Board, Node, Symbol, memory};
 
-/// How often the node empties the firmware's log, in virtual nanoseconds, as a debug probe polls RTT.
+/// How often the node reads and empties the firmware's log, in virtual nanoseconds, as a debug probe polls RTT.
 pub const PROBE_PERIOD: u64 = 1_000_000;
 
 /// The longest time between two searches of RAM for the log of an image without the usual symbol, in virtual
@@ -19,8 +19,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         std::mem::take(&mut self.lines)
     }
 
-    /// Takes the log lines since the last call, as [`Node::take_log`] does, and then the lines that the firmware did
-    /// not finish.
+    /// Takes the log lines since the last call, as [`Node::take_log`] does, and then the lines that the firmware has
+    /// not finished.
     pub fn finish_log(&mut self) -> Vec<LogLine> {
         let mut lines = self.take_log();
         let at = self.now();
@@ -29,8 +29,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         lines
     }
 
-    /// Takes the bytes that came over RTT up channel `channel` since the last call, up to the latest 64 KiB. They are
-    /// in the log as well.
+    /// Takes the bytes that came over RTT up channel `channel` since the last call, up to the latest 64 KiB. The log
+    /// contains these bytes as well.
     pub fn take_channel(&mut self, channel: u64) -> Vec<u8> {
         self.probe_log(self.now());
         self.log.take_raw(channel)
@@ -43,8 +43,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Overwrites the firmware's log with zeros, as debug probes do before a start. Until start-up code has written the
-    /// control block anew, RAM holds what an earlier start or the noise of power-on left there. If another probe is
-    /// attached, it may be reading the block, and clears it by itself.
+    /// control block anew, RAM holds the block of an earlier start or the noise of power-on. If another probe is
+    /// attached, that probe may be reading the block, and clears it by itself.
     pub(super) fn clear_log(&mut self) {
         if let Some(block) = self.log_block.filter(|_| !self.debugged) {
             let size = usize::try_from(block.size).unwrap_or(0);
@@ -53,10 +53,10 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        // Only an image that was read from an ELF file is searched for. If the firmware is what was already in flash,
-        // an attached probe that has its file reads the log.
+        // RAM is searched for the log only if the image was read from an ELF file. If the firmware is what was already
+        // in flash, an attached probe that has the firmware's file reads the log.
         if self.log_block.is_none() && self.firmware.is_a_file() && at >= self.search_at {
-            // The searches become rarer, since a firmware that logs does so soon.
+            // The searches become rarer, since a firmware that logs writes its first line soon.
             self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
             self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
         }

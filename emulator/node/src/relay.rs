@@ -1,10 +1,11 @@
-//! Two boards of which one only sends and the other only receives.
+//! Two boards, one of which only sends and the other only receives.
 //!
-//! Nothing ever comes back to the first board, so its behaviour depends only on itself and on what is beside it. It may
-//! run on its own thread, ahead of the second board, and it sends every message with its instant. The second board
-//! begins a millisecond of virtual time only after the first has completed it. It gets a message a fixed virtual time
-//! ahead of the message's instant, which the receiver of messages must allow for. What either board does follows from
-//! virtual instants only, and never from the order of threads, so a run is a function of its inputs.
+//! Nothing ever passes back to the first board, so its behaviour depends only on itself and on what is beside it. It
+//! may run on its own thread, ahead of the second board, and it sends every message with an instant. The second board
+//! begins a millisecond of virtual time only after the first has completed that millisecond. A message reaches the
+//! second board a fixed virtual time ahead of the message's instant, which the receiver of messages must allow for.
+//! What either board does follows from virtual instants only, and never from the order of threads, so a run is a
+//! function of its inputs.
 //!
 //! The caller describes what is beside the first board in an [`Upstream`] (receivers on its lines), and what is beside
 //! the second in a [`Downstream`] (a flight controller).
@@ -22,23 +23,23 @@ const PIECE: u64 = 1_000_000;
 /// How far ahead of its instant a message is delivered at most, in virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// How many pieces the first board may be ahead on its own thread. It is enough that neither thread waits for the
-/// other's bursts of work, and few enough that little data waits.
+/// How many pieces the first board may be ahead on its own thread: enough that neither thread waits for the other's
+/// bursts of work, and few enough that little data waits.
 const LEAD: usize = 50;
 
-/// What is beside the first board and takes what leaves it.
+/// What is beside the first board, and takes the messages that leave it.
 pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     /// A message that leaves the board.
     type Message: Send;
 
-    /// What else is reported of the board: its log, a trace.
+    /// Everything else that is reported of the board: its log, a trace.
     type Notes: Send;
 
     /// Takes what left the board up to its present, each message with its instant (virtual ns), in order of time.
     fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
 
-    /// Takes what is to be reported of the board since the last call. It is called at least once a millisecond of
-    /// virtual time.
+    /// Takes everything else that is to be reported of the board since the last call. It is called at least once a
+    /// millisecond of virtual time.
     fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
 
     /// The next instant at which an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
@@ -46,18 +47,18 @@ pub trait Upstream<A: Board, C: Cost = Fast>: Send {
         u64::MAX
     }
 
-    /// Lets the actor act, which is due at `at`. [`Upstream::next_at`] must return a later instant afterwards.
+    /// Lets the actor act at `at`, when it is due. [`Upstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 }
 
-/// What is beside the second board and brings it what left the first.
+/// What is beside the second board, and brings it the messages that left the first.
 pub trait Downstream<B: Board, C: Cost = Fast> {
     /// A message that left the first board.
     type Message;
 
-    /// What else is reported of the first board.
+    /// Everything else that is reported of the first board.
     type Notes;
 
     /// Receives `message`, which left the first board at `at` (virtual ns). The second board may not have reached that
@@ -67,7 +68,7 @@ pub trait Downstream<B: Board, C: Cost = Fast> {
     /// Receives the `notes` of the first board, which may be far ahead.
     fn noted(&mut self, notes: Self::Notes);
 
-    /// Takes what left the second board. It reaches no other board.
+    /// Takes what left the second board. None of that reaches another board.
     fn leave(&mut self, node: &mut Node<B, C>) {
         let _ = node;
     }
@@ -77,7 +78,7 @@ pub trait Downstream<B: Board, C: Cost = Fast> {
         u64::MAX
     }
 
-    /// Lets the actor act, which is due at `at`. [`Downstream::next_at`] must return a later instant afterwards.
+    /// Lets the actor act at `at`, when it is due. [`Downstream::next_at`] must return a later instant afterwards.
     fn act(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
@@ -160,8 +161,8 @@ where
     }
 
     /// Runs both boards on along `course`, on the caller's thread, to the end of its next step or to where a board's
-    /// debugger halts it ([`Node::halted`]). After a halt both boards stand still, and the next call continues once the
-    /// halted one is resumed. The results are those of [`Relay::run`] for the same boards without debuggers.
+    /// debugger halts that board ([`Node::halted`]). After a halt both boards stand still, and the next call continues
+    /// once the halted board is resumed. The results are those of [`Relay::run`] for the same boards without debuggers.
     pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
         let Self { a, b, upstream, downstream } = self;
         let Course { lead, follower, end, step } = course;
@@ -193,10 +194,10 @@ impl<M> Course<M> {
     }
 }
 
-/// How far a relay has come, see [`Relay::run_course`].
+/// Where a call of [`Relay::run_course`] has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// The second board reached the end of a step, which is this instant (virtual ns).
+    /// The second board has reached the end of a step, which is at this instant (virtual ns).
     Reached(u64),
     /// A board is halted.
     Halted,
@@ -206,7 +207,7 @@ pub enum Way {
 #[derive(Clone, Debug)]
 struct Lead<M> {
     sent: Vec<(u64, M)>,
-    /// The end of the piece of time that the board has begun.
+    /// The end of the piece of time that the board has begun; `None` between two pieces.
     to: Option<u64>,
 }
 
@@ -250,7 +251,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Interval<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    // Steps lie on one grid wherever runs end, even if a board has gone on to the end of an instruction.
+    // The ends of steps lie on one grid wherever runs end, even if a board has gone on to the end of an instruction.
     let mut follower = Follower::new(node.now() / step * step);
     while follower.at < end {
         let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
@@ -264,7 +265,7 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
 struct Follower<M> {
     /// The messages that left the first board and were not delivered yet.
     on_the_way: VecDeque<(u64, M)>,
-    /// How far the first board is known to have come, and whether it has ended.
+    /// How far the first board is known to have come. The next field is whether it has ended.
     reached: u64,
     ended: bool,
     /// The end of the last complete step.
@@ -276,9 +277,8 @@ impl<M> Follower<M> {
         Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
     }
 
-    /// Runs the second board to the end of its next step. `tell` returns what the first board reports next, or `None`
-    /// if that board is halted. The step then continues with the next call, as it does after a halt of the second
-    /// board.
+    /// Runs the second board to the end of its next step. `tell` returns the next report of the first board, or `None`
+    /// if the first board is halted. After a halt of either board the next call continues the step.
     fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
         &mut self,
         node: &mut Node<B, C>,
@@ -320,8 +320,8 @@ impl<M> Follower<M> {
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
-            // Some reports of the first board were not needed by the second until now, and some messages are for
-            // instants after the end. All of them are delivered here.
+            // Some reports of the first board were not needed until now, and some messages are for instants after the
+            // end of the run. All of them are delivered here.
             while !self.ended {
                 let Some(told) = tell() else { return Way::Halted };
                 self.hear(told, downstream);

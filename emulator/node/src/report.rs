@@ -25,7 +25,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn take_findings(&mut self) -> Vec<Finding> {
         self.report_errors();
         let mut findings = std::mem::take(&mut self.findings);
-        // Among findings of one instant, those of the part come first, since they are why the core then stops.
+        // Among findings of one instant, those of the part come first, since they explain why the core then stops.
         findings.sort_by_key(|finding| (finding.at, finding.kind.ends_run()));
         findings
     }
@@ -49,9 +49,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.findings.push(Finding { kind, at, pc, symbol, text });
     }
 
-    /// Reports an input from outside, `what`, that was due at `at` (virtual ns) and reaches this node too late. If the
-    /// node is beyond that instant by more than one instruction of its core, the run is not exact, and a finding says
-    /// so.
+    /// Reports the input from outside `what`, which was due at `at` (virtual ns), as late. If the node is beyond that
+    /// instant by more than one instruction of its core, the run is not exact, and a finding says so.
     pub(super) fn note_late(&mut self, at: u64, what: &str) {
         let now = self.now();
         if now > at.saturating_add(self.instruction_ns()) {
@@ -82,7 +81,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Handles a stop of the core before an instruction that the node watches.
     pub(super) fn trapped(&mut self) {
         let pc = u64::from(self.core.pc());
-        // A handler that is a branch to itself gets here at every turn.
+        // A handler that is a branch to itself stops here at every turn of its loop.
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }
@@ -112,7 +111,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Locks the core up now, as a fault inside a fault handler does. It executes nothing until it is reset.
+    /// Locks the core up now, as a fault inside a fault handler does. The core executes nothing until it is reset.
     pub fn lock_up(&mut self) {
         if !self.powered {
             return;
@@ -122,8 +121,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Whether the core is before the first instruction of the handler that the vector table has for HardFault, in
-    /// HardFault or in another fault with the same handler. A fault with a handler of its own may be ordinary: a system
-    /// may let a stack grow, or end one task of many.
+    /// HardFault or in another fault with the same handler. A fault with another handler may be part of normal
+    /// operation: a system may let a stack grow, or end one task of many.
     pub(super) fn is_in_hard_faults_handler(&self) -> bool {
         let vector = u64::from(self.core.vector_table()) + 4 * u64::from(HARD_FAULT);
         let handler = memory::value(&self.side.part, vector, 4).map(|handler| handler & !1);
@@ -173,9 +172,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.find(FindingKind::Panic, Some(pc), text);
     }
 
-    /// The place at which the firmware's own code called what panicked: the innermost return address on the stack that
-    /// is not in the language's libraries. A word that only looks like a return address is rare above the stack
-    /// pointer, and the text of the finding has the place that the panic itself states.
+    /// The address of the call in the firmware's own code that led to the panic: the innermost return address on the
+    /// stack that is not in the language's libraries. A word that only looks like a return address is rare above the
+    /// stack pointer, and the text of the finding has the place that the panic itself states.
     fn panicking_call(&self) -> Option<u64> {
         const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
         let part = &self.side.part;
@@ -190,8 +189,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         })
     }
 
-    /// The place in a `PanicInfo`. Its layout is not stable, but it holds a `&Location`: {file name, its length, line,
-    /// column}. The function takes the first word that points to something of that shape.
+    /// The place that a `PanicInfo` names. Its layout is not stable, but it holds a `&Location`: {file name, its
+    /// length, line, column}. The function takes the first word that points to something of that shape.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let part = &self.side.part;

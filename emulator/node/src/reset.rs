@@ -15,7 +15,7 @@ pub struct ResetAt {
 }
 
 impl ResetAt {
-    /// The cause in words that follow "restarted".
+    /// The cause in words that can follow "restarted".
     #[must_use]
     pub fn why(&self) -> String {
         match self.cause {
@@ -37,15 +37,15 @@ pub enum FromOutside {
     PowerOn(u64),
     /// The supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for firmware.
     BrownOut,
-    /// The watchdog bit, whatever the firmware did. RAM keeps its contents.
+    /// The watchdog resets the part, whatever the firmware did. RAM keeps its contents.
     Watchdog,
     /// A debugger resets the part through the part's own access port, with the effect of AIRCR.SYSRESETREQ.
     SoftReset,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Restarts the part from outside, now. Its reset flags show the cause as far as the part has flags for it, and
-    /// [`Node::resets`] lists it. A part whose supply is off can begin only with a power-on.
+    /// Restarts the part from outside, now. The part's reset flags show the cause as far as the part has flags for it,
+    /// and [`Node::resets`] lists it. A part whose supply is off can begin only with a power-on.
     pub fn restart(&mut self, why: FromOutside) {
         match why {
             FromOutside::PowerOn(seed) => self.power_on(seed),
@@ -58,17 +58,17 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Switches the part's supply off, now. Its core executes nothing and its pins are not driven until
-    /// [`Node::power_on`]. Time goes on for the board, whose chips act as before; the caller decides what becomes of
-    /// them. The call does nothing to a part that is off.
+    /// [`Node::power_on`]. Time goes on for the board, whose chips act as before; the caller decides whether they still
+    /// have their supply. The call does nothing to a part that is off.
     pub fn power_off(&mut self) {
         if !self.powered {
             return;
         }
         let at = self.present();
-        // The log is read once more, since nobody can read what the firmware logged last afterwards.
+        // The log is read once more, since the firmware's last lines cannot be read afterwards.
         self.probe_log(self.now());
         self.powered = false;
-        // A part without its supply does what it does at power-on before its core begins: nothing, with all pins open.
+        // A part without its supply is in the state of a power-on before its core begins: all pins are open.
         self.side.with(at, |part, view| part.reset(at, Reset::PowerOn, view));
         self.side.reset = None;
         self.side.settle(at);
@@ -87,10 +87,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
-    /// Sets the part's supply to `microvolts` from now on. A supply that holds the part in reset counts as off. When it
-    /// returns, RAM keeps everything if the supply stayed above 1.4 V, nothing if it fell below 0.4 V, and in between
-    /// some pieces of eight bytes, each as a whole (assumed, since no data sheet says). `seed` decides what is lost,
-    /// and what goes wrong at a voltage that is too low for what the part does.
+    /// Sets the part's supply to `microvolts` from now on. A supply that holds the part in reset counts as off. When
+    /// the supply returns, RAM keeps everything if the voltage stayed above 1.4 V, nothing if it fell below 0.4 V, and
+    /// in between some pieces of eight bytes, each as a whole (assumed, since no data sheet says). `seed` decides what
+    /// is lost, and what goes wrong at a voltage that is too low for what the part does.
     pub fn supply(&mut self, microvolts: u32, seed: u64) {
         let supplied = self.input(|part, view, at| part.supply(at, microvolts, seed, view));
         match supplied {
@@ -113,14 +113,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes the flag that the part has warned its firmware of a falling supply since the last call.
+    /// Returns whether the part has warned its firmware of a falling supply since the last call.
     pub fn take_supply_warning(&mut self) -> bool {
         self.side.part.take_supply_warning()
     }
 
     /// Makes the core execute nothing and take no interrupt from now on, see [`cortex_m4::Core::hang`], until something
-    /// resets the part, such as the watchdog that nobody feeds. Everything else goes on. The call does nothing to a
-    /// part without its supply.
+    /// resets the part, such as a watchdog that the firmware no longer feeds. Everything else goes on. The call does
+    /// nothing to a part without its supply.
     pub fn hang(&mut self) {
         if self.powered {
             self.core.hang();
@@ -148,13 +148,13 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
-        // Some models of the part are new and assume that the core runs. Others keep their state.
+        // Some models of the part are made anew and assume that the core runs. Others keep their state.
         self.told_halt = self.told_halt && !self.core.is_halted();
         self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
         self.clear_log();
-        // What was reported of the last start may happen and be reported again.
+        // The events that were reported before the restart may happen and be reported again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
         self.hold_after_reset();

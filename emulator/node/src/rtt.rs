@@ -3,7 +3,7 @@
 //! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the numbers of up and down channels, then 24 bytes
 //! for each channel {name, buffer, size, write offset, read offset, flags}. The probe reads an up channel from the read
 //! offset to the write offset, wraps at the size, and sets the read offset to the write offset, which makes room for
-//! more.
+//! more data.
 //!
 //! | what | how |
 //! |---|---|
@@ -18,7 +18,7 @@ use emulator_part::Part;
 use super::finding::FindingKind;
 use super::{Firmware, memory};
 
-/// A length in bytes. Shorter messages fit into a buffer that is not nearly full.
+/// The length in bytes of a message that counts as short: it fits into a buffer that is not nearly full.
 const SHORT_MESSAGE: u64 = 32;
 /// The first bytes of every initialised control block. The firmware writes them last.
 pub(super) const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
@@ -28,14 +28,14 @@ const UP_COUNT: u64 = 16;
 const CHANNELS: u64 = 24;
 /// The number of bytes that describe one channel.
 const CHANNEL_BYTES: u64 = 24;
-/// More channels than any firmware declares. A larger number is garbage.
+/// The largest number of channels that is accepted. No firmware declares more, so a larger number is garbage.
 const MOST_CHANNELS: u64 = 16;
 /// The length of the longest control block in bytes. It assumes as many down channels as up channels.
 pub(super) const LONGEST: usize = (CHANNELS + 2 * MOST_CHANNELS * CHANNEL_BYTES) as usize;
 
 /// The longest channel name that is shown, in bytes.
 const LONGEST_NAME: usize = 32;
-/// The name of the channel with defmt frames: `defmt-rtt` gives it this name, and by convention everything else does
+/// The name of the channel with defmt frames: `defmt-rtt` gives it this name, and by convention every other crate does
 /// too.
 const DEFMT: &str = "defmt";
 /// The longest line of text in bytes. A line without an end by then is shown as it is.
@@ -59,7 +59,7 @@ pub(crate) struct Drained {
     pub(crate) bytes: Vec<u8>,
     /// Whether the channel has a buffer.
     pub(crate) in_use: bool,
-    /// Whether the buffer had no room left and the firmware does not wait for it, so that what it wrote meanwhile is
+    /// Whether the buffer had no room left and the firmware does not wait for room, so that what it wrote meanwhile is
     /// lost.
     pub(crate) overran: bool,
 }
@@ -75,14 +75,15 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
     match memory::value(part, block + UP_COUNT, 4).unwrap_or(0) {
         count @ 1..=MOST_CHANNELS => Ok(count),
-        // Start-up code may copy the block from its image in flash, the name before the number, into RAM that is zero.
+        // Start-up code may copy the block from its image in flash into RAM that is zero, and copies the name before
+        // the number.
         0 => Err(RttFault::NotYet),
         count => Err(RttFault::Corrupt(format!("the RTT control block counts {count} up channels"))),
     }
 }
 
 /// Finds a control block in the part's RAM: the first that begins with the magic at a multiple of four and has a
-/// possible number of channels. It serves for an image that gives its block another name, or has no symbols.
+/// possible number of channels. The search is for an image that gives its block another name, or has no symbols.
 pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
     P::RAM.iter().find_map(|&(start, size)| {
         let bytes = part.memory(start, size)?;
@@ -111,7 +112,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
     // A firmware that tests its RAM as it starts writes zeros and ones over the control block of the last start, whose
-    // magic may still be there.
+    // magic may remain.
     if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
@@ -142,7 +143,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
         memory::write(part, entry + 16, &offset.to_le_bytes());
     }
     // One byte always stays free, since a full buffer would otherwise look empty. In mode 0 a message that does not fit
-    // is dropped whole, so the buffer rarely fills to the last byte, and nearly full counts as full.
+    // is dropped whole, so the buffer rarely fills to the last byte, and a nearly full buffer counts as full.
     let free = size - 1 - u64::try_from(bytes.len()).unwrap_or(0);
     let overran = match word(part, entry + 20) & 3 {
         0 => free < (size / 4).min(SHORT_MESSAGE),
@@ -200,7 +201,7 @@ impl std::fmt::Display for LogLine {
     }
 }
 
-/// Makes a line of the plain text that came over `channel`.
+/// Makes a log line of the plain text that came over `channel`.
 pub(crate) fn text_line(at: u64, channel: &str, bytes: &[u8]) -> LogLine {
     let text = String::from_utf8_lossy(bytes).trim_end_matches(['\r', '\n']).to_owned();
     LogLine { at, timestamp: String::new(), level: LogLevel::None, channel: channel.to_owned(), text }
@@ -295,7 +296,7 @@ struct Channel {
     frames: Frames,
     /// The received bytes, for [`Channels::take_raw`].
     raw: Vec<u8>,
-    /// The faults that were already reported, so that a firmware in a loop is not reported for ever.
+    /// Whether a corrupt channel was already reported, so that a firmware in a loop is not reported for ever.
     told_corrupt: bool,
     told_overrun: bool,
     told_malformed: bool,
@@ -388,7 +389,7 @@ impl Channels {
 }
 
 impl Channel {
-    /// Makes lines of `bytes`. `decoded` says that some channel has the name of the channel with frames.
+    /// Makes log lines of `bytes`. `decoded` says that some channel has the name of the channel with defmt frames.
     #[expect(clippy::too_many_arguments, reason = "all of a look's circumstances")]
     fn take(
         &mut self,

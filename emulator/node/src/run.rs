@@ -1,7 +1,7 @@
 //! Running one firmware alone on one board to its end, for `cargo xtask run` and on-target test suites.
 //!
 //! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler,
-//! a lock-up), when it only restarts, or at a limit of virtual time. After a fault, the handler runs on for
+//! a lock-up), when it does nothing but restart, or at a limit of virtual time. After a fault, the handler runs on for
 //! [`LAST_WORDS`], so that its output about the fault is received, unless the part restarts or locks up before.
 //! defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
@@ -23,9 +23,9 @@ pub enum Clock {
     /// Instructions have a fixed cost, see [`cortex_m4::Fast`].
     #[default]
     Fast,
-    /// No processor of this kind is faster, see [`cortex_m4::Optimistic`].
+    /// No real Cortex-M4 is faster than this clock, see [`cortex_m4::Optimistic`].
     Optimistic,
-    /// No processor of this kind is slower, see [`cortex_m4::Pessimistic`].
+    /// No real Cortex-M4 is slower than this clock, see [`cortex_m4::Pessimistic`].
     Pessimistic,
 }
 
@@ -109,8 +109,8 @@ impl Target {
         self.run_here(clock, firmware, connected, limits, &mut event)
     }
 
-    /// Does what [`Target::run_connected`] does, without a type parameter of the caller's. The core is therefore
-    /// compiled in this crate, with this crate's options, and not in the caller's.
+    /// Does what [`Target::run_connected`] does, but without a type parameter of the caller. The core is therefore
+    /// compiled in this crate, with this crate's options, and not in the caller's crate.
     fn run_here(
         self,
         clock: Clock,
@@ -263,15 +263,15 @@ pub fn run_connected<P: Part, C: Cost>(
     Ok(running.finish())
 }
 
-/// A run of one firmware alone on one board, in pieces. A debugger's halt cuts a piece off, and the piece later
-/// continues to the same instant, so the outcome is the same as without the halt.
+/// A run of one firmware alone on one board, in pieces. A debugger's halt interrupts a piece, which later continues to
+/// the same instant, so the outcome is the same as without the halt.
 pub struct Running<P: Part, C: Cost> {
     node: Node<Leads<P>, C>,
     limits: Limits,
     stack: Option<Stack>,
     /// The end of the present piece, in virtual ns.
     piece: u64,
-    /// The number of restarts that were reported.
+    /// The number of restarts that were reported so far.
     told: usize,
     lines: Vec<LogLine>,
     findings: Vec<Finding>,
@@ -305,7 +305,8 @@ impl<P: Part, C: Cost> Running<P, C> {
         let halted = self.node.halted().filter(|_| !restarted);
         if let Some(why) = halted {
             self.hand_over(event);
-            // When the firmware has ended, the findings tell a user why, before the user inspects the halted core.
+            // When the firmware has ended, the findings tell a user the reason, before the user inspects the halted
+            // core.
             if why == Halt::Ended {
                 self.take_findings(event);
             }
@@ -333,7 +334,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
-    /// Reports what was logged and what the leads received.
+    /// Reports what the firmware logged and what the leads received.
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_sent()));
         heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
@@ -378,7 +379,7 @@ impl<P: Part, C: Cost> Running<P, C> {
     }
 
     /// The status of the run so far, as in [`Outcome::status`], except that it is not zero after findings. With
-    /// `runs_on`, for a firmware that is meant to run for ever, it is zero if there are no findings yet.
+    /// `runs_on`, for a firmware that is meant to run for ever, the status is zero as long as there are no findings.
     pub fn status(&self, runs_on: bool) -> u32 {
         let exit = self.node.exit_status().or(runs_on.then_some(0));
         match status(exit, self.died) {

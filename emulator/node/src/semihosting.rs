@@ -77,7 +77,7 @@ impl<B: Board, C: Cost> Node<B, C> {
                 if memory::write(&mut self.side.part, parameter, &now) { 0 } else { FAILED }
             }
             0x31 => 1_000_000_000,
-            // There is no file system here, nor anything to read, so these calls fail as on a host without one.
+            // There is no file system and no input here, so these calls fail as on a host without one.
             0x06 | 0x07 | 0x0A | 0x0C..=0x0F | 0x12 | 0x15 | 0x16 => FAILED,
             _ => {
                 let text = format!("semihosting operation {operation:#x} is not served");

@@ -9,9 +9,9 @@ use super::LineEdge;
 use super::board::{Board, Input, View};
 use super::finding::Finding;
 
-/// The first address of peripherals. Code and RAM are below.
+/// The first address of peripherals. Code and RAM lie below it.
 const PERIPHERALS: u32 = 0x4000_0000;
-/// The first address of RAM. Code is below.
+/// The first address of RAM. Code lies below it.
 const RAM: u32 = 0x2000_0000;
 
 /// The number of earlier clocks that a node keeps. A restart changes the clock three times.
@@ -28,9 +28,9 @@ pub(super) struct Side<B: Board> {
     pub(super) clock: Clock,
     /// The time in ns for which the core was awake up to the last change of its clock, and its awake cycles until then.
     pub(super) awake: (u64, u64),
-    /// Whether something reached the board since it last settled.
+    /// Whether something reached the board since the board last settled.
     pub(super) touched: bool,
-    /// When a chip of the board next acts: the cycle, and the same instant in ns.
+    /// When a chip of the board next acts, as a cycle. The next field is that instant in ns.
     pub(super) board_due: Cycle,
     board_event: u64,
     pub(super) inputs: Vec<Input>,
@@ -41,17 +41,17 @@ pub(super) struct Side<B: Board> {
     /// The findings of the part's models, with their instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// The cycles in which the core did not run, without those since it last came to rest.
+    /// The number of cycles in which the core did not run, without those since it last came to rest.
     idle: u64,
     /// The cycle at which the core last came to rest, `None` if it runs.
     idle_from: Option<Cycle>,
-    /// The cycle, and its instant in ns, past which nothing outside the core may happen yet, since something may act on
-    /// the board at that instant.
+    /// The cycle past which nothing outside the core may happen yet, since something may act on the board then. The
+    /// next field is its instant in ns.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
-    /// Whether something acted on the board since the core last ran, so that the core may wake.
+    /// Whether something acted on the board since the core last ran, so that the core may have to wake.
     pub(super) stirred: bool,
-    /// The instants in ns at which the core fell asleep (`true`) and woke, `None` unless they are watched.
+    /// The instants in ns at which the core fell asleep (`true`) and woke; `None` if they are not recorded.
     pub(super) sleeps: Option<Vec<(u64, bool)>>,
 }
 
@@ -93,7 +93,7 @@ impl<B: Board> Side<B> {
         answer
     }
 
-    /// Lets the board act on what reached it, and takes in the part's changes.
+    /// Lets the board react to what reached it, and takes over the part's changes.
     #[inline]
     pub(super) fn after(&mut self, at: Cycle) {
         if self.touched {
@@ -134,7 +134,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes in the board's next event, which may have moved.
+    /// Takes over the instant of the board's next event, which may have moved.
     fn replan(&mut self) {
         let event = self.board.next_event();
         if event != self.board_event {
@@ -147,7 +147,8 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// Takes in the part's findings, clock, reset request and interrupt lines, after a change that the part announced.
+    /// Takes over the part's findings, clock, reset request and interrupt lines, after a change that the part
+    /// announced.
     pub(super) fn changed(&mut self, at: Cycle) {
         // Findings come before a change of rate, since their instants are counted at the old rate.
         let found = self.part.findings();
@@ -184,8 +185,8 @@ impl<B: Board> Side<B> {
     /// Changes the rate of the core's clock from `at` on, or stops the clock.
     fn follow(&mut self, clock: Clock, at: Cycle) {
         let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
-        // While the core has no clock, cycles are counted on at the last rate and stand for the bench's time. A change
-        // from one rate to another does not release a core that waits for its flash.
+        // While the core has no clock, cycles are counted on at the last rate, so that they stand for the bench's time.
+        // A change from one rate to another does not release a core that waits for its flash.
         if clock.hz == 0 {
             self.part.signals().stall_until(NEVER);
         } else if stopped {
@@ -203,13 +204,13 @@ impl<B: Board> Side<B> {
             self.time.change(at, clock.hz, clock.ppb);
             self.board_event = self.board.next_event();
             self.board_due = self.time.cycle(self.board_event);
-            // The horizon's instant now has another cycle, and the core must not run on to the old one.
+            // At the new rate the horizon's instant has another cycle, and the core must not run on to the old cycle.
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop();
         }
     }
 
-    /// Notes that at `cycle` the core has not run in `idle` of its cycles. `rests` says whether it is at rest now.
+    /// Records that at `cycle` the core has not run in `idle` of its cycles. `rests` says whether it is at rest now.
     pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }

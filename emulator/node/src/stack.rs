@@ -2,7 +2,7 @@
 //!
 //! The memory between the stack's bottom and its top is filled with a pattern before the first instruction, as
 //! debuggers do on a board. Bytes that no longer hold the pattern were used. Bytes that were reserved and never written
-//! do not count, and neither does a process stack elsewhere.
+//! do not count, and neither does a process stack in other memory.
 
 use emulator_part::Part;
 
@@ -11,7 +11,7 @@ use super::{Firmware, memory};
 /// The value of the bytes of unused stack.
 const PATTERN: u8 = 0xA5;
 
-/// The place of a firmware's stack.
+/// The address range of a firmware's stack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stack {
     /// The lowest address of the stack: the end of what the image places below it, or the start of RAM.
@@ -28,7 +28,7 @@ impl Stack {
         let vectors = u64::from(part.core().vector_table);
         let top = u32::try_from(memory::value(part, vectors, 4)?).ok()?;
         let &(ram, _) = P::RAM.iter().find(|&&(start, size)| top > start && (top - start) as usize <= size)?;
-        // With flip-link nothing is below the stack, so the bottom is the start of RAM.
+        // With flip-link the image places nothing below the stack, so the bottom is the start of RAM.
         let bottom = firmware.placed_below(ram, top)?;
         (bottom < top).then_some(Self { bottom, top })
     }

@@ -1,4 +1,4 @@
-//! The start of a node: the image in the part's memory, and the part at power-on.
+//! Makes a node: puts the image into the part's memory, and begins at power-on.
 
 use std::collections::BTreeSet;
 
@@ -43,7 +43,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Makes the node at power-on, with `firmware` already in the part's memory.
     pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
         let config = part.core();
-        // The panic handler is inlined where the linker's optimisation finds that it has one caller.
+        // The panic handler has no symbol of its own if the linker's optimisation inlined it into its only caller.
         let panics = |name: &str| firmware.functions_called(name).collect::<BTreeSet<u64>>();
         let handler = panics("rust_begin_unwind");
         let traps = Traps {
@@ -80,7 +80,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         node.arm();
         node.core.tell_faults(true);
-        // A new part has its pins as at power-on, and the board gets this state here.
+        // The pins of a new part are as at power-on. This call tells the board that state.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
         node.side.settle(0);

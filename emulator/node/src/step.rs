@@ -30,8 +30,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.time.cycle(ns)
     }
 
-    /// The first instant at which this board may act without anything from outside. It is the present while the core is
-    /// awake, and the next instant of the chips around the part while the part has no supply.
+    /// The first instant at which this board may act without an action from outside. While the core is awake that is
+    /// the present; while the part has no supply it is the next instant of the chips around the part.
     #[must_use]
     pub fn earliest(&self) -> u64 {
         if !self.powered {
@@ -65,14 +65,14 @@ impl<B: Board, C: Cost> Node<B, C> {
         !self.powered || self.core.is_asleep()
     }
 
-    /// Runs to `to` (virtual ns), or to an instruction boundary before it at which something left the board. Whoever
-    /// then acts on the board acts at `to` itself; the core reacts after its present instruction.
+    /// Runs to `to` (virtual ns), or to an instruction boundary before it at which something left the board. If the
+    /// caller then acts on the board, it does so at `to` itself; the core reacts after its present instruction.
     pub fn advance(&mut self, to: u64) {
         self.advance_or_restart(to, false);
     }
 
-    /// Runs as [`Node::advance`] does, but at most to the next restart of the part, before its core has executed an
-    /// instruction. Returns whether the part restarted.
+    /// Runs as [`Node::advance`] does, but at most to the next restart of the part, and stops there before the core has
+    /// executed an instruction. Returns whether the part restarted.
     pub fn advance_to_restart(&mut self, to: u64) -> bool {
         self.advance_or_restart(to, true)
     }
@@ -135,7 +135,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Notes what the core has run so far, and whether it is at rest.
+    /// Records the cycles that the core has run so far, and whether it is at rest.
     fn note_idle(&mut self) {
         let Self { core, side, powered, exit, .. } = self;
         let rests = core.is_asleep() || core.is_halted() || core.locked_up() || core.is_hung();
@@ -143,7 +143,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Whether the core loops on one instruction that it does not leave by itself, with interrupts masked or in the
-    /// handler of an exception. A firmware that has stopped itself for good does so.
+    /// handler of an exception. That is what a firmware does that has stopped itself for good.
     #[must_use]
     pub fn stopped_itself(&self) -> bool {
         let [primask, faultmask] = [Register::Primask, Register::Faultmask].map(|mask| self.core.register(mask) != 0);

@@ -27,22 +27,22 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.sleeps = on.then(|| vec![(now, self.core.is_asleep())]);
     }
 
-    /// Takes the changes of the active exception since the last call: each has its instant (virtual ns) and the
-    /// exception from then on, 0 for thread mode, 16 + n for interrupt n. Empty where they are not watched.
+    /// Takes the changes of the active exception since the last call: the instant of each (virtual ns) and the
+    /// exception from then on, 0 for thread mode, 16 + n for interrupt n. The result is empty if tasks are not watched.
     pub fn take_tasks(&mut self) -> Vec<(u64, u16)> {
         self.note_tasks();
         self.tasks.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Takes the instants (virtual ns) at which the core fell asleep (`true`) and woke (`false`) since the last call.
-    /// Empty where tasks are not watched.
+    /// The result is empty if tasks are not watched.
     pub fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
         self.side.sleeps.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// The numbers of the exceptions whose handler is the function that the image calls `handler`. There are several
     /// where the compiler has merged functions with the same code. There are none if the image has no such function, if
-    /// no entry of the vector table leads to it, or if it is the default handler.
+    /// no entry of the vector table leads to the function, or if it is the default handler.
     #[must_use]
     pub fn exceptions_of(&self, handler: &str) -> Vec<u16> {
         let Some(address) = self.firmware.symbol(handler).map(|symbol| symbol.address & !1) else { return vec![] };
@@ -54,8 +54,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         (1..EXCEPTIONS).filter(|&number| entry(number) == Some(address | 1)).collect()
     }
 
-    /// The priority of exception `number`, as its register has it now. A lower number is more urgent: -3 to 255, and
-    /// 256 for thread mode.
+    /// The priority of exception `number`, as the exception's register has it now. A lower number is more urgent: -3 to
+    /// 255, and 256 for thread mode.
     #[must_use]
     pub fn exception_priority(&mut self, number: u16) -> i16 {
         let number = u32::from(number);
@@ -71,7 +71,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     /// Switches interrupt `line` off in the interrupt controller, until the firmware switches it on again, as it does
     /// at its next start. Does nothing if the line is not on, which includes a part without its supply and a firmware
-    /// that is starting. Returns whether it was on.
+    /// that is starting. Returns whether the line was on.
     ///
     /// # Panics
     ///
@@ -87,7 +87,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         was_on
     }
 
-    /// Notes that the supply went off or came on. Without its supply the core counts as asleep.
+    /// Records that the supply went off or came on. Without its supply the core counts as asleep.
     pub(super) fn note_power(&mut self) {
         let at = self.now();
         if let Some(sleeps) = &mut self.side.sleeps {
@@ -95,7 +95,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
     }
 
-    /// Takes over the core's record, before its clock changes again.
+    /// Takes over the core's record of active exceptions, before the core's clock changes again.
     pub(super) fn note_tasks(&mut self) {
         let Some(tasks) = &mut self.tasks else { return };
         let side = &self.side;

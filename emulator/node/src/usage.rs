@@ -7,7 +7,7 @@ use super::{Board, Node};
 /// A change of the level of a watched interrupt line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineEdge {
-    /// The instant at which the model changed it, in virtual nanoseconds.
+    /// The instant at which the model changed the line, in virtual nanoseconds.
     pub at: u64,
     /// The number of the line, as the vector table numbers interrupts.
     pub line: u16,
@@ -20,7 +20,7 @@ pub struct LineEdge {
 pub struct Usage {
     /// The virtual nanoseconds in which the core executed instructions.
     pub awake: u64,
-    /// The virtual nanoseconds in all.
+    /// The virtual nanoseconds in all, awake or asleep.
     pub total: u64,
 }
 
@@ -31,7 +31,7 @@ impl Usage {
         if self.total == 0 { 0.0 } else { self.awake as f64 / self.total as f64 }
     }
 
-    /// The usage since `before`.
+    /// The usage from `before` to this one.
     #[must_use]
     pub fn since(self, before: Self) -> Self {
         Self { awake: self.awake - before.awake, total: self.total - before.total }

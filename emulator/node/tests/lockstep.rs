@@ -13,7 +13,7 @@ use thumb::{COUNTER, EXTI, GPIOA, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, fi
 const BLOCK: u32 = 0x2000_1000;
 const BYTES: u32 = 64;
 
-/// An event on the cable between the two.
+/// An event on the cable between the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clocked {
     Select,
@@ -21,7 +21,7 @@ enum Clocked {
     Deselect,
 }
 
-/// The cable at the far end of the sender's SPI. It records everything that happens on it, with its instant.
+/// The sender's end of the SPI cable. It records every event on the cable, with its instant.
 #[derive(Clone, Debug, Default)]
 struct Sender {
     crossed: Vec<(u64, Clocked)>,
@@ -78,7 +78,7 @@ impl Board for Receiver {
     }
 }
 
-/// The delay of the wire back to the sender, in ns.
+/// The delay of the wire from the receiver back to the sender, in ns.
 const BACK: u64 = 1_000;
 
 #[derive(Debug, Default)]
@@ -128,7 +128,7 @@ impl Between<Sender, Receiver> for Wires {
 }
 
 /// The sender's firmware: SPI1 at 2 MHz from the 16 MHz internal oscillator, with DMA2 stream 3, whose interrupt comes
-/// at the end. It sends a block whenever the receiver says that it is ready.
+/// at the end of a block. It sends a block whenever the receiver signals that it is ready.
 fn sending() -> emulator_node::Firmware {
     const DMA2: u32 = 0x4002_6400;
     const STREAM3: u32 = DMA2 + 0x10 + 0x18 * 3;
@@ -163,8 +163,8 @@ fn sending() -> emulator_node::Firmware {
     firmware("sending", &main, &[(59, &done), (9, &answered)])
 }
 
-/// The receiver's firmware: SPIS1 receives into the block. A pulse on P1.05 says that it is ready, at first and after
-/// each END.
+/// The receiver's firmware: SPIS1 receives into the block. A pulse on P1.05 signals that the receiver is ready, at
+/// first and after each END.
 fn receiving() -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;
@@ -212,7 +212,7 @@ fn two_parts_exchange_a_block_by_dma_and_interrupts() {
     assert_eq!(block.as_slice(), sent);
     let answered = pair.a.word(u64::from(COUNTER)).unwrap();
     let received = pair.b.word(u64::from(COUNTER)).unwrap();
-    // A block is 64 bytes of 4 us. The two handlers and the wire add a few microseconds.
+    // A block is 64 bytes of 4 µs. The two handlers and the wire add a few microseconds.
     assert!((15..=20).contains(&answered), "{answered} answers");
     assert!(received + 1 == answered || received == answered, "{received} blocks for {answered} answers");
     assert!(pair.between.bytes.starts_with(&sent));

@@ -46,8 +46,8 @@ fn a_timer_interrupt_is_exact_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// A loop runs on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal. TIM2, which has the same
-/// clock, measures each.
+/// A loop runs on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal. TIM2, which runs on the
+/// core's clock, measures both runs.
 #[test]
 fn the_core_follows_its_clock_tree() {
     const TURNS: u32 = 10_000;
@@ -57,7 +57,7 @@ fn the_core_follows_its_clock_tree() {
     let lap = |main: &mut Thumb, to: u32| {
         main.store(TIM2 + 0x24, 0).mov(0, TURNS);
         let again = main.here();
-        // The loop is: SUBS r0, #1; BNE to it.
+        // The loop is SUBS r0, #1 and a BNE back to it.
         main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
         main.mov(2, TIM2 + 0x24).ldr(1, 2, 0).mov(2, to).str(1, 2, 0);
     };
@@ -72,7 +72,7 @@ fn the_core_follows_its_clock_tree() {
     for cycles in turns {
         assert!(cycles.abs_diff(TURNS * 2) <= 20, "{turns:?}");
     }
-    // The core is awake for 20 000 cycles at 16 MHz, then at 8 MHz.
+    // The core is awake for 20 000 cycles at 16 MHz, then for as many at 8 MHz.
     let awake = node.usage().awake;
     assert!(awake.abs_diff(1_250_000 + 2_500_000) <= 20_000, "{awake}");
     assert_eq!(node.take_findings(), []);
@@ -246,7 +246,7 @@ fn an_image_that_does_not_fit_is_refused() {
     assert!(error.to_string().contains("0x09000000"), "{error}");
 }
 
-/// Two wires, each from one board's PD14 to the other's PA3.
+/// Two wires, each from one board's pin PD14 to the other's PA3.
 #[derive(Debug)]
 struct Wires {
     lookahead: Lookahead,
@@ -284,7 +284,8 @@ impl Between<Player, Player> for Wires {
     }
 }
 
-/// A board that answers each rising edge of PA3 with a pulse on PD14. The one that serves pulses once at its start.
+/// A board that answers each rising edge of PA3 with a pulse on PD14. The board that `serves` also pulses once at its
+/// start.
 fn player(serves: bool) -> emulator_node::Firmware {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28);
@@ -319,8 +320,8 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes the handler's instructions up to its store, and the wire's delay in one direction. Instructions
-    // take 93 or 94 ns, and a wake-up rounds to the next one.
+    // An answer takes the time of the handler's instructions up to its store, and the wire's delay in one direction.
+    // The instructions take 93 or 94 ns, and a wake-up rounds to the next nanosecond.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
     let spread = |answers: &[(usize, &u64)]| {
@@ -352,7 +353,7 @@ fn a_one_way_link_needs_no_lookahead_back() {
     assert_eq!((counter(&mut pair.a), counter(&mut pair.b)), (0, 1));
 }
 
-/// The wires of [`Wires`] without the way back.
+/// One of the two wires of [`Wires`], from the first board to the second.
 struct OneWay(Wires);
 
 impl Between<Player, Player> for OneWay {
@@ -398,8 +399,8 @@ fn flash_keeps_what_the_firmware_programs_and_erases() {
 
 // The following tests use the DPR's part.
 
-/// Firmware in which SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1 takes it through PPI, 25 ms after
-/// its start.
+/// Firmware in which SPIS1 on P1.01 to P1.04 answers 0x11 0x22 from RAM, until TIMER1, 25 ms after its start, takes the
+/// buffer through PPI.
 fn expiring(then: impl FnOnce(&mut Thumb)) -> emulator_node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const TIMER1: u32 = 0x4000_9000;

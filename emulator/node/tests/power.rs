@@ -11,7 +11,8 @@ use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// A firmware that drives PD14 high, counts updates of TIM2 (every 10 ms) and rising edges of PA3, and sleeps between.
+/// A firmware that drives PD14 high, counts updates of TIM2 (every 10 ms) and rising edges of PA3, and sleeps
+/// otherwise.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).store(GPIOD + 0x18, 1 << 14).tim2_every(160_000).idle();
@@ -26,7 +27,7 @@ fn word<B: Board>(node: &mut Node<B>, address: u32) -> u32 {
     node.word(u64::from(address)).unwrap()
 }
 
-/// Runs to `to`, through everything that leaves the board, and returns the levels of its wire out.
+/// Runs to `to`, through everything that leaves the board, and returns the levels of the board's wire out.
 fn run(node: &mut Node<Player>, to: u64) -> Vec<(u64, bool)> {
     let mut edges = node.board_mut(Player::take_edges);
     while node.now() < to {
@@ -72,7 +73,8 @@ fn a_part_starts_as_at_power_on_when_its_supply_returns() {
     assert_eq!((word(&mut other, COUNTER), word(&mut other, COUNTER + 4)), (noise, hits), "noise is the seed's");
     assert!(noise != 2 && noise != 0);
 
-    // The firmware begins anew: the first edge is its own, updates take 10 ms each, and it reacts to its pins.
+    // The firmware begins anew: the first edge comes from its start, updates take 10 ms each, and it reacts to its
+    // pins.
     let edges = run(&mut node, 100 * MS);
     assert!(edges.len() == 1 && edges[0].1 && edges[0].0 > 75 * MS, "{edges:?}");
     assert_eq!(word(&mut node, COUNTER), noise.wrapping_add(2));

@@ -1,4 +1,4 @@
-//! Tests of two boards of which one only sends: the relay on two threads against the same boards in lock-step on one.
+//! Tests of two boards, one of which only sends: the relay on two threads against the same boards in lock-step on one.
 
 use crate::{player, thumb};
 
@@ -9,7 +9,7 @@ use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
-/// A board that pulses PD14 at each update of TIM2, every 0.7 ms, which is across the relay's pieces of time.
+/// A board that pulses PD14 at each update of TIM2, every 0.7 ms, which is no divisor of the relay's pieces of time.
 fn beacon() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
@@ -27,7 +27,7 @@ fn counter() -> Node<Player> {
     Player::with(&firmware("counter", &main, &[(9, &hit)]))
 }
 
-/// The upstream end, which takes the edges of the beacon's pin.
+/// The upstream end, which takes the edges of the beacon's pin and sends them.
 #[derive(Debug, Default)]
 struct Speaker {
     notes: u64,
@@ -47,7 +47,7 @@ impl Upstream<Player> for Speaker {
     }
 }
 
-/// The downstream end, which drives the counter's pin.
+/// The downstream end, which receives edges and drives the counter's pin with them.
 #[derive(Debug, Default)]
 struct Listener {
     coming: VecDeque<(u64, bool)>,
@@ -87,7 +87,7 @@ fn relay() -> Relay<Player, Player, Speaker, Listener> {
     Relay { a: beacon(), b: counter(), upstream: Speaker::default(), downstream: Listener::default() }
 }
 
-/// The same wire for a [`Pair`].
+/// The wire from the beacon to the counter for a [`Pair`].
 #[derive(Debug, Default)]
 struct Wire {
     arrived: Vec<(u64, bool)>,
@@ -151,7 +151,8 @@ fn the_caller_receives_every_step_and_all_notes_up_to_it() {
     assert!(relay.upstream.notes >= 25);
 }
 
-/// Ten seconds are far more than the lead. The first board's thread must stop too, although nobody takes what it sends.
+/// Ten seconds are far more than the lead of the first board. Its thread must stop too, although nobody takes its
+/// messages.
 #[test]
 fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     let mut relay = relay();
@@ -179,7 +180,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // The actor states only now when it had to act.
+        // The actor states only now the instant at which it had to act.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }

@@ -20,13 +20,13 @@ const fn function(value: u32) -> u32 {
     0x4770_2000 | value
 }
 
-/// Appends code that calls the function at `at` and stores what it returns at `to`.
+/// Appends code that calls the function at `at` and stores the function's result at `to`.
 fn call(main: &mut Thumb, at: u32, to: u32) {
     // The code is BLX r2, and then a store of r0.
     main.mov(2, at | 1).raw(&[0x4790]).mov(1, to).str(0, 1, 0);
 }
 
-/// Returns what the two calls returned, after `part` ran `image` for `ms`.
+/// Returns the results of the two calls after `part` has run `image` for `ms`.
 fn returned<P: Part, C: Cost>(part: P, image: &emulator_node::Firmware, ms: u64) -> [u32; 2] {
     let mut node: Node<Bare<P>, C> = Node::new(part, Bare::new(), image).unwrap();
     node.advance(ms * MS);
@@ -71,7 +71,7 @@ mod nrf {
         assert_eq!(after::<Pessimistic>(83), [1, 0]);
     }
 
-    /// The crystal's rate becomes the core's 0.36 ms after its start, which is within the erase.
+    /// The crystal's rate becomes the core's 0.36 ms after the crystal's start, which is during the erase.
     #[test]
     fn an_oscillator_that_starts_meanwhile_does_not_cut_an_erase_short() {
         let mut main = Thumb::at(0x400);
@@ -157,7 +157,7 @@ mod stm32 {
 fn in_ram(base: u32, image: impl Fn(&Thumb) -> emulator_node::Firmware) -> emulator_node::Firmware {
     let mut main = Thumb::at(base);
     for (value, to) in [(1, COUNTER), (2, COUNTER + 4)] {
-        // The code has DSB and ISB after the store, so that the core fetches what was stored (ARM ARM A3.7.3).
+        // The code has DSB and ISB after the store, so that the core fetches the new instructions (ARM ARM A3.7.3).
         main.store(IN_RAM, function(value)).raw(&[0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F]);
         call(&mut main, IN_RAM, to);
     }

@@ -1,5 +1,5 @@
-//! Measures how long the host takes for the most frequent operations of firmware: register accesses, bytes of an SPIM,
-//! bytes of an SPIS.
+//! Measures how much time the host takes for the most frequent operations of firmware: register accesses, bytes of an
+//! SPIM, bytes of an SPIS.
 use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, SpiMode, UartFrame};
 use nrf52840::{Nrf52840, Settings, SpisWires};

@@ -1,4 +1,4 @@
-//! The effects of an instance beyond its own registers, and its findings.
+//! The effects that an instance of a peripheral has beyond its own registers, and its findings.
 
 use std::collections::VecDeque;
 
@@ -26,7 +26,7 @@ pub(crate) enum Act {
     Hold { pin: Pin, level: Option<bool> },
     /// A pad changed its level.
     Level { pin: Pin, level: bool },
-    /// The part drives or pulls a pad in another way than before.
+    /// The state in which the part holds a pad changed.
     Pad { pin: Pin, pad: Pad },
     /// A channel of GPIOTE starts to watch its pin, and needs the pin's level.
     Sample { channel: usize },

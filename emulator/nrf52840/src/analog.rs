@@ -11,9 +11,9 @@
 //! |---|---|
 //! | the resistor ladder, noise, offset and settling of the SAADC | the model reads the exact voltage |
 //! | the instant of each channel in a scan | all channels are converted and reported at the scan's end |
-//! | hysteresis of COMP and LPCOMP, current source, LPCOMP as a wake-up from System OFF | reported where it is set |
+//! | hysteresis of COMP and LPCOMP, current source, LPCOMP as a wake-up from System OFF | a finding where it is set |
 //!
-//! A running comparator checks its input every [`LOOK`] cycles. The real part compares all the time.
+//! A running comparator compares its input every [`LOOK`] cycles. The real part compares all the time.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
@@ -36,8 +36,8 @@ const CALIBRATEDONE: u32 = 4;
 const STOPPED: u32 = 5;
 const LIMITH: u32 = 6;
 
-/// The cycles of a conversion after acquisition (PS 6.23: tCONV, 2 µs at most), and of the offset calibration
-/// (assumed).
+/// The cycles of a conversion after acquisition (PS 6.23: tCONV, 2 µs at most). The next constant is those of the
+/// offset calibration (assumed).
 const CONVERSION: u64 = cycles(2_000);
 const CALIBRATION: u64 = cycles(100_000);
 
@@ -58,7 +58,7 @@ pub(crate) struct Saadc {
     result: [u32; 3],
     /// While a buffer is started: the address of the next result, and how many more results fit.
     buffer: Option<(u32, u32)>,
-    /// The number of samples taken for an oversampled result, and their sum.
+    /// The number of samples taken so far for an oversampled result, and their sum.
     taken: (u32, i64),
     converts_at: Option<Cycle>,
     calibrated_at: Option<Cycle>,
@@ -250,7 +250,7 @@ impl Instance for Saadc {
         if self.converts_at.take_if(|at| *at <= now).is_some() {
             cx.act(Act::Convert);
             if self.timed && self.buffer.is_some() {
-                // The timer's period is CC cycles of 16 MHz, but never shorter than a conversion.
+                // The timer's period is CC cycles of 16 MHz, or the time of a conversion if that is longer.
                 let period = u64::from(self.samplerate & 0x7FF) * crate::clocks::CYCLES_PER_TICK;
                 self.converts_at = Some(now + period.max(CONVERSION));
             }
@@ -262,7 +262,7 @@ impl Instance for Saadc {
     }
 }
 
-/// How often a comparator checks its input, in cycles: every 10 µs.
+/// The time from one comparison of a comparator's input to the next, in cycles: 10 µs.
 const LOOK: u64 = cycles(10_000);
 /// The cycles from START to READY (PS 6.5: tINT_REF.START, 50 µs typical; PS 6.13: 140 µs).
 const COMP_START: u64 = cycles(50_000);
@@ -359,7 +359,7 @@ impl Comparator {
         }
     }
 
-    /// Whether the comparator also works in System OFF, as only LPCOMP does (PS 5.3).
+    /// Whether the comparator also works in System OFF, as LPCOMP does and COMP does not (PS 5.3).
     pub(crate) fn looks_in_system_off(&self) -> bool {
         self.enable == 1 && self.look_at.is_some()
     }
@@ -374,7 +374,7 @@ impl Comparator {
         address == crate::instance::address_of(crate::instance::COMP) + crate::instance::event(event)
     }
 
-    /// Applies READY's shortcuts to SAMPLE and to STOP.
+    /// Applies the shortcuts from READY to SAMPLE and to STOP.
     fn stop_by(&mut self, sample: u32, stop: u32, _: &Cx<'_>) {
         if self.block.short(sample) {
             self.result = u32::from(self.above);

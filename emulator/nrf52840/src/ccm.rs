@@ -10,11 +10,11 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | RATEOVERRIDE, and AAR, which shares the block | both are reported |
+//! | RATEOVERRIDE, and AAR, which shares the block | both make a finding |
 //! | the contents of the scratch area | no document defines them |
-//! | MAXPACKETSIZE | it only stores what is written |
+//! | MAXPACKETSIZE | the register only stores the written value |
 //!
-//! Key stream generation takes 50 µs. A packet takes as long as it does on the air, including its MIC (both are
+//! Key stream generation takes 50 µs. A packet takes the time that it takes on the air, including its MIC (both are
 //! assumptions).
 use crate::clocks::{Clocks, cycles};
 use crate::ecb::encrypt;
@@ -28,7 +28,7 @@ const ENDKSGEN_CRYPT: u32 = 0;
 const CCM: u32 = 2;
 const AAR: u32 = 3;
 const KEY_STREAM: u64 = cycles(50_000);
-/// The bytes of header, length and one reserved byte.
+/// The number of bytes of header, length and one reserved byte.
 const HEADER: u32 = 3;
 const MIC: usize = 4;
 
@@ -153,7 +153,7 @@ impl Instance for Ccm {
         match offset {
             0x000 => self.ready_at = Some(cx.now + KEY_STREAM),
             0x004 => {
-                // A byte takes this many µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s and 500 kbit/s.
+                // A byte takes 8, 4, 64 or 16 µs at 1 Mbit/s, 2 Mbit/s, 125 kbit/s and 500 kbit/s.
                 let byte = [8, 4, 64, 16][(self.mode >> 16 & 3) as usize];
                 // The length of an encrypted packet includes its MIC.
                 let mic = if self.mode & 1 == 0 { MIC } else { 0 };

@@ -34,9 +34,10 @@ const SLEEPEXIT: u32 = 6;
 /// The offset of the power-fail comparator's register.
 const POFCON: u32 = 0x510;
 /// The offset of the access port protection register with which firmware closes the debug port, by writing 0. Only the
-/// next reset opens it again.
+/// next reset opens the port again.
 const APPROTECT_FORCEPROTECT: u32 = 0x550;
-/// The offset of the access port protection register in which [`SW_DISABLE`] opens the software's half.
+/// The offset of the access port protection register in which [`SW_DISABLE`] opens the software's half of the
+/// protection.
 const APPROTECT_DISABLE: u32 = 0x558;
 const SW_DISABLE: u32 = 0x5A;
 
@@ -67,7 +68,8 @@ pub(crate) struct ClockPower {
     /// The start-up time of HFXO in core cycles; `None` where the crystal never starts.
     hfxo_startup: Option<u64>,
     lfxo_startup: u64,
-    /// Whether HFXO was started and not stopped, and the cycle from which it is stable.
+    /// Whether HFXO was started and not stopped. The next fields are whether it is stable, and the cycle at which it
+    /// will be.
     hf_run: bool,
     hf_stable: bool,
     hf_due: Option<u64>,
@@ -82,11 +84,11 @@ pub(crate) struct ClockPower {
     ct_due: Option<u64>,
     pub(crate) reset_reason: u32,
     retained: [u32; 2],
-    /// Registers that only store what is written: offset, value, writable bits.
+    /// Registers that only store the written value: offset, value, writable bits.
     plain: [(u32, u32, u32); 8],
     ram: [u32; RAM_BLOCKS as usize],
     microvolts: u32,
-    /// Whether the power-fail comparator says that the supply is low.
+    /// Whether the power-fail comparator finds the supply low.
     low: bool,
     /// Whether POFWARN was raised since the last check.
     pub(crate) warned: bool,
@@ -148,8 +150,8 @@ impl ClockPower {
     }
 
     /// Updates the power-fail comparator. It raises POFWARN when the supply falls below the threshold, and when the
-    /// supply is below it as the comparator is switched on or the threshold raised (PS 5.3.3). The part has an accuracy
-    /// of 5 % and a hysteresis of 50 mV (PS 5.3.8); the model reacts as late as these allow.
+    /// supply is below the threshold as the comparator is switched on or the threshold raised (PS 5.3.3). The part has
+    /// an accuracy of 5 % and a hysteresis of 50 mV (PS 5.3.8); the model reacts as late as these allow.
     fn watch_supply(&mut self, cx: &mut Cx<'_>) {
         const LOWEST: u32 = 4;
         let pofcon = self.plain(POFCON);
@@ -186,7 +188,7 @@ impl ClockPower {
         self.ram[block] >> (16 + section) & 1 != 0
     }
 
-    /// Raises the event of the core's falling asleep or waking.
+    /// Raises the event that tells that the core fell asleep or woke.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
         self.block.raise(if asleep { SLEEPENTER } else { SLEEPEXIT }, cx);
     }
@@ -275,7 +277,7 @@ impl Instance for ClockPower {
         Some(match offset {
             0x400 => self.reset_reason,
             0x408 => u32::from(self.hf_run),
-            // HFCLK always runs. SRC tells its source.
+            // HFCLK always runs. The bit SRC tells its source.
             0x40C => 1 << 16 | u32::from(self.hf_stable),
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),

@@ -5,8 +5,8 @@
 //! | the core at 64 MHz and PCLK16M at a quarter of it, in phase; both from HFINT until HFXO has started | 5.4 |
 //! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its own error | 5.4 |
 //!
-//! HFINT and HFXO also clock the core. The error of their rate is therefore in the length of a core cycle, and PCLK16M
-//! is always four core cycles. LFCLK has its own oscillator: its rate in core cycles is a ratio that changes whenever
+//! HFINT and HFXO also clock the core. So the error of their rate is in the length of a core cycle, and PCLK16M is
+//! always four core cycles. LFCLK has its own oscillator: its rate in core cycles is a ratio that changes whenever
 //! either source changes. Counts are computed in integers from the last such change, so no error accumulates.
 //!
 //! Left out: temperature and ageing. An error is constant over a run.
@@ -31,7 +31,7 @@ impl Pclk16m {
         at / CYCLES_PER_TICK
     }
 
-    /// The cycle at which the count reaches `tick`.
+    /// The core cycle at which the count of PCLK16M reaches `tick`.
     #[inline]
     pub(crate) const fn instant(self, tick: u64) -> Cycle {
         tick * CYCLES_PER_TICK
@@ -43,9 +43,9 @@ impl Pclk16m {
 pub(crate) struct Lfclk {
     lf_ppb: i64,
     hf_ppb: i64,
-    /// The cycle of the last change of rate, and the count at it.
+    /// The cycle of the last change of rate, and the count at that cycle.
     anchor: (Cycle, u64),
-    /// The part of the next tick that had passed at that cycle, in units of 1 / [`Lfclk::den`] tick.
+    /// The part of the next tick that had passed at the last change of rate, in units of 1 / [`Lfclk::den`] tick.
     phase: u128,
 }
 
@@ -55,7 +55,8 @@ fn scale(ppb: i64) -> u64 {
 }
 
 impl Lfclk {
-    /// Makes a clock that starts at `at`. It is fast by `lf_ppb`, and the core's clock by `hf_ppb`.
+    /// Makes a clock that starts at `at`. LFCLK is fast by `lf_ppb` and the core's clock by `hf_ppb`, in parts per
+    /// billion.
     pub(crate) fn new(lf_ppb: i64, hf_ppb: i64, at: Cycle) -> Self {
         assert!(lf_ppb.unsigned_abs() < 500_000_000, "an error of {lf_ppb} ppb is no clock");
         Self { lf_ppb, hf_ppb, anchor: (at, 0), phase: 0 }

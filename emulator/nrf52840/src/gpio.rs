@@ -3,7 +3,7 @@
 //! | covered | PS |
 //! |---|---|
 //! | OUT, OUTSET, OUTCLR, DIR, DIRSET, DIRCLR, PIN_CNF with its direction in both places | 6.9 |
-//! | IN of a pin with a connected input buffer; a pin without reads 0 | 6.9 |
+//! | IN of a pin with a connected input buffer; a pin without one reads 0 | 6.9 |
 //! | pull resistors; DRIVE with its open-drain and open-source settings | 6.9 |
 //! | SENSE, LATCH, DETECT and LDETECT across both ports | 6.9 |
 //! | a pin taken over by a peripheral | 6.9 |
@@ -12,10 +12,10 @@
 //! |---|---|
 //! | drive strength, slew rate | a level is either high or low |
 //! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS frees them | NFCT is not modelled, and the pins are free |
-//! | the waveform of a serial peripheral | frames cross at their own instants; only chip selects move as pins |
+//! | the waveform of a serial peripheral | a frame crosses at its own instant; only chip selects move as pins |
 //!
 //! A peripheral reads a pin through the same input buffer as IN does. It reads 0 from a pin whose buffer PIN_CNF
-//! disconnects. This is an assumption: the PS asks for the buffer only by the direction "Input" in the table of pins of
+//! disconnects. This is an assumption: the PS demands the buffer only by the direction "Input" in the table of pins of
 //! each peripheral, and Nordic's drivers connect it.
 use crate::act::{Act, Outbox};
 use crate::pin::Pin;
@@ -36,8 +36,8 @@ pub(crate) struct Gpio {
     latch: [u32; 2],
     ldetect: [bool; 2],
     cnf: [[u32; 32]; 2],
-    /// Masks from PIN_CNF, for each port: outputs, connected input buffers, pins that sense high, and pins that sense
-    /// low.
+    /// Masks from PIN_CNF, for each port: the outputs. The next fields are the connected input buffers, the pins that
+    /// sense high, and the pins that sense low.
     dir: [u32; 2],
     connected: [u32; 2],
     senses_high: [u32; 2],
@@ -79,7 +79,7 @@ impl Gpio {
         self.levels[port] >> n & 1 != 0
     }
 
-    /// Whether GPIO configures the pin as an output.
+    /// Whether the registers of GPIO configure the pin as an output.
     #[inline]
     pub(crate) fn is_output(&self, pin: Pin) -> bool {
         let (port, n) = pin.place();
@@ -104,7 +104,8 @@ impl Gpio {
         self.detect
     }
 
-    /// The level that the part itself drives, if it does: a peripheral's level, or else OUT as DRIVE allows.
+    /// The level to which the part itself drives the pin, if it does: a peripheral's level, or else OUT as DRIVE
+    /// allows.
     fn inside(&self, pin: Pin) -> Option<bool> {
         let (port, n) = pin.place();
         self.held[pin.index()].or_else(|| {
@@ -122,7 +123,8 @@ impl Gpio {
         self.outside[pin.index()].is_some()
     }
 
-    /// Computes the level of the pad, reports a change of it, and updates what the pin senses.
+    /// Computes the level of the pad, reports a change of the level, and updates whether the pin meets its SENSE
+    /// criterion.
     fn settle(&mut self, pin: Pin, now: Cycle, out: &mut Outbox) {
         let (port, n) = pin.place();
         let (inside, outside) = (self.inside(pin), self.outside[pin.index()]);
@@ -217,8 +219,8 @@ impl Gpio {
                 moved = was ^ self.dir[port];
             }
             0x520 => {
-                // Writing 1 clears a latch, unless the pin still meets its criterion. DETECT from LATCH falls for that
-                // moment.
+                // Writing 1 clears a latch, which is set again if the pin still meets its criterion. DETECT from LATCH
+                // is low in between.
                 self.latch[port] &= !value;
                 if self.ldetect[port] {
                     self.detect = false;
@@ -251,14 +253,14 @@ impl Gpio {
         }
     }
 
-    /// Resets every register. The outside still drives its pins.
+    /// Resets every register. The outside goes on driving its pins.
     pub(crate) fn restart(&mut self, now: Cycle, out: &mut Outbox) {
         let Self { outside, levels, pads, .. } = *self;
         *self = Self { outside, levels, pads, ..Self::default() };
         self.settle_all(now, out);
     }
 
-    /// Ends the driving of pins by peripherals. GPIO's own registers stay.
+    /// Ends the driving of pins by peripherals. GPIO's own registers keep their values.
     pub(crate) fn let_go(&mut self, now: Cycle, out: &mut Outbox) {
         self.held = [None; 64];
         self.settle_all(now, out);

@@ -8,7 +8,7 @@
 //! | left out | why |
 //! |---|---|
 //! | the difference between the accurate and the low-power source of IN | both detect an edge at its own instant |
-//! | two channels in task mode on one pin | undefined in PS 6.10; reported |
+//! | two channels in task mode on one pin | undefined in PS 6.10; a finding |
 use crate::instance::{Act, Block, Cx, Instance, index};
 use crate::pin::Pin;
 
@@ -118,7 +118,7 @@ impl Instance for Gpiote {
                 }
                 self.drive(channel, next >> 20 & 1 != 0, cx);
             }
-            // The channel's first edge is a change from the present level of the pad.
+            // The first edge that the channel detects is a change from the present level of the pad.
             1 => cx.act(Act::Sample { channel }),
             _ => {}
         }
@@ -127,7 +127,7 @@ impl Instance for Gpiote {
 }
 
 impl Gpiote {
-    /// Gives a channel the level of its pad as it starts to watch it.
+    /// Gives a channel the level of its pad when the channel begins to watch the pad.
     pub(crate) fn sample(&mut self, channel: usize, level: impl Fn(Pin) -> bool) {
         if let Some(pin) = pin_of(self.config[channel]) {
             self.level[channel] = level(pin);

@@ -5,9 +5,9 @@
 //! common registers, and the interconnect serves them for all instances. An [`Instance`] adds its own tasks and
 //! registers.
 //!
-//! An instance never calls another. It reports what happens as an [`Act`], and the interconnect delivers it, in order
-//! and at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance accesses memory
-//! and the levels of pins directly, through its [`Cx`].
+//! An instance never calls another. It reports each of its effects as an [`Act`], and the interconnect delivers the
+//! act, in order and at the same instant: an event to the PPI, a level to a pin, a byte to the outside. The instance
+//! accesses memory and the levels of pins directly, through its [`Cx`].
 pub(crate) use crate::act::{Act, COMP, GPIO, Id, Outbox, Source};
 use crate::clocks::Clocks;
 use crate::gpio::Gpio;
@@ -33,13 +33,13 @@ impl Cx<'_> {
         self.out.acts.push_back(act);
     }
 
-    /// The number of PCLK16M ticks until now.
+    /// The number of PCLK16M ticks until the cycle of the call.
     #[inline]
     pub(crate) fn hf(&self) -> u64 {
         self.clocks.hf.ticks(self.now)
     }
 
-    /// Reads a byte by EasyDMA. Where EasyDMA does not reach, the access is reported and returns `None`.
+    /// Reads a byte by EasyDMA. Returns `None`, and reports the access, where EasyDMA does not reach.
     pub(crate) fn dma_read(&mut self, address: u32) -> Option<u8> {
         let byte = self.memory.dma_read(address);
         if byte.is_none() {
@@ -48,7 +48,7 @@ impl Cx<'_> {
         byte
     }
 
-    /// Writes a byte by EasyDMA. Where EasyDMA does not reach, the access is reported and does nothing.
+    /// Writes a byte by EasyDMA. Where EasyDMA does not reach, nothing is written, and the access is reported.
     pub(crate) fn dma_write(&mut self, address: u32, value: u8) {
         if !self.memory.dma_write(address, value) {
             self.found(FindingKind::Unreachable, "EasyDMA writes outside data RAM, at", address);
@@ -59,7 +59,7 @@ impl Cx<'_> {
         self.out.find(self.now, kind, self.name, what, value);
     }
 
-    /// Reports that the firmware did what the specification forbids or leaves undefined.
+    /// Reports that the firmware did something that the specification forbids or leaves undefined.
     pub(crate) fn misuse(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Misuse, what, value);
     }
@@ -69,7 +69,7 @@ impl Cx<'_> {
         self.found(FindingKind::Unmodelled, what, value);
     }
 
-    /// Reports that the firmware did something that an anomaly of the silicon spoils.
+    /// Reports that the firmware used something that does not work because of an anomaly of the silicon.
     pub(crate) fn anomaly(&mut self, what: &'static str, value: u32) {
         self.found(FindingKind::Erratum, what, value);
     }
@@ -110,16 +110,16 @@ pub(crate) const fn address_of(id: Id) -> u32 {
 
 /// One instance of a peripheral.
 pub(crate) trait Instance {
-    /// The common registers.
+    /// The registers of the instance that all peripherals have.
     fn block(&mut self) -> &mut Block;
-    /// The common registers, for reading.
+    /// The registers of the instance that all peripherals have, for reading.
     fn block_ref(&self) -> &Block;
     /// Triggers the task at `offset`. Returns `false` if no such task is modelled.
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
         let _ = (offset, cx);
         false
     }
-    /// Reads one of the instance's own registers at `now`. Returns `None` if it is not modelled.
+    /// Reads one of the instance's own registers at `now`. Returns `None` if the register is not modelled.
     fn read(&self, offset: u32, now: Cycle, clocks: &Clocks) -> Option<u32> {
         let _ = (offset, now, clocks);
         None
@@ -129,7 +129,7 @@ pub(crate) trait Instance {
     fn was_read(&mut self, offset: u32, cx: &mut Cx<'_>) {
         let _ = (offset, cx);
     }
-    /// Writes one of the instance's own registers. Returns `false` if it is not modelled.
+    /// Writes one of the instance's own registers. Returns `false` if the register is not modelled.
     fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
         let _ = (offset, value, cx);
         false
@@ -139,12 +139,12 @@ pub(crate) trait Instance {
     fn configured(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// The next cycle at which something happens in the instance.
+    /// The next cycle at which the instance has something to do by itself; `None` if it has nothing.
     #[inline]
     fn next(&self) -> Option<Cycle> {
         None
     }
-    /// Carries out what is due, since that cycle has come.
+    /// Carries out what is due at the present cycle, which is the instance's next cycle.
     #[inline]
     fn due(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;

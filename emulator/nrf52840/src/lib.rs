@@ -25,9 +25,9 @@
 //! | an address outside every block | a bus fault, and a [`Finding`] |
 //! | current; failures between the lowest voltage, 1.7 V, and the brown-out reset | – |
 //!
-//! Inside, the part is one interconnect (`soc`) with one typed instance per block. The part carries out a write to any
-//! block together with everything that it sets off – event, PPI channel, task, pin, EasyDMA – in the order in which it
-//! happens, and at the cycle of the write. PPI's zero CPU latency means this (PS 6.16: one PCLK16M cycle, here none).
+//! The part is one interconnect (`soc`) with one typed instance per block. The part carries out a write to any block
+//! together with everything that the write sets off – event, PPI channel, task, pin, EasyDMA – in the order in which it
+//! happens, and at the cycle of the write. So a PPI channel takes no time (PS 6.16: one PCLK16M cycle).
 //!
 //! In System OFF the core's cycles are still counted, and [`Signals::stalled_until`] holds the core until the reset
 //! that ends System OFF.
@@ -152,7 +152,7 @@ pub struct SpisWires {
 /// A change of an SPIS's semaphore or of its transaction (PS 6.26).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpisEvent {
-    /// The CPU took the semaphore: until it releases it, the SPIS answers no select.
+    /// The CPU took the semaphore: until the CPU releases it, the SPIS answers no select.
     Held,
     /// The CPU released the semaphore.
     Released,
@@ -169,7 +169,7 @@ pub enum SpisEvent {
     },
 }
 
-/// One watchdog reset, which a run may count apart from other resets.
+/// One reset by the watchdog, which a run may count apart from other resets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WatchdogReset {
     /// The cycle of the reset.
@@ -195,8 +195,8 @@ impl Nrf52840 {
         &self.soc.settings
     }
 
-    /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes with it over those of them that its PSEL
-    /// registers select.
+    /// Wires an outside SPI controller to these pins. An SPIS exchanges bytes with the controller over those of these
+    /// pins that the SPIS's PSEL registers select.
     pub fn wire_spis(&mut self, wires: SpisWires) {
         self.soc.spis_wires = Some(wires);
     }
@@ -209,9 +209,9 @@ impl Nrf52840 {
         }
     }
 
-    /// Makes an SPI controller clock one byte into the selected SPIS, in `mode`, and returns the byte that came
-    /// back. `at` is the byte's last edge, at which `mosi` is complete. The byte on MISO was loaded at the end of the
-    /// byte before. Returns `None` if no selected SPIS drives MISO.
+    /// Makes an SPI controller clock one byte into the selected SPIS, in `mode`, and returns the byte that the SPIS
+    /// sent at the same time. `at` is the byte's last edge, at which `mosi` is complete. The byte on MISO was loaded at
+    /// the end of the previous byte. Returns `None` if no selected SPIS drives MISO.
     pub fn spis_clock<O: Outside>(&mut self, at: Cycle, mosi: u8, mode: SpiMode, outside: &mut O) -> Option<u8> {
         self.soc.spis_clock(at, mosi, mode, outside)
     }
@@ -223,10 +223,10 @@ impl Nrf52840 {
         self.soc.spis_quiet()
     }
 
-    /// Does what [`Nrf52840::spis_clock`] does, for several bytes that were clocked one after the other. It is called
-    /// when the last of them has ended. The first ended at `first`, and each further byte `byte_time` 2⁻¹⁶ cycles
-    /// later. Memory is used in its present state. There must be no more bytes than [`Nrf52840::spis_quiet`], or an
-    /// event comes late. Returns `false` if no selected SPIS drove MISO: `miso` then holds 0xFF.
+    /// Clocks bytes as [`Nrf52840::spis_clock`] does, several of them, one after the other. It is called when the last
+    /// byte has ended. The first ended at `first`, and each further byte `byte_time` 2⁻¹⁶ cycles later. Memory is used
+    /// in its present state. There must be no more bytes than [`Nrf52840::spis_quiet`], or an event comes late. Returns
+    /// `false` if no selected SPIS drove MISO: `miso` then holds 0xFF.
     pub fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,
@@ -250,12 +250,12 @@ impl Nrf52840 {
     }
 
     /// Takes, for each [`SpisEvent::Ready`] since the last call, its cycle and the contents of the TXD buffer at that
-    /// time, which a transaction that began then would have read.
+    /// cycle, which a transaction that began then would have read.
     pub fn take_spis_offers(&mut self) -> Vec<(Cycle, Vec<u8>)> {
         std::mem::take(&mut self.soc.spis_offers)
     }
 
-    /// Makes an outside I2C controller act on the bus of `scl` and `sda`; its action ended at `at`. Returns `None`
+    /// Makes an outside I2C controller act on the bus of `scl` and `sda`; the action ended at `at`. Returns `None`
     /// while the TWIS on these pins holds SCL low: the controller waits and repeats the action later. A bus without a
     /// TWIS answers like an empty one.
     pub fn two_wire<O: Outside>(
@@ -274,16 +274,16 @@ impl Nrf52840 {
 
     /// Whether a debugger that attaches now finds the debug port open, on a part with hardened access port protection
     /// (nRF52840 revision 3 on). `uicr_approtect` is the word of UICR.APPROTECT at the last reset, at which the part
-    /// takes it up. The port is open while UICR.APPROTECT and APPROTECT.DISABLE both hold 0x5A and nothing was written
-    /// to APPROTECT.FORCEPROTECT (PS 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF there, and every
-    /// reset closes the software's half, so a part whose firmware writes neither is locked.
+    /// reads the word. The port is open while UICR.APPROTECT and APPROTECT.DISABLE both hold 0x5A and nothing was
+    /// written to APPROTECT.FORCEPROTECT (PS 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF, and every
+    /// reset closes the software's half of the protection, so a part is locked if its firmware writes neither register.
     #[must_use]
     pub fn debug_port_open(&self, uicr_approtect: u32) -> bool {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()
     }
 
-    /// Whether an attached debugger can access memory and core through the AHB-AP now. That depends on UICR, the
-    /// firmware and CTRL-AP since the last reset at which the part took UICR up (PS 4.8).
+    /// Whether an attached debugger can access memory and core through the AHB-AP now. That depends on UICR at the last
+    /// reset at which the part read UICR, and on what firmware and CTRL-AP have done since (PS 4.8).
     #[must_use]
     pub fn access_port_open(&self) -> bool {
         self.soc.access_port_open()
@@ -300,14 +300,14 @@ impl Nrf52840 {
         self.soc.ctrl_ap_write(register, value, at)
     }
 
-    /// Advances CTRL-AP to `to`: an erase that was begun ends when its time has come. To be called as time passes,
-    /// while a debugger is attached.
+    /// Advances CTRL-AP to `to`: an erase that was begun ends when its time is over. To be called as time passes, while
+    /// a debugger is attached.
     pub fn ctrl_ap_advance(&mut self, to: Cycle) {
         self.soc.ctrl_ap_advance(to);
     }
 
-    /// Sets how long the 32 MHz crystal takes to start, in ns, from its next start on; with `None` it never starts. A
-    /// running crystal goes on.
+    /// Sets how long the 32 MHz crystal takes to start, in ns, from its next start on; with `None` the crystal never
+    /// starts. A running crystal goes on.
     pub fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
         self.soc.set_hfxo_startup(startup_ns);
     }
@@ -441,9 +441,9 @@ impl Part for Nrf52840 {
         Clock { hz: CORE_HZ, ppb: self.soc.hf_ppb() }
     }
 
-    /// Resets the part as PS 5.3, *Reset behavior*, says. The reset leaves memory alone, so the caller decides what
-    /// survives a power-on. The exception is RAM that was not retained through System OFF: after [`Reset::Wakeup`] it
-    /// reads 0xA5 throughout.
+    /// Resets the part as PS 5.3, *Reset behavior*, says. The reset leaves memory alone, so the caller decides which
+    /// contents survive a power-on. The exception is RAM that was not retained through System OFF: after
+    /// [`Reset::Wakeup`] it reads 0xA5 throughout.
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.soc.restart(at, cause, outside);
     }

@@ -13,9 +13,9 @@
 //! byte of 0xF000_0FE0, the low nibble of 0xF000_0FE4, and the high nibbles of 0xF000_0FE8 and 0xF000_0FEC. The other
 //! nibbles are assumed to be CoreSight's encoding of Nordic's JEP106 number 0x244.
 //!
-//! UICR holds what the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here: the reset pin,
-//! the NFC antenna and the voltage regulators are outside the model. [`crate::Nrf52840::debug_port_open`] explains the
-//! effect of APPROTECT on a debugger.
+//! UICR holds the words that the image or the firmware wrote. PSELRESET, NFCPINS and REGOUT0 have no effect here: the
+//! reset pin, the NFC antenna and the voltage regulators are outside the model. [`crate::Nrf52840::debug_port_open`]
+//! explains the effect of APPROTECT on a debugger.
 use crate::Settings;
 use cortex_m4::Width;
 use emulator_part::{Flash, Ram};
@@ -155,7 +155,7 @@ impl Memory {
     }
 
     /// Whether EasyDMA has ever accessed the AHB slave of the RAM at `address`, so that the processor may have to wait
-    /// for it there.
+    /// for EasyDMA when it accesses that slave.
     #[inline]
     pub(crate) fn may_meet_dma(&self, address: u32) -> bool {
         matches!(place(address), Some(Place::Ram(offset)) if self.dma_slaves & slave(offset) != 0)

@@ -5,17 +5,17 @@
 //! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT, low while an operation lasts | 4.3 |
 //! | ERASEPAGE and its older names, ERASEALL, ERASEUICR, partial page erase | 4.3 |
 //! | a write without WEN, or narrower than a word, which is a bus fault | 4.3 |
-//! | the core halting while flash is busy, where it executes from flash | 4.3 |
+//! | the core stalls while flash is busy, if it executes from flash | 4.3 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | stalling a core that accesses flash from code in RAM | it reads the new data; a second operation is reported |
+//! | stalling a core that accesses flash from code in RAM | it reads the new data; a second operation is a finding |
 //! | the limits of two writes to a word, and of erase cycles | no firmware here comes near |
-//! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is reported |
-//! | ACL | use of its registers is reported |
+//! | the counts of ICACHECNF | IHIT and IMISS read 0, and that is a finding |
+//! | ACL | use of its registers is a finding |
 //!
-//! Operations take the specification's maximum times: 41 µs for a word, 85 ms for a page, 169 ms for everything (PS
-//! 4.3).
+//! Operations take the specification's maximum times: 41 µs for a word, 85 ms for a page, 169 ms for an erase of
+//! everything (PS 4.3).
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance};
 use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
@@ -35,7 +35,7 @@ pub(crate) struct Nvmc {
     config: u32,
     cache: u32,
     partial_ms: u32,
-    /// The page under partial erase, and the erase time that it has had.
+    /// The page under partial erase, and the time for which it has been erased so far.
     partial: Option<(u32, u64)>,
     busy_until: u64,
 }
@@ -46,7 +46,7 @@ impl Nvmc {
         self.cache & 1 != 0
     }
 
-    /// Carries out a store of the firmware into flash or UICR. `false` is a bus fault.
+    /// Carries out a store of the firmware into flash or UICR. A result of `false` is a bus fault.
     pub(crate) fn store(&mut self, address: u32, word: bool, value: u32, cx: &mut Cx<'_>) -> bool {
         if self.config & 3 != WRITE_ENABLED {
             cx.misuse("a write to flash without CONFIG.WEN, at", address);
@@ -122,7 +122,7 @@ impl Instance for Nvmc {
                         self.occupy(ERASE_PAGE, cx);
                         cx.memory.erase(UICR_BASE, PAGE);
                     }
-                    // A page is erased when its partial erases add up to a whole one.
+                    // A page is erased when the times of its partial erases add up to that of a whole erase.
                     0x518 => {
                         let ms = if self.partial_ms == 0 { 10 } else { self.partial_ms };
                         let part = cycles(u64::from(ms) * 1_000_000);

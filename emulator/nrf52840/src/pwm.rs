@@ -7,10 +7,10 @@
 //! | the four loads of DECODER, REFRESH, ENDDELAY, LOOP; EasyDMA reads a step as its period begins | 6.17 |
 //! | the polarity bit; each edge at its own tick on the pins of PSEL.OUT | 6.17 |
 //!
-//! The PS wants the pins to be outputs (6.17, *Pin configuration*). A pin that GPIO does not configure as an output is
-//! not driven, and is reported. Once a sequence is over, its last step goes on until STOP (PS 6.17).
+//! The PS demands that the pins are outputs (6.17, *Pin configuration*). A pin that GPIO does not configure as an
+//! output is not driven, which is a finding. Once a sequence is over, its last step goes on until STOP (PS 6.17).
 //!
-//! Left out: changes of COUNTERTOP, MODE and PRESCALER within a period. They take effect as the next one begins.
+//! Left out: changes of COUNTERTOP, MODE and PRESCALER within a period. They take effect as the next period begins.
 use crate::clocks::{CYCLES_PER_TICK, Clocks};
 use crate::instance::{Act, Block, Cx, Instance, address_of, index};
 use crate::pin::Pin;
@@ -28,7 +28,7 @@ struct Play {
     sequence: usize,
     /// The address of the next value in RAM.
     at: u32,
-    /// The number of periods until the next step, and whether the last value has been loaded.
+    /// The number of periods until the next step. The next field is whether the last value has been loaded.
     periods: u32,
     over: bool,
 }
@@ -53,7 +53,8 @@ pub(crate) struct Pwm {
     step: bool,
     compare: [u16; 4],
     levels: [bool; 4],
-    /// The cycle at which the period under way began, the cycles of one count, and the counts of the whole period.
+    /// The cycle at which the period under way began. The next fields are the cycles of one count, and the counts of
+    /// the whole period.
     began: Cycle,
     count: u64,
     top: u64,
@@ -154,7 +155,7 @@ impl Pwm {
         }
     }
 
-    /// Goes on to the next step, if one is due, as a period begins.
+    /// Begins the next step, if one is due, as a period begins.
     fn advance(&mut self, cx: &mut Cx<'_>) {
         let by_task = self.decoder >> 8 & 1 != 0;
         let Some(play) = &mut self.play else { return };
@@ -208,15 +209,15 @@ impl Pwm {
         self.arm(cx);
     }
 
-    /// The counts at which a channel has its edges within a period: the first edge, and in up-and-down counting the
-    /// second.
+    /// The counts at which a channel has its edges within a period: the first edge, and in up-and-down counting also
+    /// the second.
     fn edges(&self, channel: usize) -> [u64; 2] {
         let compare = u64::from(self.compare[channel] & 0x7FFF).min(self.top);
         if self.up_and_down() { [compare, 2 * self.top - compare] } else { [compare, self.top] }
     }
 
-    /// Sets the present levels: with polarity 0 a pin begins low and rises at the compare value, and with polarity 1 it
-    /// is the other way round.
+    /// Sets the present levels of the pins: with polarity 0 a pin begins low and rises at the compare value, and with
+    /// polarity 1 it begins high and falls at that value.
     fn set_pins(&mut self, cx: &mut Cx<'_>) {
         let count = (cx.now - self.began) / self.count;
         for channel in 0..4 {

@@ -7,7 +7,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the debounce filter | pins do not bounce here; DBFEN stores what is written |
+//! | the debounce filter | pins do not bounce here; DBFEN stores the written value |
 //! | the LED | its pin is not driven |
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, address_of};

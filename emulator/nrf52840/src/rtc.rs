@@ -4,12 +4,12 @@
 //! |---|---|
 //! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22 |
 //! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN enables it | 6.22 |
-//! | a compare register that is written with the present count or the next one does not match this time | 6.22 |
+//! | a compare register written with the present count or the next one matches only after a wrap | 6.22 |
 //!
-//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more, and there CC = COUNTER + 1
-//! matches sometimes. Here it never matches, and it is reported, because firmware must not rely on it.
+//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more, so on the part CC = COUNTER +
+//! 1 matches sometimes. Here it never matches, which is a finding, because firmware must not rely on it.
 //!
-//! Left out: the jitter of tasks that the CPU triggers, against LFCLK (PS 6.22).
+//! Left out: the jitter, against LFCLK, of tasks that the CPU triggers (PS 6.22).
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
@@ -29,7 +29,7 @@ pub(crate) struct Rtc {
     prescaler: u32,
     cc: [u32; 4],
     compares: usize,
-    /// The compare registers that were written too late for the match ahead of them, and so miss it.
+    /// The compare registers that were written too late for their next match, and so miss it.
     late: u32,
     /// The counter's value at `base`, which is a tick of LFCLK.
     held: u32,
@@ -97,8 +97,8 @@ impl Rtc {
         });
     }
 
-    /// Carries out what is due now, before a task or a write at the same instant. These look for the next event from
-    /// the present count on and would skip it.
+    /// Carries out the events that are due now, before a task or a write at the same instant. The task or the write
+    /// looks for the next event from the present count on, and would skip them.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);
@@ -178,7 +178,7 @@ impl Instance for Rtc {
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
         if cx.clocks.lf.is_some() != self.clocked {
-            // LFCLK stopped and with it its ticks, or LFCLK started and its ticks count from zero again.
+            // LFCLK has stopped, and its ticks with it; or LFCLK has started, and its ticks count from zero again.
             self.load(self.held, cx);
         }
         self.arm(cx);

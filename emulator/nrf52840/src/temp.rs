@@ -1,7 +1,8 @@
 //! TEMP: the die temperature (PS 6.28).
 //!
 //! Covered: START, STOP, DATARDY 36 µs after START, TEMP in quarter degrees, and the calibration registers as storage.
-//! Left out: the effect of the calibration on the reading. The temperature is a setting, and TEMP reads it unchanged.
+//! Left out: the effect of the calibration on the reading. The temperature is a setting, and TEMP reads that setting
+//! unchanged.
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Block, Cx, Instance, index};
 

@@ -7,8 +7,8 @@
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
 //! A compare register matches when the counter *becomes* equal to it. A register that is written with the present count
-//! therefore matches only after the counter has wrapped. With the CLEAR shortcut the period is CC ticks. A match that
-//! is due at the instant of a task or a write comes first, and neither cancels it.
+//! therefore matches only after the counter has wrapped. With the CLEAR shortcut the period is CC ticks. If a match is
+//! due at the instant of a task or a write, the match comes first, and neither cancels it.
 //!
 //! Left out: the power saving of PCLK1M with PRESCALER above 4, and the resynchronisation of START by one cycle. START
 //! takes effect at the PCLK16M tick under way.
@@ -74,8 +74,8 @@ impl Timer {
         self.held.wrapping_add(self.elapsed(tick) as u32) & self.mask()
     }
 
-    /// Moves `base` to the present tick, with the count and the prescaler as they are, before a change of how the
-    /// counter goes on.
+    /// Moves `base` to the present tick, with the present count and prescaler, before something changes that affects
+    /// the counting.
     fn rebase(&mut self, cx: &Cx<'_>) {
         let tick = cx.hf();
         self.held = self.count(tick);
@@ -122,8 +122,9 @@ impl Timer {
         }
     }
 
-    /// Carries out every match that is due by now, before a task or a write at the same instant. These find the counter
-    /// already equal and look for the next match from there, so the present match would be lost.
+    /// Carries out every match that is due by now, before a task or a write at the same instant. The task or the write
+    /// finds the counter already equal and looks for the next match from the present count on, so the present match
+    /// would be lost.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

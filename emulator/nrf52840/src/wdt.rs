@@ -3,14 +3,14 @@
 //! | covered | PS |
 //! |---|---|
 //! | START, which cannot be undone; CRV, RREN and CONFIG, which START locks | 6.36 |
-//! | RR[0..8] with 0x6E524635, REQSTATUS; a reload when all enabled ones have been written | 6.36 |
+//! | RR[0..8] with 0x6E524635, REQSTATUS; a reload when all enabled requests have been written | 6.36 |
 //! | the time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
 //! | CONFIG.SLEEP, CONFIG.HALT: counting or pausing while the core sleeps or a debugger halts it | 6.36 |
 //! | counting on through a soft reset and a lockup | 5.3 |
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, index};
 
-/// The value that reloads when it is written to a reload request register.
+/// The value that must be written to a reload request register to make the request.
 const RELOAD: u32 = 0x6E52_4635;
 /// The number of LFCLK ticks from TIMEOUT to the reset.
 const GRACE: u64 = 2;

@@ -1,4 +1,4 @@
-//! The classes of test cases, and how a case of each is made.
+//! The classes of test cases, and how a case of each class is made.
 
 use crate::{
     flow,
@@ -8,7 +8,7 @@ use crate::{
     template::{Template, instance},
 };
 
-/// A class of cases, by what they exercise.
+/// A class of cases, by the instructions that they exercise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
     /// The cases execute 16-bit instructions on registers.
@@ -45,8 +45,8 @@ pub enum Class {
     FpMove,
     /// The cases execute FP loads and stores.
     FpMemory,
-    /// The cases have interrupts that pend each other: priorities, groups, masks, tail-chaining, lazy FP state, IT
-    /// blocks.
+    /// The cases have interrupts that make each other pending: priorities, groups, masks, tail-chaining, lazy FP state,
+    /// IT blocks.
     Interrupt,
 }
 
@@ -159,11 +159,11 @@ impl Class {
 
 /// Appends one to eight random instructions from `table`.
 fn from(table: &[Template], case: &mut Case, random: &mut Random) {
-    // Few registers are used, so that instructions read each other's results.
+    // The registers are few, so that instructions read each other's results.
     let mut registers: Vec<u32> = (0..13).chain([14]).collect();
     random.shuffle(&mut registers);
     registers.truncate(7);
-    // At least one low and one high register are there, so that every template has an instance.
+    // At least one low and one high register are in the list, so that every template has an instance.
     registers.extend([random.below(8), 8 + random.below(5)]);
     for _ in 0..1 + random.below(8) {
         instance(&random.pick(table), random, &registers).append(&mut case.code);

@@ -1,4 +1,5 @@
-//! A comparison of what encodings mean with LLVM's disassembler.
+//! A comparison of the bench's decoder with LLVM's disassembler: which encodings are instructions, and with which
+//! registers.
 //!
 //! The comparison covers every 16-bit encoding, and [`SECONDS`] second halfwords for every first halfword of a 32-bit
 //! encoding.
@@ -16,10 +17,10 @@ use crate::random::Random;
 /// The number of second halfwords for each first one.
 pub const SECONDS: usize = 16;
 
-/// One encoding, of which `second` is 0 if `first` is complete.
+/// One encoding: its first and its second halfword. The second is 0 if the first is complete.
 pub type Encoding = (u16, u16);
 
-/// The encodings that are compared, which are always the same.
+/// The encodings that are compared. The list is always the same.
 #[must_use]
 pub fn encodings() -> Vec<Encoding> {
     let mut random = Random::new(0, 0);
@@ -42,11 +43,11 @@ pub fn encodings() -> Vec<Encoding> {
     encodings
 }
 
-/// The bytes from one encoding to the next in the object file. NOPs between them keep an IT, or an unknown encoding,
-/// from changing how the next encoding is read.
+/// The number of bytes from one encoding to the next in the object file. NOPs between them keep an IT, or an unknown
+/// encoding, from changing how the next encoding is decoded.
 const SLOT: usize = 12;
 
-/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`. It is empty where there is no instruction.
+/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`. The text is empty where there is no instruction.
 ///
 /// # Errors
 ///
@@ -111,7 +112,7 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf.resize(16, 0);
     let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
     let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
-    // The values are ET_REL and EM_ARM.
+    // The values are ET_REL, a relocatable file, and EM_ARM.
     half(&mut elf, 1);
     half(&mut elf, 40);
     for value in [1, 0, 0, headers_at, 0x0500_0000] {
@@ -144,16 +145,16 @@ fn object(code: &[u8]) -> Vec<u8> {
     elf
 }
 
-/// Whether our decoder and LLVM accept one encoding as an instruction.
+/// Whether the bench's decoder (ours) and LLVM accept one encoding as an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Neither has an instruction.
+    /// Neither decoder has an instruction.
     Neither = 0,
-    /// Both have an instruction. For an absent coprocessor, ours is the fault for that.
+    /// Both decoders have an instruction. For an absent coprocessor, our decoder has the fault for that.
     Both = 1,
-    /// LLVM has an instruction, and ours is undefined, which the manual calls UNPREDICTABLE.
+    /// LLVM has an instruction, and our decoder has none, since the manual calls the encoding UNPREDICTABLE.
     OursUndefined = 2,
-    /// LLVM has no instruction, and ours executes one: an unallocated hint, or MSR of a register that does not exist.
+    /// LLVM has no instruction, and our decoder has one: an unallocated hint, or MSR of a register that does not exist.
     OursExecutes = 3,
 }
 
@@ -174,13 +175,14 @@ pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
 pub struct Report {
     /// The number of encodings of each [`Verdict`].
     pub counts: [usize; 4],
-    /// The encodings for which both have an instruction with different registers: the encoding, LLVM's text, and ours.
+    /// The encodings for which both decoders have an instruction with different registers: the encoding, LLVM's text,
+    /// and ours.
     pub registers_differ: Vec<String>,
-    /// The verdicts with two bits for each of [`encodings`], the first in the lowest bits.
+    /// The verdicts on [`encodings`], two bits each, the first in the lowest bits.
     pub verdicts: Vec<u8>,
 }
 
-/// Compares our decoder with LLVM's: whether there is an instruction, and which registers it names.
+/// Compares our decoder with LLVM's: whether there is an instruction, and which registers it has.
 ///
 /// # Errors
 ///
@@ -202,8 +204,8 @@ pub fn compare(directory: &Path) -> anyhow::Result<Report> {
     Ok(report)
 }
 
-/// The core registers in LLVM's text, as a set. The program counter does not count, since our text has it as a part of
-/// an address.
+/// The core registers in LLVM's text, as a set. The program counter is left out, since our text has it as a part of an
+/// address.
 fn their_registers(text: &str) -> u16 {
     let text = text.split('@').next().unwrap_or_default();
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).skip(1);

@@ -34,7 +34,7 @@ fn filler(code: &mut Code, random: &mut Random) {
     }
 }
 
-/// Appends a branch over some instructions, taken or not, in one of all its forms.
+/// Appends a branch over some instructions, taken or not, in any of the forms of a branch.
 pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
     let mut code = Code::at(address);
     if random.once_in(2) {
@@ -165,7 +165,7 @@ pub(crate) fn branch(case: &mut Case, address: u32, random: &mut Random) {
 pub(crate) fn fault(case: &mut Case, random: &mut Random) {
     let mut halves = Vec::new();
     instance(&random.pick(integer::IMMEDIATE), random, &DATA).append(&mut halves);
-    // Sometimes the instruction is in an IT block.
+    // In some cases the faulting instruction is in an IT block.
     let it = random.once_in(3);
     let kind = random.below(12);
     // After CPSID i, SVC and other faults escalate to HardFault.
@@ -220,9 +220,9 @@ pub(crate) fn fault(case: &mut Case, random: &mut Random) {
 }
 
 /// Makes a case of interrupts 0 to 7, PendSV and SysTick with random priorities. Some are pending at first, and these
-/// pend others in turn. BASEPRI is raised at first; it is lowered in an IT block, and again after it.
+/// make others pending in turn. BASEPRI is raised at first; it is lowered in an IT block, and again after it.
 pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
-    // There are few levels, so that some priorities are equal.
+    // There are few priorities to draw from, so that some are equal.
     let levels = [0x00, 0x20, 0x40, 0x60, 0x61, 0x80, 0xA0, 0xE0];
     let priorities = |random: &mut Random| u32::from_le_bytes([0; 4].map(|_| random.pick(&levels)));
     case.window.fill(0);
@@ -253,7 +253,7 @@ pub(crate) fn interrupt(case: &mut Case, random: &mut Random) {
     code.store(9, 0, 0).store(1, 0, 0x300).store(2, 0, 0x304).store(3, 0, 0xC20).store(4, 0, 0xC0C);
     code.wide(0xF385_8811).store(6, 0, 0x100).store(7, 0, 0xC04); // MSR BASEPRI, r5; ISPR, ICSR
     code.wide(0xF3BF_8F4F).narrow(0xB662).wide(0xF3BF_8F6F); // DSB; CPSIE i; ISB
-    // The IT block has four instructions, of which the first may lower BASEPRI in part.
+    // The IT block has four instructions, the first of which may lower BASEPRI in part.
     let condition = random.below(14);
     code.narrow(0xBF00 | condition << 4 | random.below(8) << 1 | 1);
     code.wide(0xF38A_8811); // MSR BASEPRI, r10

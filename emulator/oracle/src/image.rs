@@ -1,4 +1,5 @@
-//! The guest image: code that loads each case's state, executes the case, and stores the resulting state.
+//! The image for the guest (QEMU or the bench's core): code that loads each case's state, executes the case, and stores
+//! the resulting state.
 //!
 //! | Address | What |
 //! |---|---|
@@ -39,8 +40,8 @@ const LOG_POINTER: u32 = 64;
 const LOG: u32 = WINDOW + 64;
 const STATE_BYTES: u32 = 328;
 const HARNESS: u32 = 0x100;
-/// The maximum number of halfwords of a case's own code. The rest of its place is for an LDM of the initial state
-/// before it and a branch after it.
+/// The maximum number of halfwords of a case's own code. The other halfwords of its place are for an LDM of the initial
+/// state before it and a branch after it.
 const MOST_CODE: usize = (STRIDE - STATE_BYTES) as usize / 2 - 4;
 
 /// One case: an initial state, and the instructions to execute from it.
@@ -196,9 +197,9 @@ fn write_fault_handler(code: &mut Code, epilogue: u32) -> u32 {
 }
 
 /// Writes the handler of PendSV, SysTick and the interrupts. The handler logs the active exception with its EXC_RETURN.
-/// Then it does, once, what its word of the window says, and logs the active exception with BASEPRI. The word of
-/// exception n is number n % 16 of the window: bits 7:0 are interrupts to pend, bits 15:8 go to BASEPRI_MAX, bits 28
-/// and 26 pend PendSV and SysTick, and bit 31 asks for an FP instruction.
+/// Then it does once what the exception's word of the window says, and logs the active exception with BASEPRI. The word
+/// of exception n is number n % 16 of the window: bits 7:0 are interrupts to make pending, bits 15:8 go to BASEPRI_MAX,
+/// bits 28 and 26 make PendSV and SysTick pending, and bit 31 asks for an FP instruction.
 fn write_interrupt_handler(code: &mut Code) -> u32 {
     let handler = code.here();
     code.wide(0xF3EF_8005).wide(0xEA40_200E); // MRS r0, IPSR; ORR r0, r0, lr, LSL #8
@@ -219,7 +220,7 @@ fn write_interrupt_handler(code: &mut Code) -> u32 {
     handler
 }
 
-/// Writes code that adds r0 to the log, mixed with the entry that was there. The log wraps around.
+/// Writes code that adds r0 to the log, mixed with the log's previous entry. The log wraps around.
 fn write_log(code: &mut Code) {
     code.constant(1, VARIABLES).load(2, 1, LOG_POINTER).load(3, 2, 0);
     code.wide(0xEA80_10F3).store(0, 2, 0); // EOR r0, r0, r3, ROR #7

@@ -2,11 +2,11 @@
 //!
 //! | what | compared with | where |
 //! |---|---|---|
-//! | what instructions do | QEMU's `mps2-an386`, on random cases by [`Class`] | [`run`], [`recording`] |
-//! | what encodings mean | LLVM's disassembler | [`decode`] |
+//! | the effect of instructions | QEMU's `mps2-an386`, on random cases by [`Class`] | [`run`], [`recording`] |
+//! | the meaning of encodings | LLVM's disassembler | [`decode`] |
 //!
-//! Time, sleep, debug and what is UNPREDICTABLE are not compared. Where QEMU is known to differ from the manual, a
-//! comment in the generator says so, and it makes no such case.
+//! Time, sleep, debug and UNPREDICTABLE behaviour are not compared. Where QEMU is known to differ from the manual, a
+//! comment in the generator of cases says so, and the generator makes no such case.
 #![forbid(unsafe_code)]
 
 mod class;
@@ -37,7 +37,7 @@ use recording::{Recorded, Recording};
 pub const EXECUTION: &str = "execution.txt";
 /// The name of the file with LLVM's verdicts.
 pub const DECODE: &str = "decode.bin";
-/// The number of cases of each class that are recorded, which the tests repeat in about a second.
+/// The number of cases of each class that are recorded. The tests repeat them in about a second.
 pub const RECORDED_CASES: usize = 4096;
 
 /// The settings of a comparison.
@@ -52,8 +52,8 @@ pub struct Options {
     /// Whether the decoder is also compared with LLVM's disassembler.
     pub decode: bool,
     /// A directory for recordings: [`EXECUTION`] has QEMU's results and, with `decode`, [`DECODE`] has LLVM's. The
-    /// tests of `cortex-m4` read them and take longer with more cases, so recordings have [`RECORDED_CASES`] of each
-    /// class.
+    /// tests of `cortex-m4` read the recordings and take longer with more cases, so recordings have [`RECORDED_CASES`]
+    /// of each class.
     pub record: Option<PathBuf>,
     /// A directory for the image and QEMU's results.
     pub scratch: PathBuf,
@@ -66,7 +66,7 @@ impl Default for Options {
     }
 }
 
-/// The result for one class.
+/// The result of the comparison for one class.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The class.
@@ -77,7 +77,7 @@ pub struct Row {
     pub faults: usize,
     /// The number of cases whose results differ.
     pub differing: usize,
-    /// The first few of these cases, in words.
+    /// The first few of the cases that differ, in words.
     pub examples: Vec<String>,
 }
 
@@ -93,7 +93,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// The number of cases that differ, in all classes, plus that of encodings whose registers differ.
+    /// The number of cases that differ, in all classes, plus the number of encodings whose registers differ.
     #[must_use]
     pub fn differing(&self) -> usize {
         let registers = self.decode.as_ref().map_or(0, |decode| decode.registers_differ.len());

@@ -24,7 +24,7 @@ pub(crate) enum Kind {
 }
 
 struct Registers {
-    /// The registers for addresses and indices, which no instruction of the case loads.
+    /// The registers for addresses and indices. No instruction of the case loads them.
     kept: Vec<u32>,
     /// The registers that are loaded and stored.
     data: Vec<u32>,
@@ -65,8 +65,8 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
     let bytes = 1 << size;
     let address = if bit_band {
         let alias = 0x2200_0000 + (WINDOW - 0x2000_0000) * 32;
-        // The access is aligned: across the words of two bits, silicon makes two accesses to the alias, and QEMU one at
-        // a time.
+        // The access is aligned. An access across the words of two bits would be two accesses to the alias on silicon,
+        // but one at a time on QEMU.
         (alias + random.below(WINDOW_WORDS as u32 * 32) * 4 + random.below(4)) & !(bytes - 1)
     } else {
         target(4, bytes, random)
@@ -140,7 +140,7 @@ fn single(case: &mut Case, bit_band: bool, base: u32, registers: &mut Registers,
             .append(&mut code);
             size = 2;
         }
-        // A literal reads the code around it, which is the same on QEMU and on the bench's core.
+        // A literal load reads the code around it, which is the same on QEMU and on the bench's core.
         _ => {
             let imm12 = random.below(400);
             match random.below(3) {
@@ -224,7 +224,7 @@ fn multiple(case: &mut Case, base: u32, registers: &Registers, random: &mut Rand
 }
 
 /// Appends a pair of exclusive accesses of the same size at the same address, or a store alone. Other combinations are
-/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), and QEMU's compares address and value.
+/// not compared: the M4's monitor holds no address (TRM 5.8 / 3.8), and QEMU's monitor compares address and value.
 fn exclusive(case: &mut Case, base: u32, registers: &Registers, random: &mut Random) {
     let size = random.below(3);
     let mut address = target(4, 1 << size, random) & !((1 << size) - 1);

@@ -1,4 +1,4 @@
-//! Runs an image on the bench's own core, with nothing but memory around it.
+//! Runs an image on the bench's own core, with only memory around the core.
 
 use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Signals};
 
@@ -98,12 +98,12 @@ pub fn core<C: Cost>() -> Core<C> {
 ///
 /// # Errors
 ///
-/// Returns an error if the image did not get there.
+/// Returns an error if the image did not reach a semihosting call.
 pub fn run_words<C: Cost>(image: &[u8], words: usize, constant: bool) -> anyhow::Result<Vec<u32>> {
     let mut memory = Memory::new(image, constant);
     let mut core = core::<C>();
     core.reset(&mut memory);
-    // The limit is far more than the cases take, which is some 300 instructions each.
+    // The limit is far more than the cases take: some 300 instructions each.
     let exit = core.run(&mut memory, 2_000_000_000);
     anyhow::ensure!(exit == Exit::HostCall, "{exit:?} at {:#010x}", core.pc());
     let words = memory.results.as_chunks::<4>().0.iter().take(words);

@@ -1,8 +1,8 @@
 //! Encodings that are written as bit patterns, and their random instances.
 //!
 //! A pattern has 16 or 32 characters, each `0`, `1` or a letter; blanks do not count. All bits with the same letter are
-//! one field, of which the first bit is the most significant. A capital letter stands for a core register (3 or 4
-//! bits), any other letter for a number.
+//! one field; its first bit is the most significant. A capital letter stands for a core register (3 or 4 bits), any
+//! other letter for a number.
 
 use crate::random::Random;
 

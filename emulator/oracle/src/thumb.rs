@@ -65,7 +65,7 @@ impl Code {
     }
 }
 
-/// The offset bits of B.W (encoding T4) and of BL, which are the same.
+/// The offset bits of B.W (encoding T4), which BL has too.
 #[must_use]
 pub(crate) fn branch_wide(offset: u32) -> u32 {
     let sign = (offset >> 24) & 1;

@@ -14,9 +14,10 @@ pub enum FindingKind {
     Unmodelled,
     /// The firmware accessed an address inside a peripheral's block at which the manual has no register. It read zero.
     Undefined,
-    /// The firmware made a state that the manual forbids or leaves undefined, and that the real part does not report.
+    /// The firmware brought about a state that the manual forbids or leaves undefined, and that the real part does not
+    /// report.
     Misuse,
-    /// The firmware used something that an erratum of the part spoils.
+    /// The firmware used a function of the part that does not work because of an erratum.
     Erratum,
     /// A bus controller was given an address that it cannot reach.
     Unreachable,
@@ -27,14 +28,14 @@ pub enum FindingKind {
 pub struct Finding {
     /// The kind of the finding.
     pub kind: FindingKind,
-    /// The cycle of its first occurrence.
+    /// The cycle at which the finding first occurred.
     pub at: Cycle,
-    /// The address of the instruction whose access caused it, if one did.
+    /// The address of the instruction whose access caused the finding, if one did.
     pub pc: Option<u32>,
     /// The name of the peripheral in the manual, like `SPI1` or `TIMER0`.
     pub place: &'static str,
     /// What happened, in words.
     pub text: String,
-    /// The number of occurrences.
+    /// The number of times that the finding occurred.
     pub count: u32,
 }

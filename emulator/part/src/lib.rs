@@ -1,8 +1,9 @@
 //! The interface between a model of a microcontroller and the bench around it.
 //!
 //! A [`Part`] is one microcontroller without its core: memory, peripherals, interrupt lines, pins. It is plain data and
-//! is copied by `Clone`. Whatever leaves it goes through an [`Outside`], which each call gets, so that dispatch is
-//! static. What the outside does to it are method calls: a pin is driven, or a serial frame arrives.
+//! is copied by `Clone`. Everything that leaves the part goes through an [`Outside`], which each call gets, so that
+//! dispatch is static. Everything that the outside does to the part is a method call: a pin is driven, or a serial
+//! frame arrives.
 //!
 //! # Time
 //! Inside a part, time is counted in its core's clock cycles ([`Cycle`]), since everything in step with the core is

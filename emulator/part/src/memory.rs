@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use cortex_m4::Width;
 
-/// Memory that is rarely written. Copies share their contents until one of them is written.
+/// Memory that is rarely written. Copies of it share their contents until one of them is written.
 #[derive(Clone, Debug)]
 pub struct Flash {
     bytes: Arc<Vec<u8>>,
 }
 
 impl Flash {
-    /// Makes `size` erased bytes, which are all ones.
+    /// Makes a flash of `size` erased bytes, which are all ones.
     #[must_use]
     pub fn new(size: usize) -> Self {
         Self { bytes: Arc::new(vec![0xFF; size]) }
@@ -24,7 +24,7 @@ impl Flash {
         &self.bytes
     }
 
-    /// The whole contents, for changes by loaders and flash controllers, which then raise
+    /// The whole contents, for changes by loaders and flash controllers. Whoever makes such a change then raises
     /// [`cortex_m4::Signals::forget_code`].
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         Arc::make_mut(&mut self.bytes).as_mut_slice()
@@ -62,8 +62,8 @@ const PAGE_BITS: u32 = 10;
 
 /// Memory that the core and bus controllers write.
 ///
-/// A core that executes from this memory has its pages watched ([`Ram::watch`]). Every change of a byte here ends the
-/// watch of its page, so that the core never executes decoded instructions that memory no longer holds.
+/// While a core executes from this memory, the pages with its code are watched ([`Ram::watch`]). Every change of a byte
+/// in a page ends the page's watch, so that the core never executes decoded instructions that memory no longer holds.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
@@ -80,7 +80,7 @@ pub struct Ram {
 }
 
 impl Ram {
-    /// Makes `size` bytes of zero.
+    /// Makes a RAM of `size` bytes of zero.
     #[must_use]
     pub fn new(size: usize) -> Self {
         Self {
@@ -93,7 +93,7 @@ impl Ram {
         }
     }
 
-    /// Watches the page of 1 KiB that has `offset`, until something in it is written. Returns whether that page exists.
+    /// Watches the page of 1 KiB that has `offset`, until a byte in it is written. Returns whether that page exists.
     pub fn watch(&mut self, offset: u32) -> bool {
         let page = (offset >> PAGE_BITS) as usize;
         let there = offset < self.bytes.len() as u32;
@@ -118,7 +118,7 @@ impl Ram {
         self.rewritten
     }
 
-    /// Finds the range in which a write of up to four bytes may change a watched page.
+    /// Computes the range in which a write of up to four bytes may change a watched page.
     fn settle_watches(&mut self) {
         let pages = 0..64 * self.watched.len();
         let is_watched = |page: &usize| self.watched[page / 64] >> (page % 64) & 1 != 0;
@@ -156,15 +156,15 @@ impl Ram {
         at.wrapping_sub(self.near_watched.0) < self.near_watched.1
     }
 
-    /// Makes one bit stuck from now on, in place of any other; `address` counts from the start of this memory. With
-    /// `None` no bit is stuck.
+    /// Makes one bit stuck from now on, instead of any bit that was stuck before; `address` counts from the start of
+    /// this memory. With `None` no bit is stuck.
     pub fn stick(&mut self, stuck: Option<StuckBit>) {
         self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
         self.stuck = stuck.map_or((0, 0), |stuck| (1 << (stuck.bit & 7), u8::from(stuck.value) << (stuck.bit & 7)));
         self.keep_stuck();
     }
 
-    /// Gives the stuck bit its value again.
+    /// Restores the value of the stuck bit after a write.
     #[cold]
     fn keep_stuck(&mut self) {
         let (mask, value) = self.stuck;
@@ -181,15 +181,15 @@ impl Ram {
         &self.bytes
     }
 
-    /// The whole contents, for changes. A stuck bit takes what is written in this way, until the next [`Ram::write`] to
-    /// its byte.
+    /// The whole contents, for changes. A stuck bit takes the value that is written in this way, until the next
+    /// [`Ram::write`] to its byte.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         self.rewrite(0, self.bytes.len());
         &mut self.bytes
     }
 
-    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does, or `None` where some are past the
-    /// end.
+    /// Returns `size` bytes from `offset` on for changes, as [`Ram::bytes_mut`] does, or `None` where some of them are
+    /// past the end.
     pub fn slice_mut(&mut self, offset: u32, size: usize) -> Option<&mut [u8]> {
         let at = offset as usize;
         self.rewrite(at, size);

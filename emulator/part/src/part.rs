@@ -1,4 +1,4 @@
-//! A microcontroller without its core, and its outside.
+//! A microcontroller without its core, and everything around it.
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 
@@ -7,22 +7,22 @@ use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, StuckBit, U
 /// The clock of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
-    /// The nominal rate in hertz, as if its source were exact; 0 while the core has no clock.
+    /// The nominal rate in hertz, as if the clock's source were exact; 0 while the core has no clock.
     pub hz: u64,
-    /// How much faster the source is, in parts per billion. It is negative for a slower one.
+    /// How much faster the clock's source is, in parts per billion; negative for a slower source.
     pub ppb: i64,
 }
 
-/// The cause of a part's restart.
+/// The cause of a restart of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
-    /// The supply came on: no state from before is left.
+    /// The supply came on: no earlier state is left.
     PowerOn,
     /// The supply fell below the brown-out threshold for a moment, and RAM survived.
     BrownOut,
     /// The reset pin was pulled.
     Pin,
-    /// A watchdog ran out, which has this name in the manual.
+    /// A watchdog ran out. The text is the watchdog's name in the manual.
     Watchdog(&'static str),
     /// The core locked up, on a part that resets then.
     Lockup,
@@ -45,7 +45,7 @@ pub enum Supplied {
 
 /// The receiver of everything that leaves a part. The bench implements it for what is wired to the part.
 pub trait Outside {
-    /// Reports that the part does something else to `pin` from `at` on. Only changes are reported.
+    /// Reports that the state in which the part holds `pin` changes at `at`. Only changes are reported.
     fn pin(&mut self, at: Cycle, pin: Pin, pad: Pad);
 
     /// Takes a frame that an SPI controller has clocked out by now, which is the frame's end. Returns the bits that
@@ -53,7 +53,7 @@ pub trait Outside {
     /// its pull resistor gives.
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
 
-    /// Takes a UART frame that was sent on `pin`; its last stop bit ended at `at`.
+    /// Takes a UART frame that was sent on `pin`; the frame's last stop bit ended at `at`.
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
 
     /// Answers an I2C controller on these pins, whose action on the bus ended at `at`.
@@ -63,7 +63,7 @@ pub trait Outside {
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
-/// An outside with nothing in it: every pin is open, and every bus is empty.
+/// An outside with nothing connected: every pin is open, and every bus is empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Open;
 
@@ -88,13 +88,13 @@ impl Outside for Open {
 /// A microcontroller without its core. It is plain data: a clone that is run on does what the original does.
 ///
 /// The bench calls [`Part::advance`] whenever the core's cycle reaches [`Part::due`], before the core's next access. So
-/// everything that was due before a `read` or `write` is already done. What an access itself sets off at once is done
-/// when it returns, and [`Signals::is_announced`] tells whether lines or [`Part::due`] changed.
+/// everything that was due before a `read` or `write` is already done. Effects that an access has at once are done when
+/// the call returns, and [`Signals::is_announced`] tells whether lines or [`Part::due`] changed.
 pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's name, as its maker writes it.
     const NAME: &'static str;
 
-    /// The addresses and sizes of its RAM, which has noise at power-on and belongs to a digest of the state.
+    /// The addresses and sizes of the part's RAM, which has noise at power-on and is included in a digest of the state.
     const RAM: &'static [(u32, usize)];
 
     /// Whether a lock-up of the core resets the part.
@@ -176,12 +176,12 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         false
     }
 
-    /// The present clock of the core. The part announces a change by [`Signals::announce`]. Cycles are counted on, at
-    /// the new rate.
+    /// The present clock of the core. The part announces a change of the clock by [`Signals::announce`]. Cycles are
+    /// then counted on at the new rate.
     fn clock(&self) -> Clock;
 
     /// Restarts the part at `at`. Registers take their reset values as far as the manual says so for this cause, and
-    /// pins are no longer driven. Memory stays.
+    /// pins are no longer driven. Memory keeps its contents.
     fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O);
 
     /// Takes a restart that the part itself requests (watchdog, wake-up). The bench calls this after every other call,
@@ -195,7 +195,7 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         Supplied::Enough
     }
 
-    /// Takes the flag that the part has warned its firmware of a falling supply since the last call.
+    /// Returns whether the part has warned its firmware of a falling supply since the last call.
     fn take_supply_warning(&mut self) -> bool {
         false
     }
@@ -216,20 +216,20 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The level of `pin` now, whoever drives it; a floating pin is low.
     fn pin(&self, pin: Pin) -> bool;
 
-    /// Receives a UART frame on `pin`; its start bit's edge was at `begins`. The call comes at the frame's end or
-    /// before, and the receiver reacts to the frame at its own sample instants.
+    /// Receives a UART frame on `pin`, whose start bit began at `begins`. The call comes at the frame's end or before,
+    /// and the receiver reacts to the frame at its own sample instants.
     fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O);
 
-    /// The `size` bytes of memory at `address`, as a debugger reads them (flash, RAM, option bytes). `None` where some
-    /// are not memory.
+    /// The `size` bytes of memory at `address`, as a debugger reads them (flash, RAM, option bytes); `None` where some
+    /// of them are not memory.
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]>;
 
-    /// The `size` bytes of memory at `address` for changes, flash included, as a loader makes them. The core forgets
-    /// what it decoded.
+    /// The `size` bytes of memory at `address` for changes, flash included, as a loader makes them. The core then
+    /// decodes its instructions anew.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
 
-    /// Makes one bit of RAM stuck from now on, in place of any other; with `None` no bit is stuck. Returns whether the
-    /// part has RAM there and supports this.
+    /// Makes one bit of RAM stuck from now on, instead of any bit that was stuck before; with `None` no bit is stuck.
+    /// Returns whether the part has RAM there and supports this.
     fn stick(&mut self, _stuck: Option<StuckBit>) -> bool {
         false
     }

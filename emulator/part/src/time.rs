@@ -9,14 +9,14 @@ pub const NEVER: Cycle = u64::MAX;
 /// The number of fractional bits in a period.
 const FRACTION: u32 = 32;
 
-/// The relation between a part's cycles and the bench's time. It is linear, and begins anew whenever the part's core
-/// clock changes.
+/// The relation between a part's cycles and the bench's time: linear, from each change of the part's core clock to the
+/// next.
 ///
-/// A period is held in units of 2⁻³² ns. At 144 MHz this makes an error below 2·10⁻¹¹, a hundred-thousandth of the
-/// error of a crystal.
+/// A period is held in units of 2⁻³² ns. At 144 MHz the rounding makes an error below 2·10⁻¹¹, a hundred-thousandth of
+/// the error of a crystal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timebase {
-    /// The cycle at which the present rate began, and its instant in units of 2⁻³² ns.
+    /// The cycle at which the present rate began. The next field is its instant in units of 2⁻³² ns.
     cycle: Cycle,
     instant: u128,
     /// The length of one cycle, in units of 2⁻³² ns.

@@ -20,7 +20,7 @@ impl Pin {
     }
 }
 
-/// What a part does to a pin.
+/// The state in which a part holds a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pad {
     /// The part drives the pin low or high.
@@ -32,7 +32,7 @@ pub enum Pad {
 }
 
 impl Pad {
-    /// The level where nothing outside drives the pin. A floating pin reads low here.
+    /// The level of the pin if nothing outside drives it. A floating pin reads low here.
     #[must_use]
     pub const fn level(self) -> bool {
         matches!(self, Self::Driven(true) | Self::Pulled(true))
@@ -42,20 +42,20 @@ impl Pad {
 /// The clock polarity and phase of SPI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SpiMode {
-    /// The clock idles low, and the first edge samples.
+    /// SCK idles low, and data are sampled at its first edge.
     Mode0,
-    /// The clock idles low, and the second edge samples.
+    /// SCK idles low, and data are sampled at its second edge.
     Mode1,
-    /// The clock idles high, and the first edge samples.
+    /// SCK idles high, and data are sampled at its first edge.
     Mode2,
-    /// The clock idles high, and the second edge samples.
+    /// SCK idles high, and data are sampled at its second edge.
     Mode3,
 }
 
 /// One frame that a part's SPI controller clocks, as it appears on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpiFrame {
-    /// The pins to which SCK is connected, none where no pin carries it.
+    /// The pins to which SCK is connected; `None` where a pin is missing.
     pub sck: [Option<Pin>; 2],
     /// The pins to which MOSI is connected.
     pub mosi: [Option<Pin>; 2],
@@ -65,7 +65,7 @@ pub struct SpiFrame {
     pub mode: SpiMode,
     /// The number of bits, 4 to 32.
     pub bits: u8,
-    /// The data, of which the first bit on the wire is the most significant of the low `bits` bits.
+    /// The data. The first bit on the wire is the most significant of the low `bits` bits.
     pub data: u32,
     /// The cycle of the first clock edge.
     pub begins: Cycle,

@@ -2,7 +2,7 @@
 //! mapping).
 //!
 //! The table has the functions of the peripherals that are modelled. [`EXISTS`] has all functions that the data sheet
-//! lists below AF15, so that a function that is not modelled differs from one that does not exist.
+//! lists below AF15, so that a function without a model can be told from one that does not exist.
 
 use crate::cx::{CanPin, I2cPin, SIGNALS, Signal, SpiPin, TimPin, UartPin};
 
@@ -153,7 +153,7 @@ const ROWS: &[Row] = &[
     (Can(1, CanPin::Tx), 9, &[(A, 12), (B, 9), (D, 1), (H, 13)]),
 ];
 
-/// The index that stands for no modelled signal.
+/// The index that means that a function has no modelled signal.
 pub(crate) const NONE: u8 = 255;
 
 /// The index of the signal for each port, pin and function, or [`NONE`].
@@ -254,11 +254,11 @@ mod tests {
         }
         for (port, pin, function) in left {
             let known = match function {
-                // The functions are SAI1 and the I2S extensions of SPI2.
+                // The functions AF6 that are not modelled are SAI1 and the I2S extensions of SPI2.
                 6 => matches!(port, 'B' | 'C' | 'D' | 'E' | 'F' | 'I'),
-                // The functions are I2S_CKIN on PC9 and I2S3ext on PC11.
+                // The functions AF5 that are not modelled are I2S_CKIN on PC9 and I2S3ext on PC11.
                 5 => port == 'C' && (pin == 9 || pin == 11),
-                // The function is I2S3ext on PB4.
+                // The function AF7 that is not modelled is I2S3ext on PB4.
                 7 => port == 'B' && pin == 4,
                 _ => false,
             };

@@ -3,7 +3,7 @@
 use super::*;
 
 impl Stm32f429 {
-    /// Reads what is at `address`, as any bus master can. Memory that only the core reaches is handled elsewhere.
+    /// Reads at `address` as any bus master can. Memory that only the core reaches is handled elsewhere.
     pub(crate) fn bus_read(
         &mut self,
         address: u32,
@@ -65,7 +65,7 @@ impl Stm32f429 {
         let gate = id::GATES[usize::from(number)];
         gate.bus == 255
             || self.rcc.is_on(gate)
-            // The clock of any of the three ADCs also opens their common registers. One reset bit is for all three.
+            // The clock of any of the three ADCs also opens their common registers. The three share one reset bit.
             || number == id::ADC && [9, 10].iter().any(|&bit| self.rcc.is_on(rcc::Gate { bus: 4, bit }))
     }
 

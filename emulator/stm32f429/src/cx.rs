@@ -2,9 +2,9 @@
 //!
 //! A peripheral instance is a [`Peripheral`]: plain data that the part calls with a [`Cx`]. The [`Cx`] has the time and
 //! the clocks, and takes the instance's effects. Levels that an instance drives all the time (interrupts, DMA requests)
-//! are returned by methods, which the part calls after every other call. What the outside of the part answers at once
-//! (a serial frame's bits, a voltage) goes through [`Wires`], which only [`Peripheral::advance`] gets, since on
-//! silicon, too, none of this happens within a register access.
+//! are returned by methods, which the part calls after every other call. Answers that the outside of the part gives at
+//! once (a serial frame's bits, a voltage) go through [`Wires`]. Only [`Peripheral::advance`] gets these, since on
+//! silicon, too, no such answer comes within a register access.
 //!
 //! Instances are made by `Spi::new(n)`, `Usart::new(n)` (UARTs too), `I2c::new(n)`, `Tim::new(n)` with the manual's
 //! number, and by `Rtc::new()`, `Rng::new()`, `Adc::new()` (all three with the common registers, offsets 0 to 0x3FF)
@@ -15,8 +15,8 @@
 use cortex_m4::Width;
 use emulator_part::{Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Pin, SpiFrame, UartFrame};
 
-/// How many core cycles one tick of another clock takes, as an exact fraction. `num` is 0 while that clock stands
-/// still.
+/// The number of core cycles that one tick of another clock takes, as an exact fraction. `num` is 0 while that clock
+/// stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ratio {
     num: u64,
@@ -34,7 +34,7 @@ impl Ratio {
             (a, b) = (b, a % b);
         }
         let (mut num, mut den) = (num / a.max(1), den / a.max(1));
-        // Real rates are whole hertz and parts per billion, so they never need this.
+        // Real rates are whole hertz and parts per billion, so this loop never runs for them.
         while num > u128::from(u64::MAX) || den > u128::from(u64::MAX) {
             (num, den) = (num >> 1, den >> 1);
         }
@@ -61,8 +61,8 @@ impl Ratio {
 /// The clocks that peripherals need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Clocks {
-    /// The nominal rate of HCLK in hertz, as if its source were exact. It is never 0, since no instance is called while
-    /// HCLK has stopped.
+    /// The nominal rate of HCLK in hertz, as if its source were exact. The rate is never 0, since no instance is called
+    /// while HCLK has stopped.
     pub hclk_hz: u64,
     /// How much faster HCLK really is, in parts per billion.
     pub ppb: i64,
@@ -86,7 +86,7 @@ pub(crate) struct Clocks {
     pub pll48: Ratio,
     /// The rate of PLL output Q in hertz, 0 while it stands still.
     pub pll48_hz: u64,
-    /// Whether PLLQ has a value that the manual calls wrong, so that the rate is an assumption.
+    /// Whether PLLQ has a value that the manual calls wrong, so that the rate of this clock is an assumption.
     pub pll48_undefined: bool,
     /// The core cycles of one tick of the I2S clock (PLLI2S output R, or the I2S_CKIN pin, to which nothing is
     /// connected).
@@ -104,7 +104,7 @@ impl Clocks {
         self.hclk_hz / u64::from(self.pclk2)
     }
 
-    /// The time that `cycles` core cycles take, in picoseconds, to the nearest: for the bit times of frames. The
+    /// The time that `cycles` core cycles take, in picoseconds, to the nearest, for the bit times of frames. The
     /// function divides 128-bit numbers, so callers that need the result often should keep it.
     pub(crate) fn ps(&self, cycles: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
@@ -112,7 +112,7 @@ impl Clocks {
         ((u128::from(cycles) * 1_000_000_000_000 * 1_000_000_000 + rate / 2) / rate.max(1)) as u64
     }
 
-    /// The whole core cycles in `ps` picoseconds, rounded up. It is as slow as [`Clocks::ps`].
+    /// The number of whole core cycles in `ps` picoseconds, rounded up. The function is as slow as [`Clocks::ps`].
     pub(crate) fn cycles_of_ps(&self, ps: u64) -> u64 {
         let scale = 1_000_000_000_i64 + self.ppb;
         let rate = u128::from(self.hclk_hz) * scale.unsigned_abs() as u128;
@@ -225,8 +225,8 @@ impl Signal {
 pub(crate) enum Trigger {
     /// Timer n's TRGO had a rising edge.
     Trgo(u8),
-    /// Timer n's output compare of channel c (1 to 4) had a rising edge. TIM10 to TIM14 are ITR inputs in this way, and
-    /// some triggers of the ADC come from channels.
+    /// Timer n's output compare of channel c (1 to 4) had a rising edge. In this way TIM10 to TIM14 reach the ITR
+    /// inputs of other timers, and channels trigger the ADC.
     Compare(u8, u8),
     /// The EXTI line had an event (11 and 15 trigger the ADCs).
     Exti(u8),
@@ -248,7 +248,7 @@ pub(crate) struct Pads {
 }
 
 impl Pads {
-    /// Pads with nothing connected and all levels low.
+    /// Pads with no signal connected and all levels low.
     pub(crate) const OPEN: Self =
         Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
@@ -322,14 +322,14 @@ impl Cx<'_> {
         self.out.notes.push(Note { kind, at: self.now, pc: self.pc, place: self.name, text, value: Some(value) });
     }
 
-    /// See [`Pads::pins`].
+    /// Returns the pins that are connected to `signal`, see [`Pads::pins`].
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
         self.pads.pins(signal)
     }
 
-    /// Makes the instance drive what is connected to `signal` from now on. With `None` it stops driving, which is every
-    /// signal's state at the start and after a reset. While an instance clocks frames on a signal, its pins keep the
-    /// idle level.
+    /// Makes the instance drive the pins that are connected to `signal` from now on. With `None` it stops driving,
+    /// which is every signal's state at the start and after a reset. While an instance clocks frames on a signal, the
+    /// signal's pins keep the idle level.
     pub(crate) fn output(&mut self, signal: Signal, level: Option<bool>) {
         self.out.outputs.push((self.now, signal, level));
     }
@@ -342,13 +342,13 @@ impl Cx<'_> {
 
 /// The outside of the part, which answers at once.
 pub(crate) trait Wires {
-    /// See [`Outside::spi`].
+    /// Exchanges an SPI frame, see [`Outside::spi`].
     fn spi(&mut self, frame: &SpiFrame) -> Option<u32>;
-    /// See [`Outside::uart`].
+    /// Sends a UART frame, see [`Outside::uart`].
     fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame);
-    /// See [`Outside::i2c`].
+    /// Carries out an action on an I2C bus, see [`Outside::i2c`].
     fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer;
-    /// See [`Outside::microvolts`].
+    /// Reads the voltage on a pin, see [`Outside::microvolts`].
     fn microvolts(&self, at: Cycle, pin: Pin) -> i32;
 }
 
@@ -376,15 +376,15 @@ impl<O: Outside> Wires for Outward<'_, O> {
 
 /// One instance of a peripheral.
 ///
-/// Before any call at a later cycle, the part calls [`Peripheral::advance`] for everything that is due. A clock that
-/// RCC gates off blocks accesses, but it does not stop what is pending.
+/// Before any call at a later cycle, the part calls [`Peripheral::advance`] for everything that is due. If RCC gates
+/// the instance's clock off, accesses are blocked, but events that are pending still happen.
 pub(crate) trait Peripheral: Clone {
     /// Reads the register at `offset`, which is aligned to `width`. The result has the bits from `offset` on: a byte
     /// read at offset 1 returns bits 15:8 of the register at 0, in its low bits.
     fn read(&mut self, offset: u32, width: Width, cx: &mut Cx) -> u32;
 
-    /// Writes the low `width` bytes of `value`. Each instance handles narrow writes as the manual says: APB peripherals
-    /// that take only words get the value copied to all lanes (RM0090 2.1.6).
+    /// Writes the low `width` bytes of `value`. Each instance handles narrow writes as the manual says: an APB
+    /// peripheral that takes only words gets the value copied to all lanes (RM0090 2.1.6).
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx);
 
     /// Reads as a debugger does, without any change. The default returns 0.
@@ -393,7 +393,7 @@ pub(crate) trait Peripheral: Clone {
         0
     }
 
-    /// The cycle at which something next happens in the instance by itself, [`NEVER`] if nothing does. It must be O(1).
+    /// The cycle at which the instance next acts by itself, [`NEVER`] if it does not. The function must be O(1).
     fn due(&self) -> Cycle;
 
     /// Carries out everything that is due up to and at `cx.now`, in order. Afterwards [`Peripheral::due`] is later than
@@ -411,14 +411,14 @@ pub(crate) trait Peripheral: Clone {
         0
     }
 
-    /// Tells the instance that the DMA has served request `bit`. The DMA has read or written where its stream points,
-    /// which may be another register than the data register. `left` is NDTR afterwards: 0 is the end of the transfer,
-    /// and 1 is the signal EOT_1 that the I2C's LAST bit uses.
+    /// Tells the instance that the DMA has served request `bit`. The DMA has read or written the address to which its
+    /// stream points, which may be another register than the data register. `left` is NDTR afterwards: 0 is the end of
+    /// the transfer, and 1 is the signal EOT_1 that the I2C's LAST bit uses.
     fn dma_served(&mut self, bit: u8, left: u32, cx: &mut Cx) {
         let _ = (bit, left, cx);
     }
 
-    /// Tells the instance that the clocks changed at `cx.now`. The instance converts what is pending from `old` to
+    /// Tells the instance that the clocks changed at `cx.now`. The instance converts its pending times from `old` to
     /// `cx.clocks`.
     fn clocks_changed(&mut self, old: &Clocks, cx: &mut Cx);
 

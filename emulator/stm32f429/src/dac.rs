@@ -4,7 +4,7 @@
 //! |---|---|
 //! | Both channels: enable bits, data registers in all alignments, single and dual, output registers | 14.3, 14.5 |
 //! | The software trigger | 14.3.6 |
-//! | The pins PA4 and PA5 as the ADCs see them | 14.2 |
+//! | The voltages on PA4 and PA5, which the ADCs read | 14.2 |
 //!
 //! **Left out, each a finding when it is set up:** the triggers of timers and EXTI, DMA, noise and triangle waves. The
 //! output register takes its data register's value at once, not after one or three PCLK1 cycles. The output settles at

@@ -8,13 +8,13 @@
 //! | Circular and double-buffer mode, 10.3.8, 10.3.9 | Modelled as the manual describes it |
 //! | Memory to memory, 10.3.6 | DMA2 only; all data moves when the stream is switched on |
 //! | Flags | `TCIF`, `HTIF`, `TEIF`, `FEIF`; `TCIF` also when software switches a stream off, 10.3.14 |
-//! | Priority | Software priority, then stream number; DMA1 before DMA2 if both have work at one cycle |
+//! | Priority | Software priority, then stream number; DMA1 before DMA2 if both have a request at one cycle |
 //!
-//! A transfer takes no time: data moves at the cycle of its request. `EN` therefore reads 0 right after it is cleared.
+//! A transfer takes no time: data moves at the cycle of its request. So `EN` reads 0 right after it is cleared.
 //!
 //! **Left out.** `DMEIF` never comes, since a direct transfer never has to wait. The peripheral as flow controller
-//! (`PFCTRL`, SDIO only) makes a finding and is ignored. Bursts move like single transfers. A burst that crosses 1 KiB
-//! or does not fit the FIFO threshold makes a finding; the latter is also a FIFO error, as 10.3.12 says.
+//! (`PFCTRL`, SDIO only) makes a finding and is ignored. Bursts move like single transfers. A burst that crosses 1 KiB,
+//! or that does not fit the FIFO threshold, makes a finding; the second is also a FIFO error, as 10.3.12 says.
 
 use cortex_m4::Width;
 use emulator_part::FindingKind;
@@ -51,7 +51,7 @@ pub(crate) enum Direction {
     MemoryToMemory,
 }
 
-/// The instance, and the mask of its request outputs, to which a channel of a stream is connected.
+/// The instance, and the mask of its request outputs, that are connected to a channel of a stream.
 type Source = (u8, u8);
 
 const fn no() -> Source {
@@ -120,7 +120,8 @@ pub(crate) struct Stream {
     m1ar: u32,
     fcr: u32,
     pub(crate) flags: u8,
-    /// The value that reloads NDTR in circular mode, and the position in the present lap.
+    /// The number of items that reloads NDTR in circular mode. The next field is the number left of the present
+    /// transfer.
     total: u32,
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
@@ -128,9 +129,9 @@ pub(crate) struct Stream {
     /// The 16 bytes of the FIFO, with the oldest byte lowest.
     fifo: u128,
     pub(crate) filled: u8,
-    /// The number of bytes still to be read from memory in this lap.
+    /// The number of bytes of the present transfer that are still to be read from memory.
     ahead: u32,
-    /// The request that the stream listens to: an instance and a mask. The mask is 0 while the stream is off.
+    /// The request that starts the stream's transfers: an instance and a mask. The mask is 0 while the stream is off.
     pub(crate) source: Source,
 }
 
@@ -232,7 +233,7 @@ impl Stream {
             && (self.is_direct() || self.filled >= self.threshold() || self.left == 0)
     }
 
-    /// Whether the FIFO has room for another item from memory, and the lap needs one.
+    /// Whether the FIFO has room for another item from memory, and the present transfer needs one.
     pub(crate) fn fills(&self) -> bool {
         let width = self.memory_width().bytes();
         let room = if self.is_direct() { width } else { 16 };
@@ -257,8 +258,8 @@ impl Stream {
         }
     }
 
-    /// Counts a transfer on the peripheral's side: updates NDTR and the flags. Returns whether it was the lap's last
-    /// one.
+    /// Counts an item that was moved on the peripheral's side: updates NDTR and the flags. Returns whether it was the
+    /// last item of the transfer.
     pub(crate) fn count(&mut self) -> bool {
         self.left -= 1;
         if self.left == self.total / 2 {
@@ -267,12 +268,12 @@ impl Stream {
         self.left == 0
     }
 
-    /// The number of items that are left of the lap.
+    /// The number of items that are left of the present transfer.
     pub(crate) const fn left(&self) -> u32 {
         self.left
     }
 
-    /// Ends a lap whose data has all been moved.
+    /// Ends a transfer whose data has all been moved. In circular mode the next transfer begins.
     pub(crate) fn end_of_lap(&mut self) {
         self.flags |= TCIF;
         if self.cr & (CIRC | DBM) != 0 && self.direction() != Direction::MemoryToMemory {
@@ -314,14 +315,14 @@ fn width(code: u32) -> Width {
     }
 }
 
-/// What a write of a register started or stopped.
+/// The effect of a write of a register on the movement of data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Turn {
-    /// The write does not concern the data.
+    /// The write does not start or stop a stream.
     Nothing,
     /// The stream was switched on.
     On(usize),
-    /// Software switched the stream off: what is in its FIFO still has to go to memory.
+    /// Software switched the stream off: the data in its FIFO still have to go to memory.
     Off(usize),
 }
 
@@ -333,7 +334,7 @@ pub(crate) struct Dma {
     pub(crate) streams: [Stream; 8],
 }
 
-/// The places of the streams' flags in LISR and HISR.
+/// The bit positions of the streams' flags in LISR and HISR.
 const SHIFTS: [u32; 4] = [0, 6, 16, 22];
 
 impl Dma {
@@ -438,9 +439,9 @@ impl Dma {
         if new & EN == 0 {
             return Turn::Nothing;
         }
-        // 10.3.17 wants all event flags cleared "before the stream can be re-enabled". Drivers in wide use leave the
-        // flags of the half transfer and of the FIFO set, and their streams start. With another flag set, a stream does
-        // not start.
+        // 10.3.17 requires all event flags to be cleared "before the stream can be re-enabled". Drivers in wide use
+        // leave the flags of the half transfer and of the FIFO set, and their streams start. With another flag set, a
+        // stream does not start.
         if stream.flags & !(HTIF | FEIF) != 0 {
             find(FindingKind::Misuse, "a stream is switched on with flags set: it stays off");
             return Turn::Nothing;

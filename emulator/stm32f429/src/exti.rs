@@ -50,14 +50,15 @@ impl Exti {
         self.hit(hits);
     }
 
-    /// Handles an event on `lines`. In figure 41 the pending register is before the mask, so it shows masked lines too.
+    /// Handles an event on `lines`. In figure 41 the pending register comes before the mask, so it shows masked lines
+    /// too.
     fn hit(&mut self, lines: u32) {
         self.pr |= lines;
         self.events |= lines & self.emr;
         self.edges |= lines;
     }
 
-    /// The pending lines that are passed to the core.
+    /// The lines whose pending bit is set and is passed to the core by IMR.
     pub(crate) fn live(&self) -> u32 {
         self.pr & self.imr
     }

@@ -47,7 +47,8 @@ const BSY: u32 = 1 << 16;
 const OPTLOCK: u32 = 1 << 0;
 const OPTSTRT: u32 = 1 << 1;
 
-/// The time of programming in nanoseconds: 16 µs typically, whatever the width (DS9405, flash memory programming).
+/// The time to program one unit of data in nanoseconds: 16 µs typically, whatever the width (DS9405, flash memory
+/// programming).
 const PROGRAM_NS: u64 = 16_000;
 
 const PREFETCH: u32 = 1 << 8;
@@ -88,7 +89,7 @@ pub(crate) struct FlashControl {
     readable: bool,
     /// The number of wait states that are missing only because of the supply.
     missing: u32,
-    /// The seed of the wrong bits, and the number of reads that could have had one.
+    /// The seed of the wrong bits. The next field is the number of reads that could have had one.
     noise: u64,
     reads: u64,
     /// Whether OPTCR was just programmed into the option bytes.
@@ -145,8 +146,8 @@ impl FlashControl {
     }
 
     /// Reads flash. Where the supply needs more wait states than are set, the sense amplifiers are too slow for some
-    /// cells, and one bit of some reads is wrong. No manual says of how many reads: the seed decides between one in 4
-    /// and one in 65536, and each missing wait state doubles their number.
+    /// cells, and one bit of some reads is wrong. No manual says how many reads are wrong: the seed decides between one
+    /// in 4 and one in 65536, and each missing wait state doubles their number.
     pub(crate) fn read(&mut self, offset: u32, width: Width) -> Option<u32> {
         let value = self.memory.read(offset, width)?;
         if self.missing == 0 {
@@ -177,8 +178,8 @@ impl FlashControl {
         self.acr & 0xF
     }
 
-    /// Whether reads are correct. With fewer wait states than RM0090 table 11 asks for, the core samples the array
-    /// before it has settled, and may read anything. In this model every halfword reads as the permanently undefined
+    /// Whether reads are correct. With fewer wait states than RM0090 table 11 requires, the core samples the array
+    /// before it has settled, and may read any value. In this model every halfword reads as the permanently undefined
     /// instruction `UDF #255` (0xDEFF), so that firmware stops at once in a fault, and in lockup, since the vectors are
     /// garbage too.
     pub(crate) fn is_readable(&self) -> bool {
@@ -257,7 +258,7 @@ impl FlashControl {
         }
     }
 
-    /// The cycle until which a read of `offset` waits, 0 if it does not wait.
+    /// The cycle until which a read of `offset` has to wait; 0 if it need not wait.
     #[inline]
     pub(crate) fn busy(&self, offset: u32, now: Cycle) -> Cycle {
         if self.sr & BSY == 0 {
@@ -389,14 +390,14 @@ impl FlashControl {
         }
     }
 
-    /// Whether `nWRP` protects the sector (0 to 11) of `bank`.
+    /// Whether the option bits `nWRP` protect the sector (0 to 11) of `bank`.
     fn is_protected(&self, bank: u32, sector: u32) -> bool {
         let bits = if bank == 0 { self.optcr } else { self.optcr1 };
         bits >> (16 + sector) & 1 == 0
     }
 
     fn erase(&mut self, now: Cycle, pc: Option<u32>, hz: u64, out: &mut Effects) -> Outcome {
-        // The times are the columns of DS9405's table: parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
+        // The times are those of DS9405's table for parallelism 8, 16 and 32 bits (64 needs VPP, which no board here
         // has).
         let psize = (self.cr >> 8 & 3) as usize;
         let mut find = |kind, text| out.notes.push(Note { kind, at: now, pc, place: "FLASH", text, value: None });
@@ -444,7 +445,7 @@ impl FlashControl {
         Outcome::Changed
     }
 
-    /// The error flag and the reason for which a store of this width into flash programs nothing, `None` if it does.
+    /// The error flag and the reason if a store of this width into flash programs nothing; `None` if it programs.
     fn refusal(&self, offset: u32, width: Width) -> Option<(u32, &'static str)> {
         let (bank, sector) = sector_of(offset);
         if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
@@ -547,7 +548,7 @@ mod tests {
         read.filter(|(_, word)| *word != 0).collect()
     }
 
-    /// The test is by RM0090's table of wait states: 30, 24, 22 and 20 MHz for each, from 2.7, 2.4, 2.1 and 1.8 V on.
+    /// RM0090's table gives 30, 24, 22 and 20 MHz for each wait state, from 2.7, 2.4, 2.1 and 1.8 V on.
     #[test]
     fn four_wait_states_at_144_mhz_need_2700_mv() {
         assert_eq!(flash(4, 144 * MHZ, 2_700_000, 0).missing, 0);

@@ -12,7 +12,7 @@ pub(crate) const RNG: u8 = 32;
 pub(crate) const ADC: u8 = 33;
 pub(crate) const CRC: u8 = 34;
 pub(crate) const CAN1: u8 = 35;
-/// The number of instances that are [`crate::cx::Peripheral`]s, which have the numbers below it.
+/// The number of instances that are [`crate::cx::Peripheral`]s. These instances have the numbers below it.
 pub(crate) const INSTANCES: u8 = 36;
 pub(crate) const IWDG: u8 = 36;
 pub(crate) const WWDG: u8 = 37;
@@ -20,7 +20,7 @@ pub(crate) const RCC: u8 = 38;
 pub(crate) const FLASH: u8 = 39;
 pub(crate) const DMA1: u8 = 40;
 pub(crate) const DMA2: u8 = 41;
-/// The number of entries in the event queue, which have the numbers below it.
+/// The number of entries in the event queue. These entries have the numbers below it.
 pub(crate) const SCHEDULED: usize = 42;
 pub(crate) const PWR: u8 = 42;
 pub(crate) const SYSCFG: u8 = 43;
@@ -29,10 +29,10 @@ pub(crate) const GPIO: u8 = 45;
 pub(crate) const BKPSRAM: u8 = 56;
 /// The first number of the peripherals without a model.
 pub(crate) const STUBS: u8 = 57;
-/// The DAC. It stands among the peripherals without a model, since nothing of it is scheduled.
+/// The number of the DAC. It is among the peripherals without a model, since the DAC schedules no event.
 pub(crate) const DAC: u8 = STUBS + 3;
 pub(crate) const COUNT: usize = 70;
-/// The number for addresses with nothing at them.
+/// The number that stands for an address at which the part has nothing.
 pub(crate) const NOTHING: u8 = 255;
 
 /// The names in the manual.

@@ -15,7 +15,7 @@
 //! | left out | effect |
 //! |---|---|
 //! | CAN2, SDIO, SAI, LTDC, Ethernet, DMA2D, USB, DCMI, FMC, I2S extensions | each use is a finding; they read 0 |
-//! | what DBGMCU stops while a debugger holds the core | nothing stops; its registers keep what is written |
+//! | what DBGMCU stops while a debugger holds the core | nothing stops; DBGMCU's registers keep the written values |
 //! | stop and standby mode | a finding when a deep sleep begins, which is then an ordinary sleep |
 //! | the bus matrix's arbitration, except in [`Part::wait_states`] | DMA transfers take no time |
 //! | BOOT0 | it is low: the part boots from flash |
@@ -147,7 +147,7 @@ pub struct Oscillators {
     /// The nominal rate of the clock on OSC_IN, in hertz; `None` where nothing drives OSC_IN, as on a NUCLEO whose
     /// ST-LINK has no power.
     pub hse_hz: Option<u64>,
-    /// How much faster that clock is, in parts per billion.
+    /// How much faster the clock on OSC_IN is, in parts per billion.
     pub hse_ppb: i64,
     /// How much faster the internal 16 MHz oscillator (HSI) is, in parts per billion: ±1 % trimmed and at 25 °C, -8 %
     /// to +4.5 % from -40 °C to 105 °C (data sheet, table of the HSI oscillator's characteristics).
@@ -164,7 +164,7 @@ impl Default for Oscillators {
     }
 }
 
-/// The key by which two findings are the same. The words are compared by their addresses in the program.
+/// The key by which two findings are the same. Their words are compared by their addresses in the program.
 type NoteKey = (FindingKind, &'static str, &'static str, Option<u32>);
 
 /// The STM32F429ZI without its core.
@@ -203,21 +203,22 @@ pub struct Stm32f429 {
     can: Can,
     dac: Dac,
 
-    /// The cycle at which something next happens: in each instance, in any of each group of eight, and in any at all.
+    /// The cycle of the next event: in each instance, then in each group of eight, then in all.
     due: [Cycle; GROUPS * 8],
     group_due: [Cycle; GROUPS],
     next: Cycle,
     /// The instances that were called and whose outputs were not yet checked.
     dirty: u64,
-    /// The DMA requests of each instance, those that a stream listens to, and the instances that have both.
+    /// The DMA requests of each instance. `listened` has the requests to which a stream listens, and `hungry` the
+    /// instances that have both.
     requests: [u8; id::SCHEDULED],
-    /// The cycle until which each controller is busy because of a request that never ends.
+    /// The cycle until which each DMA controller pauses because of a request that never ends.
     dma_pauses_until: [Cycle; 2],
     listened: [u8; id::SCHEDULED],
     hungry: u64,
     /// The streams of each controller that listen to a request.
     listening: [u8; 2],
-    /// The interrupt lines: those of TIM9 to TIM14, which share lines with TIM1 and TIM8, and those of everything else.
+    /// The interrupt lines of TIM9 to TIM14, which share lines with TIM1 and TIM8. The next field is all other lines.
     shared: [u64; 4],
     own: [u64; 4],
     out: Effects,
@@ -232,22 +233,22 @@ const GROUPS: usize = id::SCHEDULED.div_ceil(8);
 /// The maximum number of findings that are kept.
 const MOST_FINDINGS: usize = 200;
 
-/// The maximum number of DMA transfers at one cycle. A stream whose request never ends (a circular one to a register
-/// that does not clear its request) then pauses for the time that so many transfers take, see [`TRANSFER_CYCLES`].
+/// The maximum number of DMA transfers at one cycle. A stream whose request never ends (a circular stream to a register
+/// that does not clear its request) then pauses for the time that as many transfers take, see [`TRANSFER_CYCLES`].
 const MOST_TRANSFERS: u32 = 64;
 
 /// The cycles of one DMA transfer where a request never ends: arbitration and an access on either port. AN4031 ("DMA
-/// latency") counts a few cycles for each. The exact number depends on the bus matrix, which is not modelled.
+/// latency") counts a few cycles for each part. The exact number depends on the bus matrix, which is not modelled.
 const TRANSFER_CYCLES: Cycle = 8;
 
-/// The maximum number of rounds of internal triggers at one cycle. Timers that trigger one another in a ring need
-/// clocks for it on silicon. Here the ring would never end, so it is cut with a finding.
+/// The maximum number of rounds of internal triggers at one cycle. On silicon, timers that trigger one another in a
+/// ring need clocks for each round. Here the ring would never end, so it is cut with a finding.
 const MOST_TRIGGERS: u32 = 64;
 
 /// The bus master of an access that the core does not make.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Master {
-    /// The peripheral port of a DMA controller, and its memory port. 0 is DMA1.
+    /// The peripheral port of a DMA controller: 0 is DMA1. The next variant is the memory port.
     DmaPeripheral(u8),
     DmaMemory(u8),
 }
@@ -407,9 +408,9 @@ impl Stm32f429 {
         self.rng.seed(seed);
     }
 
-    /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches what ran from it to HSI and
-    /// raises the NMI. Without, whatever it clocked stands still, including the core (7.2.7). The call does nothing if
-    /// the oscillator does not run.
+    /// Stops the oscillator on OSC_IN at `at`. With `CSSON` set, the hardware switches what ran from the oscillator to
+    /// HSI and raises the NMI. Without it, everything that the oscillator clocked stands still, including the core
+    /// (7.2.7). The call does nothing if the oscillator does not run.
     pub fn fail_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.fail_hse(at, self.pwr.supply(), &mut self.out);
@@ -420,8 +421,8 @@ impl Stm32f429 {
         self.settle(at, outside);
     }
 
-    /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. Software that waits for `HSERDY`
-    /// sees it rise; nothing switches back by itself.
+    /// Starts the oscillator on OSC_IN at `at`, even if it was absent from the start. `HSERDY` then rises for software
+    /// that waits for it; the hardware switches nothing back by itself.
     pub fn restore_hse<O: Outside>(&mut self, at: Cycle, outside: &mut O) {
         self.advance(at, outside);
         self.rcc.restore_hse(at, self.pwr.supply(), &mut self.out);
@@ -443,7 +444,7 @@ impl Stm32f429 {
         self.rcc.has_hse()
     }
 
-    /// What the part does to `pin` now.
+    /// The state in which the part holds `pin` now.
     #[must_use]
     pub fn pad(&self, pin: Pin) -> Pad {
         self.gpio.pad(pin)

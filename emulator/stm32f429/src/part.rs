@@ -10,7 +10,7 @@ impl Part for Stm32f429 {
     fn core(&self) -> Config {
         Config {
             lines: INTERRUPTS,
-            // The number is from PM0214 4.3.
+            // PM0214 4.3 gives this number.
             priority_bits: 4,
             vector_table: 0,
             // The calibration value is 18750, which is 1 ms at HCLK/8 of 150 MHz (12.1.2). SKEW is set, since it is not
@@ -26,7 +26,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // The access is copied, so that the compiler does not build one in the host's memory for each access to RAM.
+        // The access is copied, so that the compiler does not put one into the host's memory for each access to RAM.
         self.read_other(&{ *access }, outside)
     }
 

@@ -3,10 +3,10 @@
 use super::*;
 
 impl Stm32f429 {
-    /// Takes in the outputs of the instance `number` after it was called.
+    /// Takes over the outputs of the instance `number` after it was called.
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // A receiver that gets a frame late has due instants in the past, which are handled now.
+        // A receiver that gets a frame late has due cycles in the past, which are handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;
@@ -39,7 +39,7 @@ impl Stm32f429 {
         }
     }
 
-    /// The first instance in which something happens at `at`.
+    /// The first instance that has an event at `at`.
     pub(crate) fn first_due(&self, at: Cycle) -> u8 {
         let position = |list: &[Cycle]| list.iter().position(|&due| due == at).unwrap_or(0);
         let group = position(&self.group_due);
@@ -109,7 +109,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Passes on the lines and events of the EXTI after it was called.
+    /// Passes on the lines and events of the EXTI after the EXTI was called.
     pub(crate) fn after_exti(&mut self) {
         let live = self.exti.live();
         for line in 0..5 {
@@ -139,7 +139,7 @@ impl Stm32f429 {
         }
     }
 
-    /// Finds the requests to which streams listen.
+    /// Computes the requests to which streams listen.
     pub(crate) fn listen(&mut self) {
         self.listened = [0; id::SCHEDULED];
         for (dma, listening) in self.dma.iter().zip(&mut self.listening) {

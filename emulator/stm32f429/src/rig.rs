@@ -1,4 +1,4 @@
-//! A test rig for one instance of a peripheral alone: clocks, pads, and wires that record.
+//! A test bench for one instance of a peripheral alone: clocks, pads, and wires that record.
 
 use std::collections::VecDeque;
 

@@ -2,8 +2,8 @@
 //! 5.2.
 //!
 //! The thresholds are those of DS9405, "Embedded reset and power control block characteristics". The data sheet gives a
-//! range for each. Here each detector reacts as late as the data sheet allows, so that firmware has the least time
-//! between them. The time for which the reset lasts beyond the threshold (0.5 to 3 ms) is left out.
+//! range for each threshold. Here each detector reacts as late as the data sheet allows, so that firmware has the least
+//! time between two detectors. The time for which the reset lasts beyond the threshold (0.5 to 3 ms) is left out.
 
 use emulator_part::{Reset, Supplied};
 
@@ -12,7 +12,7 @@ type Threshold = (u32, u32);
 
 /// The thresholds of power-down and power-on.
 const POWER: Threshold = (1_600_000, 1_640_000);
-/// The thresholds of brown-out levels 3, 2 and 1, in the order of `BOR_LEV`, in which 3 is off.
+/// The thresholds of brown-out levels 3, 2 and 1, in the order of `BOR_LEV`. The value 3 of that field means off.
 const BROWN_OUT: [Threshold; 3] = [(2_750_000, 2_850_000), (2_440_000, 2_530_000), (2_130_000, 2_230_000)];
 /// The thresholds of the voltage detector, by `PWR_CR.PLS`.
 const DETECTOR: [Threshold; 8] = [
@@ -103,7 +103,7 @@ mod tests {
         assert_eq!(supply.supply(1_600_000, 3), Supplied::Enough);
         assert_eq!(supply.supply(1_599_999, 3), Supplied::HeldInReset);
         assert_eq!(supply.supply(1_640_000, 3), Supplied::Restarts(Reset::PowerOn));
-        // Whatever the brown-out level is, a supply that fell so low restarts as a power-on, as late as that level
+        // Whatever the brown-out level is, a supply that has fallen to 0 restarts as at power-on, as late as that level
         // allows.
         assert_eq!(supply.supply(0, 0), Supplied::HeldInReset);
         assert_eq!(supply.supply(2_849_999, 0), Supplied::HeldInReset);

@@ -3,7 +3,7 @@
 //! | Register | Behaviour |
 //! |---|---|
 //! | `MEMRMP` | `MEM_MODE` maps flash, system memory or SRAM1 to address 0; that of the FMC makes a finding |
-//! | `PMC` | Keeps what is written; `MII_RMII_SEL` makes a finding |
+//! | `PMC` | Keeps the written value; `MII_RMII_SEL` makes a finding |
 //! | `EXTICR1` to `4` | The port whose pin each EXTI line listens to |
 //! | `CMPCR` | The compensation cell is ready at once |
 

@@ -30,8 +30,8 @@ impl Stm32f429 {
         self.after_dma(nth);
     }
 
-    /// Serves the next request, by software priority, then stream number, and DMA1 first. Returns the controller that
-    /// had one.
+    /// Serves the next request: by software priority, then by stream number, and DMA1 before DMA2. Returns the
+    /// controller that had a request.
     pub(crate) fn transfer(&mut self, now: Cycle) -> Option<usize> {
         let mut pauses = false;
         for nth in 0..2 {
@@ -200,8 +200,9 @@ impl Stm32f429 {
         }
     }
 
-    /// Whether a DMA controller's port reaches `address`: figure 2 and 2.1. DMA1's peripheral port reaches APB1 only,
-    /// and its memory port flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the CCM.
+    /// Whether a DMA controller's port reaches `address` (figure 2 and 2.1). DMA1's peripheral port reaches APB1 only,
+    /// and its memory port reaches flash and SRAM. DMA2's ports reach these and all peripherals. No port reaches the
+    /// CCM.
     pub(crate) fn reaches(master: Master, address: u32) -> bool {
         let memory = matches!(address, 0..0x0820_0000 | SRAM_BASE..0x2003_0000);
         let peripheral = matches!(address, 0x4000_0000..0x6000_0000);
@@ -254,7 +255,7 @@ impl Stm32f429 {
         self.bus_write(address, width, value, now, None, None::<&mut emulator_part::Open>)
     }
 
-    /// The memory at `address`, for a debugger's read, and the offset in it.
+    /// The memory that has `address`, for a debugger's read, and the offset of `address` in it.
     pub(crate) fn locate(&self, address: u32) -> Option<(Memory, usize)> {
         if let Some(offset) = self.flash_offset(address) {
             return Some((Memory::Flash, offset as usize));

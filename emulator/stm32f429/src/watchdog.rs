@@ -2,15 +2,15 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `IWDG_KR` | 0xCCCC starts it and LSI, 0xAAAA reloads, 0x5555 opens `PR` and `RLR`; any other key closes them |
+//! | `IWDG_KR` | 0xCCCC starts watchdog and LSI, 0xAAAA reloads, 0x5555 opens `PR`, `RLR`; any other key closes them |
 //! | `IWDG_PR`, `RLR`, `SR` | Take effect 5 ticks of LSI after the write; `PVU`, `RVU` are set until then, 21.4.4 |
 //! | `IWDG` count | Counts prescaled LSI exactly; the part restarts when it passes 0, 21.3 |
 //! | `WWDG_CR`, `CFR` | Counts PCLK1 over 4096 over `WDGTB`; too early or too late a write restarts the part, 22.3 |
 //! | `WWDG_SR` | Early wake-up interrupt at 0x40, 22.3 |
 //!
 //! **Left out.** The window watchdog's prescaler runs freely in the part. Here it starts with each write of `T`, so a
-//! time-out comes at the late end of the part's uncertainty of one tick. A change of `PR` while counting takes effect
-//! at once after its 5 ticks, and the count is kept. DBGMCU does not freeze the watchdogs.
+//! time-out comes at the late end of the part's uncertainty of one tick. A change of `PR` while the watchdog counts
+//! takes effect at once after its 5 ticks, and the count is kept. DBGMCU does not freeze the watchdogs.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, NEVER};
@@ -25,7 +25,8 @@ pub(crate) struct Iwdg {
     running: bool,
     pr: u32,
     rlr: u32,
-    /// The written values that are not in force yet, each with the cycle from which it is.
+    /// The written value of PR that is not in force yet, with the cycle from which it is. The next field is the same
+    /// for RLR.
     pr_next: Option<(u32, Cycle)>,
     rlr_next: Option<(u32, Cycle)>,
     /// The prescaled LSI ticks that were left at the cycle `since`.
@@ -118,7 +119,7 @@ impl Iwdg {
             now + ps as u64 + 1
         };
         if self.running {
-            // The beginning moves as well, so that the fraction of a tick that has passed is kept.
+            // The start of the count moves as well, so that the fraction of a tick that has passed is kept.
             let gone = u128::from(now.saturating_sub(self.since)) * u128::from(new.hclk_hz);
             let gone = (gone / u128::from(old.hclk_hz.max(1))) as u64;
             // The count starts at `since`. A negative start becomes 0, and the ticks before it are subtracted from the
@@ -152,7 +153,7 @@ impl Iwdg {
 
     pub(crate) fn read(&self, offset: u32, width: Width) -> u32 {
         let register = match offset >> 2 {
-            // While an update is under way, PR and RLR read as last written. 21.4.2 leaves this undefined.
+            // While an update is under way, PR and RLR read as last written. 21.4.2 leaves the value undefined.
             1 => self.pr_next.map_or(self.pr, |(pr, _)| pr),
             2 => self.rlr_next.map_or(self.rlr, |(rlr, _)| rlr),
             3 => u32::from(self.pr_next.is_some()) | u32::from(self.rlr_next.is_some()) << 1,
@@ -204,7 +205,7 @@ impl Iwdg {
 
 const WDGA: u32 = 1 << 7;
 const COUNT: u32 = 0x7F;
-/// Bit 6 of `T`. The part restarts when it is clear.
+/// Bit 6 of `T`. The part restarts when this bit is clear.
 const ALIVE: u32 = 0x40;
 const EWI: u32 = 1 << 9;
 

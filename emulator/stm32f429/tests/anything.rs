@@ -6,7 +6,7 @@ use cortex_m4::Width;
 use emulator_part::{Part, Pin, Reset, UartFrame};
 use rig::*;
 
-/// A random generator (xorshift64*). The test has its own, so that a failure's seed gives the same sequence everywhere.
+/// A random generator (xorshift64*) of the test's own, so that a failure's seed gives the same sequence everywhere.
 struct Random(u64);
 
 impl Random {

@@ -1,4 +1,4 @@
-//! Tests that what is set up wrongly does not work, and that a finding says so where the real part would be silent.
+//! Tests that wrong settings do not work, and that a finding reports them where the real part would report nothing.
 
 use crate::rig;
 
@@ -12,7 +12,7 @@ const TIM5: u32 = 0x4000_0C00;
 
 #[test]
 fn a_pll_out_of_its_limits_never_locks() {
-    // The configurations have PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
+    // The settings have PLLM 1, a VCO at 433 MHz, and a VCO input of 0.5 MHz.
     for config in [1 | 50 << 6, 8 | 433 << 6, 16 | 400 << 6] {
         let mut rig = Rig::new(Oscillators::default());
         rig.write(RCC + 4, config | 4 << 24 | 1 << 22);
@@ -281,7 +281,7 @@ fn a_lasting_dma_request_occupies_its_own_controller_alone() {
     rig.write(stream + 12, 0x2000_0000);
     rig.write(stream, 3 << 25 | 1 << 6 | 1);
     rig.write(SPI1 + 4, 2);
-    // TIM5_UP is on stream 6, channel 6 of the other controller.
+    // TIM5_UP is on stream 6, channel 6 of the other DMA controller.
     rig.set(RCC + 0x40, 1 << 3);
     let other = DMA1 + 0x10 + 6 * 0x18;
     rig.write(other + 4, 1);

@@ -48,7 +48,7 @@ fn memory_without_a_stop_is_no_record_whether_zero_or_ones() {
     for word in [0, u32::MAX] {
         assert_eq!(Stop::from_words(&[word; WORDS]), None);
     }
-    // These words have the CRC that fits, but no cause.
+    // These words have a CRC that fits, but no cause.
     let mut words = [0; WORDS];
     words[WORDS - 1] = check_word(&words);
     assert_eq!(Stop::from_words(&words), None);

@@ -1,29 +1,29 @@
-//! Guard words, which a write beyond the end of a static, or a full stack, changes first.
+//! Guard words: a write beyond the end of a static, or an overflow of the stack, changes them before anything else.
 //!
-//! There are two words before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
-//! (`guards.x`), and at the end of the stack. The value of each follows from its address, so a block of memory that is
-//! copied over another does not restore it, and is neither 0 nor erased flash.
+//! There are two guard words before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
+//! (`guards.x`), and at the end of the stack. The value of each word follows from its address, so a block of memory
+//! that is copied over another does not restore it. No value is 0 or that of erased flash.
 
 use super::Memory;
 
-/// The number of guards.
+/// The number of guards on a board.
 pub const COUNT: usize = 5;
 
 /// The number of words in a guard.
 pub const WORDS: u32 = 2;
 
-/// Returns what the word at `address` has to hold.
+/// Returns the value that the guard word at `address` must hold.
 const fn value(address: u32) -> u32 {
-    // The constant has as many ones as zeros, and different bytes.
+    // The constant has as many ones as zeros, and its bytes differ from each other.
     !address ^ 0x9E37_79B9
 }
 
-/// The guards of a board.
+/// The addresses of a board's guards.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guards([u32; COUNT]);
 
 impl Guards {
-    /// Writes the guards at these addresses.
+    /// Writes guards at these addresses.
     pub(super) fn set(addresses: [u32; COUNT], memory: &mut impl Memory) -> Self {
         for address in words(&addresses) {
             memory.store(address, value(address));
@@ -31,7 +31,7 @@ impl Guards {
         Self(addresses)
     }
 
-    /// Returns the number of a guard that has changed. All guards are read, whatever is found.
+    /// Returns the number of a guard that has changed; `None` if none has. All guards are read, whatever is found.
     pub(super) fn changed(&self, memory: &impl Memory) -> Option<u32> {
         let mut changed = None;
         for (index, address) in words(&self.0).enumerate() {

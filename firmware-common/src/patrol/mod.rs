@@ -1,31 +1,31 @@
-//! The patrol, which verifies memory all the time: flash, code in RAM, the ends of the statics, RAM in use.
+//! The patrol, which verifies memory all the time: flash, code in RAM, guard words, RAM in use.
 //!
 //! # Design
 //!
-//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for slices that it was kept from, but does no
-//! more than [`MOST_SLICES`] at once ([`Pace`]). A slice does a fixed amount of each of four things:
+//! The idle loop does one *slice* of work every [`SLICE_US`]. It makes up for slices that it had no time for, but does
+//! no more than [`MOST_SLICES`] at once ([`Pace`]). A slice does a fixed amount of work on each of four things:
 //!
-//! | what | how | a mismatch |
+//! | what | how it is verified | how a mismatch is reported |
 //! |---|---|---|
 //! | flash, from the vector table on | its CRC, some words a slice; a verdict after each pass | [`Slice::flash`] |
 //! | code that runs from RAM | compared with its load image in flash, some words a slice | [`Slice::code`] |
 //! | around the statics, end of the stack | all guard words in each slice ([`guard`]) | [`Slice::guard`] |
 //! | RAM in use: stack and statics | inverted and restored, some words a slice ([`ram`]) | [`Slice::ram`] |
 //!
-//! The board decides what follows from a mismatch; this module leaves everything as it finds it. CRC tables and
-//! constants lie in flash or in the RAM of the code, and so are covered. Statics change and have no CRC. Guard words
-//! and the memory protection unit ([`mpu`](crate::mpu)) protect them from being overwritten by other code, the test of
-//! the RAM finds memory that no longer holds its contents, and the CRCs of the objects and the watchdog deal with a bit
-//! that flips once.
+//! The board decides what follows from a mismatch; this module corrects nothing. CRC tables and constants lie in flash
+//! or in the RAM of the code, and so are covered. Statics change and have no CRC. Guard words and the memory
+//! protection unit ([`mpu`](crate::mpu)) protect statics from being overwritten by other code, the test of the RAM
+//! finds memory that no longer holds its contents, and the CRCs of the objects and the watchdog cover a bit that flips
+//! once.
 //!
 //! # Time to detect
 //!
-//! With [`Rate`] words a slice and an idle loop that is not starved, a change of a bit is found:
+//! With [`Rate`] words a slice and an idle loop that gets all its slices, the change of a bit is found:
 //!
-//! - flash: at the end of the first pass that begins after it, so in two passes ([`Rate::flash_detect_us`]);
-//! - code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
-//! - guard words: in one slice;
-//! - RAM in use: if the bit is stuck or does not change, when its word has its turn, so in one pass at most
+//! - in flash: at the end of the first pass that begins after the change, so in two passes ([`Rate::flash_detect_us`]);
+//! - in code in RAM: when its word has its turn, so in one pass at most ([`Rate::code_detect_us`]);
+//! - in guard words: in one slice;
+//! - in RAM in use: if the bit is stuck or does not change, when its word has its turn, so in one pass at most
 //!   ([`Rate::ram_pass_us`]).
 
 use core::ops::Range;
@@ -44,61 +44,61 @@ use ram::Walk;
 /// The time from one slice to the next, µs.
 pub const SLICE_US: u32 = 2_500;
 
-/// The most slices that are made up for at once: those of 50 ms. Any further slices are dropped.
+/// The most slices that are made up for at once: those of 50 ms. All slices beyond these are dropped.
 pub const MOST_SLICES: u32 = 20;
 
 /// Words of memory, as the patrol accesses them. The tests implement this trait for faulty memory.
 pub trait Memory {
     /// Returns the word at `address`.
     fn load(&self, address: u32) -> u32;
-    /// Returns the word at `address` of flash that the memory protection unit has shut.
+    /// Returns the word at `address` of flash to which the memory protection unit denies access.
     fn load_shut(&self, address: u32) -> u32;
-    /// Stores `word` at `address`, which belongs to a guard.
+    /// Stores `word` at `address`, which belongs to a guard word.
     fn store(&mut self, address: u32, word: u32);
-    /// Inverts the word at `address` of RAM and the one behind it and restores them, with nothing in between; returns
+    /// Inverts the word at `address` of RAM and the one behind it and restores both, without an interruption; returns
     /// the bits that did not read as they were written.
     fn exercise(&mut self, address: u32) -> u32;
 }
 
-/// The memory of a board. All addresses are multiples of four.
+/// Where a board's memory lies that is to be verified. All addresses are multiples of four.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// The program in flash: from the vector table to the word that holds its CRC, which is not included.
     pub program: Range<u32>,
-    /// The end of the first part of the program, which is shut to ordinary loads.
+    /// The end of the first part of the program, to which the memory protection unit denies ordinary loads.
     pub shut_end: u32,
     /// The RAM from which code runs.
     pub code: Range<u32>,
-    /// The load image of that code in flash.
+    /// The address in flash of the load image of the code in RAM.
     pub code_load: u32,
-    /// The guards, which have two words each.
+    /// The addresses of the guards, which have two words each.
     pub guards: [u32; guard::COUNT],
     /// The RAM with stack and statics.
     pub used: Range<u32>,
-    /// The parts of `used` that are left out, since not only the processor reads and writes them.
+    /// The parts of `used` that the test leaves out, since not only the processor reads and writes them.
     pub apart: [Range<u32>; ram::APART],
 }
 
-/// The amount of work of a slice.
+/// The amount of work in a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
-    /// The number of words of flash.
+    /// The number of words of flash in a slice.
     pub flash_words: u32,
-    /// The number of words of code in RAM.
+    /// The number of words of code in RAM in a slice.
     pub code_words: u32,
-    /// The number of steps of the test of the RAM, each of which moves on by a word.
+    /// The number of steps of the test of the RAM in a slice, each of which moves on by a word.
     pub ram_words: u32,
 }
 
 impl Rate {
-    /// Returns the longest time from a change of a bit of flash to the verdict, µs, for a program of `bytes`: two
+    /// Returns the longest time from the change of a bit in flash until it is found, µs, for a program of `bytes`: two
     /// passes, each a slice longer since it begins within one.
     #[must_use]
     pub const fn flash_detect_us(&self, bytes: u32) -> u32 {
         2 * (bytes.div_ceil(4).div_ceil(self.flash_words) + 1) * SLICE_US
     }
 
-    /// Returns the longest time from a change of a bit of code in RAM to its finding, µs, for `bytes` of code.
+    /// Returns the longest time from the change of a bit of code in RAM until it is found, µs, for `bytes` of code.
     #[must_use]
     pub const fn code_detect_us(&self, bytes: u32) -> u32 {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
@@ -118,13 +118,13 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Begins at `now_us`, which is a µs counter that may wrap, as in the other method.
+    /// Returns the count at its start. `now_us` is a µs counter that may wrap, here and in the other method.
     #[must_use]
     pub const fn new(now_us: u32) -> Self {
         Self { last_us: now_us }
     }
 
-    /// Returns the slices due at `now_us`, less than 71 minutes after the last call; they count as done.
+    /// Returns the number of slices due at `now_us`, less than 71 minutes after the last call; they then count as done.
     pub fn due(&mut self, now_us: u32) -> u32 {
         let due = now_us.wrapping_sub(self.last_us) / SLICE_US;
         if due > MOST_SLICES {
@@ -141,17 +141,17 @@ impl Pace {
 pub struct Slice {
     /// The result of a pass over flash, if one is complete.
     pub flash: Option<Comparison>,
-    /// The address, where it runs, of a word of code in RAM that differs from its load image.
+    /// The address, in RAM, of a word of code that differs from its load image.
     pub code: Option<u32>,
-    /// The number of a guard that has changed, which is its place in [`Layout::guards`].
+    /// The number of a guard that has changed, which is its index in [`Layout::guards`].
     pub guard: Option<u32>,
-    /// The address of two words of RAM in use of which one does not hold what is written to it.
+    /// The address of two words of RAM in use, one of which does not hold what is written to it.
     pub ram: Option<u32>,
-    /// Whether all RAM in use was sound, if a pass over it is complete.
+    /// Whether all RAM in use was sound, if a pass over it is complete with this slice.
     pub ram_pass: Option<bool>,
 }
 
-/// The patrol over a board's memory.
+/// The state of the patrol over a board's memory.
 #[derive(Clone, Debug)]
 pub struct Patrol {
     layout: Layout,
@@ -159,14 +159,14 @@ pub struct Patrol {
     /// The address of the next word of flash. The next field is the CRC of the words before it.
     flash_at: u32,
     crc: u32,
-    /// The offset of the next word of code from the code's start.
+    /// The offset of the next word of code in RAM from the code's start.
     code_at: u32,
     guards: Guards,
     ram: Walk,
 }
 
 impl Patrol {
-    /// A patrol that begins all passes. Writes the guard words, so to be called before anything can have changed them.
+    /// Returns a patrol that begins all passes. Writes the guard words, so nothing may have changed any of them before.
     pub fn new(layout: Layout, rate: Rate, memory: &mut impl Memory) -> Self {
         let guards = Guards::set(layout.guards, memory);
         Self { flash_at: layout.program.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
@@ -178,7 +178,7 @@ impl Patrol {
         self.ram.restart();
     }
 
-    /// Does one slice, whose work is the same as long as memory holds what it should.
+    /// Does one slice, whose work is the same as long as memory holds what it should hold.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);

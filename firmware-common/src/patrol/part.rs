@@ -1,16 +1,16 @@
-//! The part's own memory, as the linker has laid it out (target only).
+//! Access to the part's own memory, as the linker has laid it out (target only).
 
 use core::ops::Range;
 
 use super::{ram::APART, Layout, Memory};
 use crate::memory::{self, address};
 
-/// The memory of the part.
+/// The memory of the microcontroller on which the firmware runs.
 #[derive(Debug)]
 pub struct PartMemory(());
 
 impl PartMemory {
-    /// To be called once, by code in thread mode with no interrupt masked, which is where the words are exercised.
+    /// Returns the access. To be called once, by code in thread mode with no interrupt masked: it then does the slices.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -35,10 +35,10 @@ impl Memory for PartMemory {
     }
 }
 
-/// Returns the log's control block and buffer, which a debug probe accesses: `defmt-rtt` has one channel.
+/// Returns the log's control block and buffer, which a debug probe accesses; `defmt-rtt` has one channel.
 fn log() -> [Range<u32>; 2] {
-    /// The length of SEGGER's block: 16 bytes of name, two counts, and a channel of six words, of which the second is
-    /// the buffer's address and the third its size.
+    /// The length of SEGGER's control block: 16 bytes of name, two counts, and a channel of six words, the second of
+    /// which is the buffer's address and the third its size.
     const BLOCK: u32 = 48;
     const BUFFER: u32 = 28;
     let block = address!(_SEGGER_RTT);
@@ -46,8 +46,8 @@ fn log() -> [Range<u32>; 2] {
     [block..block + BLOCK, buffer..buffer + memory::load(block + BUFFER + 4)]
 }
 
-/// Returns the memory that is re-verified all the time. `shut_end` is the end of the part of the program that the
-/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, without the log.
+/// Returns the layout of the memory that is verified all the time. `shut_end` is the end of the part of the program
+/// that the memory protection unit has shut; `apart` is RAM that not only the processor accesses, without the log.
 #[must_use]
 pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
     let mut all = [const { 0..0 }; APART];

@@ -10,7 +10,7 @@ const USED: u32 = 0x2000_8000;
 const USED_WORDS: u32 = 40;
 /// The ranges that are left out, in words from [`USED`] on: two that touch, one of a few bytes, one at the end.
 const APART_WORDS: [Range<u32>; 4] = [20..22, 5..9, 9..10, 38..40];
-/// The bytes of a word that is left out, too.
+/// The bytes of a word that is left out because part of it is.
 const APART_BYTES: Range<u32> = USED + 4 * 30 + 1..USED + 4 * 30 + 2;
 const GUARDS: [u32; guard::COUNT] = [0x2000_0000, 0x2000_1000, 0x2000_1010, 0x2000_1020, 0x2000_1030];
 const SHUT: u32 = 5;
@@ -78,7 +78,7 @@ impl Memory for Ram {
         assert!(mine, "no guard: {address:#x}");
         self.put(address, word);
     }
-    /// The order of the accesses is that of [`crate::memory::exercise`], which the bench tests with bits that stick.
+    /// The accesses have the order of [`crate::memory::exercise`], which the bench tests with stuck bits.
     fn exercise(&mut self, address: u32) -> u32 {
         let pair = [address, address + 4];
         assert!(
@@ -100,7 +100,7 @@ fn is_apart(address: u32) -> bool {
     APART_WORDS.iter().any(|words| words.contains(&((address - USED) / 4))) || address == APART_BYTES.start & !3
 }
 
-/// Returns the words that are tested: all but those that are left out or have no neighbour to be tested with.
+/// Returns the words that are tested: all except those that are left out or have no neighbour to be tested with.
 fn tested() -> Vec<u32> {
     let is_in = |word: u32| word < USED_WORDS && !is_apart(USED + 4 * word);
     (0..USED_WORDS).filter(|&word| is_in(word) && (is_in(word + 1) || word > 0 && is_in(word - 1))).collect()
@@ -127,7 +127,7 @@ fn layout() -> Layout {
     }
 }
 
-/// Returns a sealed program with the code's load image in it, the code, and noise elsewhere.
+/// Returns a sealed program with the code's load image in it, the code in RAM, and noise in the other memory.
 fn board() -> (Patrol, Ram) {
     let mut ram = Ram::default();
     let program: Vec<u32> = (0..PROGRAM_WORDS).map(|word| word.wrapping_mul(0x0123_4567) ^ 0xDEAD_BEEF).collect();
@@ -145,7 +145,7 @@ fn board() -> (Patrol, Ram) {
     (Patrol::new(layout(), RATE, &mut ram), ram)
 }
 
-/// Does slices until `found` returns true, at most this many, and returns how many it did.
+/// Does slices until `found` returns true, at most `most` of them, and returns how many it did.
 fn slices_until(patrol: &mut Patrol, ram: &mut Ram, most: u32, mut found: impl FnMut(&Slice) -> bool) -> u32 {
     (1..=most).find(|_| found(&patrol.slice(ram))).unwrap_or_else(|| panic!("not found within {most} slices"))
 }
@@ -168,7 +168,7 @@ fn sound_memory_passes_round_after_round_and_is_left_as_it_was() {
         assert!(slice.ram_pass.is_none_or(|sound| sound));
     }
     assert_eq!(flash, 500 / PROGRAM_WORDS.div_ceil(RATE.flash_words));
-    // The 40 words take no more than 40 steps, seven in a slice.
+    // A pass over the 40 words takes no more than 40 steps, seven in a slice.
     assert!(passes >= 500 * RATE.ram_words / USED_WORDS, "{passes}");
     assert_eq!(ram.words, before);
 }
@@ -193,7 +193,7 @@ proptest! {
         ram.flip(PROGRAM + 4 * word, bit);
         let most = slices(RATE.flash_detect_us(4 * PROGRAM_WORDS));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(|found| !found.is_intact()));
-        // Flash that is as it was before passes again, in the pass that begins after that.
+        // Once the flipped bit is restored, flash passes again, in the first pass that begins after that.
         ram.flip(PROGRAM + 4 * word, bit);
         slices_until(&mut patrol, &mut ram, most, |slice| slice.flash.is_some_and(Comparison::is_intact));
     }
@@ -236,7 +236,7 @@ proptest! {
         slices_until(&mut patrol, &mut ram, most, |slice| { found = found.or(slice.ram); slice.ram.is_some() });
         prop_assert!((address - 4..=address).contains(&found.unwrap()));
         slices_until(&mut patrol, &mut ram, most, |slice| slice.ram_pass == Some(false));
-        // A pass that begins without the fault reports none.
+        // A pass that begins after the fault is gone reports none.
         ram.faults.clear();
         slices_until(&mut patrol, &mut ram, 2 * most, |slice| slice.ram_pass == Some(true));
     }
@@ -317,7 +317,7 @@ fn slices_keep_their_rate_and_missed_ones_are_made_up_for() {
 
 #[test]
 fn times_to_detect_follow_from_the_rates() {
-    // The rates are 37 words at 4 a slice, so 10 slices; 10 at 3, so 4; 40 at 7, so 6.
+    // The passes are 37 words at 4 a slice, so 10 slices; 10 words at 3, so 4 slices; 40 words at 7, so 6 slices.
     assert_eq!(RATE.flash_detect_us(4 * PROGRAM_WORDS), 22 * SLICE_US);
     assert_eq!(RATE.code_detect_us(4 * CODE_WORDS), 5 * SLICE_US);
     assert_eq!(RATE.ram_pass_us(4 * USED_WORDS), 7 * SLICE_US);

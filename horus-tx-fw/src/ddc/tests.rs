@@ -1,4 +1,4 @@
-//! Tests that give one event at a time to the port of a receiver, with everything that can go wrong.
+//! Tests the port of a receiver on I2C with one event at a time and everything that can go wrong.
 
 extern crate std;
 use super::*;
@@ -11,17 +11,17 @@ const FREE: Bus = Bus { scl: true, sda: true, busy: false };
 /// What goes wrong at one order of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
-    /// The receiver holds the clock, so nothing more comes. A read has brought this number of bytes.
+    /// The receiver holds the clock, so no event comes any more. A read has brought this number of bytes by then.
     Held(usize),
     Refused,
     ArbitrationLost,
-    /// This number of events comes that nobody asked for.
+    /// This number of events comes that no order has caused.
     Spurious(u8),
     BusError,
     StreamFails,
 }
 
-/// A peripheral with a receiver behind it, which carries orders out and calls with the events that follow.
+/// A model of the peripheral with a receiver behind it, which carries orders out and calls with the events that follow.
 struct Rig {
     ddc: Ddc,
     waiting: VecDeque<u8>,
@@ -31,13 +31,13 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// The bits of the count that a pulse on SDA leaves.
+    /// A pulse on SDA leaves only these bits of the number of waiting bytes.
     count_mask: u16,
     bus: Bus,
 }
 
 impl Rig {
-    /// The rig of a receiver that was read empty.
+    /// Returns a model whose receiver was read until it was empty.
     fn new() -> Self {
         let mut rig = Self::with_backlog();
         rig.cycle(None);
@@ -45,7 +45,7 @@ impl Rig {
         rig
     }
 
-    /// The rig of a receiver that was never read.
+    /// Returns a model whose receiver was never read.
     fn with_backlog() -> Self {
         Self {
             ddc: Ddc::new(),
@@ -92,7 +92,7 @@ impl Rig {
         then
     }
 
-    /// Runs one cycle, in which `fault` happens at the order of that number, and returns how many orders there were.
+    /// Runs one cycle, in which `fault` happens at the order with the given number. Returns the number of orders.
     fn cycle(&mut self, fault: Option<(usize, Fault)>) -> usize {
         let mut order = self.ddc.poll(self.bus);
         let mut orders = 0;
@@ -360,7 +360,7 @@ fn bus_errors_are_bounded_between_two_ticks_whatever_progress_the_bus_makes() {
     let error = Events { bus_error: true, ..Events::default() };
     let start = [Events { started: true, ..Events::default() }, Events { addressed: true, ..Events::default() }];
     let progress = start.into_iter().chain(std::iter::repeat(Events { byte_sent: true, ..Events::default() }));
-    // The errors without progress are fewer than would end the transaction, again and again.
+    // Between two steps of progress come fewer errors than would end the transaction for lack of progress.
     let calls = progress.flat_map(|event| [error; MOST_SPURIOUS as usize - 2].into_iter().chain([event]));
     let mut errors = 0;
     for events in calls {
@@ -383,7 +383,7 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
-/// Asks how many bytes wait, up to the start of the DMA stream, and returns how many bytes that is to bring.
+/// Asks for the number of waiting bytes, up to the start of the DMA stream, and returns the stream's number of bytes.
 fn asked(ddc: &mut Ddc) -> usize {
     let on = |event: fn(&mut Events)| {
         let mut events = Events::default();
@@ -484,13 +484,13 @@ proptest! {
             rig.waiting.extend(&burst);
             sent.extend(burst);
             if has_message {
-                // The message is refused only while the previous one has not been tried.
+                // The message is refused only if the previous one has not been sent yet.
                 let _ = rig.ddc.transmit(&Message::new(&[1; MESSAGE], Rate::Usual));
             }
             // The longest cycle has a message and 23 levels.
             prop_assert!(rig.cycle(Some((at, fault))) <= MESSAGE + 24 + 4);
         }
-        // Without faults all that is sent from now on arrives, once two cycles in a row have left nothing.
+        // Once two cycles in a row have left no byte behind, everything that is sent from now on arrives.
         rig.cycle(None);
         rig.cycle(None);
         while !rig.waiting.is_empty() {

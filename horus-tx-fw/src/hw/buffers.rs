@@ -1,4 +1,4 @@
-//! The buffers between the receivers' sources and the parser's task, in both directions
+//! The buffers between each receiver's source and the parser's task, one for each direction
 //!
 //! This file has no `unsafe` code.
 #![forbid(unsafe_code)]
@@ -14,7 +14,7 @@ use horus_tx_fw::{
 static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
 static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
 
-/// Returns the memory that DMA writes and reads.
+/// Returns the memory of these buffers that DMA writes and reads.
 pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&RINGS), memory::span(&OUTBOXES)]
 }
@@ -24,7 +24,7 @@ pub fn ring(index: usize) -> &'static Ring {
     &RINGS[index]
 }
 
-/// Returns the outbox of what is to be sent to receiver `index`.
+/// Returns the outbox of the messages to receiver `index`.
 pub fn outbox(index: usize) -> &'static Outbox {
     &OUTBOXES[index]
 }

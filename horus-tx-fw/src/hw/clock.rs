@@ -2,16 +2,16 @@
 //!
 //! # Design
 //!
-//! [`horus_tx_fw::clock`] decides between the external clock and the internal oscillator. This file switches HSE on and
-//! waits for it, with a bound, before the HAL sets up the clock tree, since the HAL waits for HSE without a bound.
+//! [`horus_tx_fw::clock`] chooses the external clock (HSE) or the internal oscillator (HSI). This file switches HSE on
+//! and waits for it, with a bound, before the HAL sets up the clock tree: the HAL waits for HSE without a bound.
 //!
 //! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, the
 //! hardware switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt
 //! (RM0090 "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor
-//! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which counts with an
-//! oscillator of its own (LSI). The start after that finds no HSE and runs on HSI, with all dividers as they should be.
+//! the baud rates hold, so the board enters the safe state: field off, then reset by the watchdog, which has its own
+//! oscillator (LSI). At the next start HORUS finds no HSE and runs on HSI, with all dividers as they should be.
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the peripherals used here
 //!
 //! - 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Measure: the HAL's `enable` waits
 //!   for the write (DSB) before it returns.
@@ -37,18 +37,18 @@ use stm32f4xx_hal::{
 
 use super::HORUS_TELEMETRY;
 
-/// Sets the clock tree up, from HSE if that is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the
-/// PLL's lock time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound, and if the PLL
-/// never gets ready, the record of the last stop says so ([`Cause::ClockStart`], with the PLL's source as its detail).
+/// Sets the clock tree up, from HSE if it is there, otherwise from HSI. It takes [`clock::START_MAX_MS`] and the PLL's
+/// lock time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound, and if the PLL never
+/// gets ready, the record of the last stop tells it ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///
-/// Panics if the clock tree differs from the one that the timing was derived for.
+/// Panics if the clock tree differs from the one from which the timing was derived.
 pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     let source = start_external(&rcc);
     HORUS_TELEMETRY.without_crystal.set(u32::from(source == Source::Internal));
     let config = match source {
-        // The ST-LINK's MCO feeds these 8 MHz into OSC_IN: the part has no crystal of its own.
+        // The ST-LINK's MCO feeds 8 MHz into OSC_IN, because the part has no crystal of its own.
         Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
         Source::Internal => Config::hsi(),
     };
@@ -68,7 +68,7 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
     (rcc, source)
 }
 
-/// Switches HSE on, and its security system once HSE is ready; switches HSE off again if it does not get ready.
+/// Switches HSE on, and its security system once HSE is ready. Switches HSE off again if it does not get ready in time.
 fn start_external(rcc: &pac::RCC) -> Source {
     // Bypass can be chosen only while HSE is off (RM0090, RCC_CR).
     rcc.cr().modify(|_, w| w.hsebyp().bypassed());
@@ -81,11 +81,11 @@ fn start_external(rcc: &pac::RCC) -> Source {
     source
 }
 
-/// Stops HORUS because HSE has failed. Nothing else raises this exception on this part.
-// SAFETY: nothing that was interrupted is used again, since the handler does not return.
+/// Stops HORUS because HSE has failed. No other event raises the non-maskable interrupt on this part.
+// SAFETY: the handler does not return, so no state of the code that it interrupted is used again.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    // SAFETY: a register block is always there, and every access through it is volatile; nothing else writes CIR.
+    // SAFETY: a register block is always there, and every access is volatile; no other code writes CIR.
     let rcc = unsafe { &*pac::RCC::ptr() };
     // The exception is raised again and again until its flag is cleared (RM0090, clock security system).
     let failed = rcc.cir().read().cssf().bit_is_set();

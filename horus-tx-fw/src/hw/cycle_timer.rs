@@ -3,17 +3,17 @@
 //! # Design
 //!
 //! Prescaler 1 and reload 719 999 make exactly 10 ms of the 72 MHz; the HAL's rounding of a frequency would not. The
-//! update event is the tick, and the compare channels are the slots. The interrupt of both has the highest priority and
+//! update event is the tick, and the compare events are the slots. The interrupt of both has the highest priority and
 //! shares only single words with other tasks, so no lock ever masks it: the same instructions send a slot's command
 //! every time, and everything else comes after it.
 //!
 //! The timer itself makes the pin TICK fall with each tick: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
-//! from its compare value to the update. So an observer outside of the board sees the tick without any delay of the
-//! processor. The pin is low until the timer runs, since the counter then stands at 0.
+//! from its compare value to the update. So an observer outside of the board sees the tick without any delay by the
+//! processor. The pin is low until the timer runs, since the counter is 0 until then.
 //!
-//! From `FrontEndPort::arm` to the slot the SPI belongs to the slot; the word in [`ARMED`] says to which one.
+//! From `FrontEndPort::arm` to the slot only the slot's interrupt uses the SPI; [`ARMED`] says for which slot.
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the peripherals used here
 //!
 //! - 2.7.3: a second compare match right after CCR changed may be missed. Measure: CCR never changes.
 //!
@@ -41,19 +41,19 @@ use crate::board;
 
 /// The number of ticks so far, which only the cycle timer's interrupt writes.
 static TICKS: AtomicU32 = AtomicU32::new(0);
-/// The last tick whose cycle has ended.
+/// The number of the last tick whose cycle has ended.
 static ENDED: AtomicU32 = AtomicU32::new(0);
-/// The result of the last slot, for the radio's task: `PASSED | FIRED? | frame << 8 | response`.
+/// The result of the last slot, for the front end's task: `PASSED | FIRED? | frame << 8 | response`.
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;
 const FIRED: u32 = 1 << 30;
 
-/// The compare channel that drives the pin TICK, from 0.
+/// The compare channel that drives the pin TICK, counted from 0.
 const TICK_CHANNEL: usize = 2;
 
 fn tim2() -> &'static pac::tim2::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile; only the timer's own interrupt
-    // and its set-up write it.
+    // and its set-up write its registers.
     unsafe { &*pac::TIM2::ptr() }
 }
 
@@ -68,9 +68,9 @@ pub struct CycleTimer(());
 /// The cause of the cycle timer's interrupt.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum CycleEvent {
-    /// A slot has passed, so the radio's task has something to do.
+    /// A slot has passed, so the task `rf_slot` has something to do.
     Slot,
-    /// The tick has come, so the cycle's task has something to do.
+    /// The tick has come, so the task `cycle` has something to do.
     Tick,
 }
 
@@ -89,7 +89,7 @@ impl CycleTimer {
         timer.ccer().write(|w| w.cc3e().set_bit());
         gpio::enable_ports();
         gpio::alternate(board::TICK, Speed::Low, Pull::None);
-        // The prescaler is loaded now, and that must not count as a tick.
+        // The prescaler is loaded now by an update event, which must not count as a tick.
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());
         timer.sr().write(|w| w.uif().clear());
@@ -138,7 +138,7 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // The wait is one byte time, the only one at this priority: chip select has to rise after the byte.
+                // The only wait at this priority, one byte time: chip select must not rise before the byte's end.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);
@@ -159,7 +159,7 @@ pub fn tick() -> u32 {
     TICKS.load(Ordering::Relaxed)
 }
 
-/// Notes that the cycle of `tick` has ended.
+/// Records that the cycle of `tick` has ended.
 pub fn cycle_ended(tick: u32) {
     ENDED.store(tick, Ordering::Relaxed);
 }

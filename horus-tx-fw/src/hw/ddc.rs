@@ -1,23 +1,23 @@
-//! A receiver on I2C, whose events come by interrupt and whose bytes come in by DMA
+//! A receiver on I2C: its events come by interrupt, and its bytes come in by DMA
 //!
 //! # Design
 //!
-//! [`horus_tx_fw::ddc`] decides the order of events; this file has the registers. Interrupts are those of events and
-//! errors, not of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock
-//! held in between. A DMA stream reads, with LAST to refuse the last byte, and its end raises an interrupt.
+//! [`horus_tx_fw::ddc`] decides what follows from each event; this file has the registers. Only events and errors raise
+//! interrupts, not the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the
+//! clock held in between. A DMA stream reads, with LAST to refuse the last byte, and raises an interrupt at its end.
 //!
-//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, lest it
-//! be requested twice (RM0090, "I2C", control register 1).
+//! After a START or STOP was requested, CR1 is not written before the peripheral has carried the request out, since a
+//! write could request it twice (RM0090, "I2C", control register 1).
 //!
-//! A recovery holds SWRST from when the pins are taken until they are given back, when the bus is free.
+//! A recovery of the bus holds SWRST from when the pins are disconnected until the bus is free and they are given back.
 //!
-//! # Errata (ES0206 rev 24, section "I2C") of what is used here
+//! # Errata (ES0206 rev 24, section "I2C") of the peripheral
 //!
-//! - Spurious bus error in controller mode: BERR is cleared and ignored; what is really broken ends at the tick.
+//! - Spurious bus error in controller mode: BERR is cleared and ignored; a truly broken transaction ends at the tick.
 //! - Start cannot be generated after a misplaced Stop: only SWRST helps. A transaction whose START does not come has
-//!   not ended by the tick, which resets the peripheral.
-//! - Mismatch on the set-up time of a repeated Start: it concerns standard mode from 88 kHz on; this is fast mode.
-//! - Data valid time violated without OVR: it concerns a target that transmits, and this is a controller.
+//!   not ended by the tick, and the tick then resets the peripheral.
+//! - Mismatch on the set-up time of a repeated Start: it concerns standard mode from 88 kHz on, and this is fast mode.
+//! - Data valid time violated without OVR: it concerns a target that transmits, and this peripheral is the controller.
 //! - Rise times of SDA and SCL when the bus's supply is above the part's: the pull-ups go to the part's 3.3 V.
 //!
 //! `unsafe` is used here for shared access to the peripheral's register block, for values without an enumeration, and
@@ -47,15 +47,15 @@ use super::{
 };
 use crate::board::DdcPort;
 
-/// The memory that the stream writes. At most one receiver is on I2C (the board's table asserts it).
+/// The memory that the DMA stream writes. At most one receiver is on I2C (the board's table asserts it).
 static BYTES: [AtomicU8; MOST] = [const { AtomicU8::new(0) }; MOST];
 
-/// Returns the memory that DMA writes. What is sent goes without DMA.
+/// Returns the memory that DMA writes. Messages to the receiver are sent without DMA.
 pub(super) fn memory() -> Range<u32> {
     memory::span(&BYTES)
 }
 
-/// A receiver on I2C.
+/// The source of the bytes of a receiver on I2C.
 pub struct DdcSource {
     index: usize,
     port: &'static DdcPort,
@@ -115,7 +115,7 @@ impl DdcSource {
         }
     }
 
-    /// Returns the status, and clears its error flags.
+    /// Returns the peripheral's status, and clears its error flags.
     fn take_events(&self) -> Events {
         let sr1 = self.i2c().sr1().read();
         let events = Events {
@@ -129,7 +129,7 @@ impl DdcSource {
         // Zeros clear the error flags, bits 8 to 15; all other bits are read-only.
         const ERRORS: u16 = 0xDF00;
         if sr1.bits() & ERRORS != 0 {
-            // SAFETY: this clears the flags that were seen; reserved bit 13 is written as 0.
+            // SAFETY: only the flags that were seen are cleared, and reserved bit 13 is written as 0.
             self.i2c().sr1().write(|w| unsafe { w.bits(!sr1.bits() & ERRORS) });
         }
         events
@@ -161,7 +161,7 @@ impl DdcSource {
             Order::Mute => self.mute(),
             Order::Release => {
                 self.mute();
-                // If the stream does not stop, the next recovery tries again; nothing relies on what the stream writes.
+                // If the stream does not stop, the next recovery tries again; its bytes are not used until then.
                 let _ = dma::stop(self.port.stream);
                 dma::clear_flags(self.port.stream);
                 i2c.cr1().write(|w| w.swrst().set_bit());
@@ -189,7 +189,7 @@ impl DdcSource {
         self.i2c().dr().write(|w| w.dr().set(byte));
     }
 
-    /// Clears ADDR: SR1 has been read already, and reading SR2 completes the sequence.
+    /// Clears ADDR by reading SR2. SR1, which has to be read before, has been read already.
     fn clear_addressed(&self) {
         let _ = self.i2c().sr2().read();
     }
@@ -201,7 +201,7 @@ impl DdcSource {
 
     fn receive(&self, len: usize) {
         if dma::is_on(self.port.stream) {
-            // The stream did not stop when it was told to, so this transaction ends at the tick.
+            // The stream did not stop when it was told to, so nothing is received and the transaction ends at the tick.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -211,15 +211,15 @@ impl DdcSource {
             len,
             direction: Direction::In { circular: false, advance: true },
         };
-        // SAFETY: the data register is that of the peripheral to which the table's stream and channel belong; `BYTES`
-        // is a static of `MOST` atomic bytes, which `len` does not exceed; the stream is off, and its flags are clear.
+        // SAFETY: the data register is that of the peripheral to which the stream and channel of the board's table
+        // belong; `BYTES` has `MOST` atomic bytes, which `len` does not exceed; the stream is off, its flags are clear.
         unsafe { dma::start(self.port.stream, &transfer) };
     }
 
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
         if !flags.has_error() && !flags.is_complete() {
-            // This is a call for a sign of life. A transfer that ends from here on calls again, so its flag must stay.
+            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
             return;
         }
         dma::clear_flags(self.port.stream);
@@ -235,7 +235,7 @@ impl DdcSource {
         }
     }
 
-    /// Puts this range of the bytes that came in into the ring.
+    /// Puts a range of the bytes that DMA has written into the receiver's ring.
     fn push(&self, bytes: Range<usize>) {
         let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
         buffers::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
@@ -245,12 +245,12 @@ impl DdcSource {
 impl Source for DdcSource {
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
-        // Errors that came while nothing was under way are dropped: one of them would end the next transaction.
+        // Errors that came while no transaction was under way are dropped: one of them would end the next transaction.
         let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {
-            // The transaction was given up, and its stream has been stopped.
+            // The transaction was ended as failed, and its stream has been stopped.
             let come = len.saturating_sub(dma::left(self.port.stream));
             self.push(0..come);
         }

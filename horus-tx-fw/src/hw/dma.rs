@@ -1,20 +1,20 @@
-//! DMA streams
+//! DMA streams, which move the bytes of SPI, I2C and UARTs
 //!
 //! # Design
 //!
 //! The streams move bytes, one at a time and without the streams' FIFOs (direct mode). Memory that a DMA controller
-//! reads or writes is made of atomics in main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus
-//! architecture"), so that no reference to that memory ever claims more than is true.
+//! reads or writes consists of atomics in main SRAM (DMA cannot reach the CCM RAM, RM0090 "Memory and bus
+//! architecture"), so that a reference to that memory never promises that nobody else changes it.
 //!
 //! **Switching off.** A stream whose EN is cleared goes on until the transfer that it has begun has ended, and EN reads
 //! 1 until then. Only when EN reads 0 may the stream be set up again, and only then does the memory belong to the
-//! processor (RM0090 "DMA controller", stream configuration procedure, step 1; AN4031, which asks for the same before
-//! the peripheral is switched off). [`stop`] waits for that, with a bound.
+//! processor (RM0090 "DMA controller", stream configuration procedure, step 1; AN4031, which demands the same before
+//! the peripheral is switched off). [`stop`] waits until EN reads 0, with a bound.
 //!
-//! # Errata (ES0206 rev 24, and AN4031) of what is used here
+//! # Errata (ES0206 rev 24, and AN4031) of the controllers
 //!
-//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Measure: DMA2 serves only
-//!   peripherals of APB2, SPI1 and SPI5.
+//! - AN4031: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Measure: DMA2 serves only SPI1 and
+//!   SPI5, which are peripherals of APB2.
 //!
 //! `unsafe` is used here for shared access to the controllers' register blocks, for the addresses that a stream is
 //! given, and for flag registers that are written as words.
@@ -28,16 +28,16 @@ use stm32f4xx_hal::{
 
 use crate::board::{Dma, Stream};
 
-/// The direction of a transfer.
+/// The direction of a DMA transfer.
 pub(super) enum Direction {
-    /// From the peripheral to memory: to one byte after the other if `advance`, otherwise all to the same byte; without
-    /// end, round after round, if `circular`.
+    /// The stream moves bytes from the peripheral to memory: to one byte after the other if `advance`, otherwise all to
+    /// the same byte; without end, round after round, if `circular`.
     In { circular: bool, advance: bool },
-    /// From memory to the peripheral.
+    /// The stream moves bytes from memory to the peripheral.
     Out,
 }
 
-/// A stream's transfer.
+/// The transfer that a stream is to make.
 pub(super) struct Transfer {
     /// The address of the peripheral's data register.
     pub(super) peripheral: u32,
@@ -51,7 +51,7 @@ pub(super) struct Transfer {
 /// The flags of one stream.
 pub(super) struct Flags(u32);
 
-/// All five flags of one stream. The next two constants are two of these flags.
+/// The mask of all five flags of one stream. The next two constants are two of these flags.
 const ALL_FLAGS: u32 = 0x3D;
 const TRANSFER_ERROR: u32 = 1 << 3;
 const TRANSFER_COMPLETE: u32 = 1 << 5;
@@ -62,13 +62,13 @@ impl Flags {
         self.0 & TRANSFER_ERROR != 0
     }
 
-    /// Whether all bytes have been transferred (in a ring: the last byte of the lap).
+    /// Whether all bytes have been transferred (in a ring: the last byte before the ring's end).
     pub(super) fn is_complete(&self) -> bool {
         self.0 & TRANSFER_COMPLETE != 0
     }
 }
 
-/// Switches both controllers' clocks on. This can be called again at any time.
+/// Switches both controllers' clocks on. It may be called again at any time.
 pub(super) fn enable() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
@@ -122,25 +122,25 @@ pub(super) fn clear_flags(stream: Stream) {
     }
 }
 
-/// Starts the stream. Interrupts: end and error of what comes in (half too in a ring), and error of what goes out.
+/// Starts the stream with these interrupts: end and error of bytes in (also half of a ring), error of bytes out.
 ///
 /// # Safety
 ///
 /// - `transfer.peripheral` is the address of the data register of the peripheral to which the stream's channel belongs,
 ///   and a byte of that register may be read (in) or written (out).
 /// - At `transfer.memory` begin `transfer.len` bytes (one byte if the transfer comes in and does not advance) of one or
-///   more statics in main SRAM that are made of atomics, and nobody relies on what they hold until the stream has ended
-///   or been stopped.
-/// - The stream is off, [`is_on`] says so, and its flags are clear.
+///   more statics in main SRAM that consist of atomics, and no code relies on the contents of these bytes until the
+///   stream has ended or been stopped.
+/// - The stream is off, which [`is_on`] tells, and its flags are clear.
 pub(super) unsafe fn start(stream: Stream, transfer: &Transfer) {
     let registers = registers(stream);
-    // SAFETY: the caller vouches for both addresses and the length behind the second.
+    // SAFETY: the caller guarantees that both addresses, and the length behind the second, are right.
     unsafe {
         registers.par().write(|w| w.pa().bits(transfer.peripheral));
         registers.m0ar().write(|w| w.m0a().bits(transfer.memory));
     }
     registers.ndtr().write(|w| w.ndt().set(transfer.len as u16));
-    // What the processor has written into that memory must be there before the stream reads it.
+    // Everything that the processor has written into that memory must be there before the stream reads it.
     asm::dmb();
     registers.cr().write(|w| {
         w.chsel().set(stream.channel);
@@ -169,22 +169,22 @@ pub(super) fn is_on(stream: Stream) -> bool {
     registers(stream).cr().read().en().bit_is_set()
 }
 
-/// Returns how many bytes are left to transfer (in a ring: in this lap).
+/// Returns the number of bytes that are left to transfer (in a ring: until the ring's end).
 pub(super) fn left(stream: Stream) -> usize {
     usize::from(registers(stream).ndtr().read().ndt().bits())
 }
 
-/// The error of a stream that was switched off and is still on.
+/// The error that a stream was told to stop and is still on.
 #[derive(Debug)]
 pub(super) struct StillOn;
 
-/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 take 5 µs. The one
-/// byte that can be under way needs one access to the peripheral and one to memory, each of a few cycles of its bus
-/// even when it has to wait for other masters' turns.
+/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
+/// At most one byte is under way then. It needs one access to the peripheral and one to memory, each of a few cycles of
+/// its bus even when it has to wait for other masters' turns.
 const STOP_POLLS: u32 = 128;
 
-/// Switches the stream off, if it is on, and waits until it is off. The stream must have been given a peripheral that
-/// still answers.
+/// Switches the stream off, if it is on, and waits until it is off. The peripheral that the stream was given must still
+/// answer.
 ///
 /// # Errors
 ///

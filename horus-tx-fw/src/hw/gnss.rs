@@ -1,10 +1,10 @@
-//! The sources of the GNSS receivers' bytes, one kind for each interface
+//! The sources of the GNSS receivers' bytes, with a type for each kind of interface
 //!
 //! # Design
 //!
-//! The board's table says where a receiver is connected ([`crate::board::RECEIVER_PORTS`]). Each kind of interface has
-//! a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served at every tick
-//! and by interrupts, all of one priority, and puts what has come in into a ring ([`super::buffers`]).
+//! The board's table says where each receiver is connected ([`crate::board::RECEIVER_PORTS`]). Each kind of interface
+//! has a file with a [`Source`] type ([`super::uart`], [`super::ddc`], [`super::spi`]). A source is served at every
+//! tick and by interrupts, all of one priority, and puts the bytes that have come in into a ring ([`super::buffers`]).
 //!
 //! This file has no `unsafe` code.
 #![forbid(unsafe_code)]
@@ -27,7 +27,7 @@ use crate::board::{Hardware, ReceiverPort, RECEIVER_PORTS};
 
 const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
 
-/// Returns the configuration of receiver `index`, of which nothing has been sent.
+/// Returns the configuration of receiver `index`, of which no message has been sent.
 pub fn configuration(index: usize) -> Configuration {
     let port = &PORTS[index];
     Configuration::new(port.hardware.interface(), port.period_ms)
@@ -39,7 +39,7 @@ enum Kind {
     Spi(SpiSource),
 }
 
-/// One receiver's source.
+/// The source of one receiver's bytes, on any kind of interface.
 pub struct GnssLine {
     index: usize,
     kind: Kind,

@@ -1,6 +1,6 @@
-//! Pins: mode, speed, level
+//! Pins: their mode, their speed and their level
 //!
-//! Pins are set up by number, from the board's table, which the HAL's types for single pins do not allow.
+//! Pins are set up by number, from the board's table; the HAL, which has a type for each pin, does not allow that.
 //!
 //! `unsafe` is used here for shared access to the ports' register blocks, and for values that have no enumeration.
 #![allow(unsafe_code)]
@@ -12,14 +12,14 @@ use stm32f4xx_hal::{
 
 use crate::board::{AlternatePin, GpioPort, Pin};
 
-/// How fast a pin's edges are.
+/// How steep the edges of an output are.
 #[derive(Clone, Copy)]
 pub(super) enum Speed {
     Low = 0b00,
     VeryHigh = 0b11,
 }
 
-/// What holds the level of a pin that nothing drives.
+/// The pull resistor, which holds the level of a pin that nothing drives.
 #[derive(Clone, Copy)]
 pub(super) enum Pull {
     None = 0b00,
@@ -31,7 +31,7 @@ const INPUT: u32 = 0b00;
 const OUTPUT: u32 = 0b01;
 const ALTERNATE: u32 = 0b10;
 
-/// Switches on the clocks of all ports in use. This can be called again at any time.
+/// Switches on the clocks of all ports in use. It may be called again at any time.
 pub(super) fn enable_ports() {
     // SAFETY: each call sets one bit in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
@@ -79,7 +79,7 @@ fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
     }
 }
 
-/// Connects a pin to its peripheral.
+/// Connects a pin to the peripheral of its alternate function.
 pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
     let AlternatePin { pin, function } = alternate;
     let port = block(pin.port);
@@ -102,7 +102,7 @@ pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
 }
 
 /// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. The pin's
-/// output latch is high, so that [`drive`] releases the pin at first.
+/// output latch is high, so that a later [`drive`] releases the pin at first.
 pub(super) fn open_drain(alternate_pin: AlternatePin) {
     let AlternatePin { pin, .. } = alternate_pin;
     write(pin, true);

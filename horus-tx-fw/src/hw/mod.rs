@@ -2,17 +2,17 @@
 //!
 //! # Design
 //!
-//! The HAL sets up clocks and the watchdog. This folder has what lies below the HAL's types: DMA streams that run for
+//! The HAL sets up clocks and the watchdog. This folder has what the HAL's types do not offer: DMA streams that run for
 //! ever or are started and finished in different tasks, a timer whose period must not be rounded, and pins that are set
 //! up from a table. `board.rs` says who uses which pin, stream, vector and clock.
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`clock`] | the choice of the oscillator, and what happens when it fails |
+//! | [`clock`] | the choice of the oscillator, and what happens when the oscillator fails |
 //! | [`cycle_timer`] | TIM2: ticks, slots, and the command that fires a frame |
-//! | [`radio`] | the front end: SPI1, chip select, IRQ pin, TIM5; the field off |
-//! | [`gnss`] | the receivers' sources |
-//! | [`buffers`] | what comes from the receivers and goes to them |
+//! | [`radio`] | the front end: SPI1, chip select, IRQ pin, TIM5; switching the field off |
+//! | [`gnss`] | the sources of the receivers' bytes |
+//! | [`buffers`] | the bytes from the receivers and the messages to them |
 //! | [`uart`], [`ddc`], [`spi`] | a receiver on a UART, on I2C, on SPI |
 //! | [`steps`] | the one-shot timers of I2C and SPI |
 //! | [`dma`] | DMA streams |
@@ -20,25 +20,25 @@
 //! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
 //! | [`registers`] | addresses of register blocks that a task may own |
 //! | [`supply`] | the brown-out level, and what happens when the supply falls |
-//! | [`reset`] | the reason of the last reset, the number of the watchdog's, the receivers that stay excluded |
+//! | [`reset`] | the reason of the last reset, the number of resets by the watchdog, the receivers that stay excluded |
 //! | `start_up` | the first instructions: reset flags and watchdog |
 //!
-//! `main.rs` denies `unsafe` code; each file in this folder allows it for itself, and says in its heading what for. All
-//! of these files access register blocks through shared references: a register block is always there, and every access
-//! is volatile.
+//! `main.rs` denies `unsafe` code. Each file in this folder that has such code allows it for itself, and its heading
+//! says what for. All of these files access register blocks through shared references: a register block is always
+//! there, and every access is volatile.
 //!
-//! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of it; each module lists its own
+//! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of these files; each module lists its own
 //!
 //! - 2.2.6: a write to the watchdog may be buffered whatever the MPU says, if APB has no prescaler. But APB1 has one.
-//! - 2.8.3, 2.8.4: PVU and RVU are not cleared if APB is too slow. But APB1 has 36 MHz, and nothing waits for them.
-//! - Cortex-M4 776924: VDIV/VSQRT may be wrong if interrupted by a very short handler. Measure: every handler takes
-//!   more than the 14 cycles that the erratum names.
-//! - Cortex-M4 838869: a store right before exception return may return to the wrong vector. Measure: [`settle`] (DSB)
-//!   ends every handler.
+//! - 2.8.3, 2.8.4: PVU and RVU are not cleared if APB is too slow. But APB1 has 36 MHz, and no code waits for them.
+//! - Cortex-M4 776924: VDIV/VSQRT may give a wrong result if interrupted by a very short handler. Measure: every
+//!   handler takes more than the 14 cycles that the erratum names.
+//! - Cortex-M4 838869: a store right before exception return may make the processor return to the wrong vector.
+//!   Measure: [`settle`] (DSB) ends every handler.
 //!
 //! `unsafe` is used here for the symbol under which the telemetry is found.
 #![allow(unsafe_code)]
-// RTIC's generated resource types are public, and so must be the types that they hold.
+// RTIC's generated resource types are public, so the types that they hold must be public too.
 #![allow(unreachable_pub)]
 
 use core::ops::Range;
@@ -72,13 +72,13 @@ firmware_common::install_safe_state!(safe_state, protection::area, board::task_o
 #[no_mangle]
 pub static HORUS_TELEMETRY: Telemetry = Telemetry::new();
 
-/// Waits until what a handler has written has arrived, before the handler returns: a flag that is still set at the
-/// interrupt controller would call the handler again, and erratum 838869 needs the wait, too.
+/// Waits until a handler's writes have arrived, before the handler returns: a flag that is still set at the interrupt
+/// controller would call the handler again, and erratum 838869 requires the wait, too.
 pub fn settle() {
     asm::dsb();
 }
 
-/// Returns the RAM that the processor does not use alone: what DMA reaches, and the telemetry.
+/// Returns the RAM that others than the processor use: the memory that DMA reaches, and the telemetry.
 pub fn shared_memory() -> [Range<u32>; APART - 2] {
     let [rings, outboxes] = buffers::memory();
     let [spi_in, spi_out] = spi::memory();

@@ -3,18 +3,18 @@
 //! # Design
 //!
 //! Every operation of the port starts something and returns; the interrupt that ends the operation polls the executor.
-//! The SPI has two users that never meet: from [`transmitter::FrontEndPort::arm`] to the slot it belongs to the slot's
-//! interrupt, otherwise to the tasks of the front end, which have one priority.
+//! The SPI has two users that never use it at once: the slot's interrupt from [`transmitter::FrontEndPort::arm`] to the
+//! slot, and otherwise the tasks of the front end, which have one priority.
 //!
 //! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, with eight bits, most
 //! significant bit first.
 //!
-//! [`field_off`] relies on nothing that was set up before it, so that it also works from the first instructions of the
-//! start on, and after the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds
-//! of its waits, which are counted in cycles of the processor, still hold, since the ratio of the two clocks does not
-//! grow.
+//! [`field_off`] relies on no earlier set-up, so that it also works in the first instructions of the start, and after
+//! the clock security system has switched the PLL off. The SPI then runs at 2 or 1 MHz. The bounds of its waits, which
+//! are counted in cycles of the processor, still hold, since the processor's clock does not get faster relative to the
+//! SPI's.
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the peripherals used here
 //!
 //! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this one.
 //!   Measure: the SPI stays enabled, and every wait for BSY has a bound.
@@ -55,7 +55,7 @@ use super::{
 };
 use crate::board::{CHIP_SELECT, IRQ, MISO, MOSI, SCK, SPI_IN, SPI_OUT};
 
-/// The ticket for the next slot.
+/// The ticket for the next slot, as a word that the tasks and the slot's interrupt access atomically.
 pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 
 fn spi() -> &'static spi1::RegisterBlock {
@@ -65,15 +65,15 @@ fn spi() -> &'static spi1::RegisterBlock {
 }
 
 fn tim5() -> &'static pac::tim5::RegisterBlock {
-    // SAFETY: the block is always there, every access is volatile, and the tasks that use the timer have one priority.
+    // SAFETY: the block is always there, every access is volatile, and the tasks that use TIM5 have one priority.
     unsafe { &*pac::TIM5::ptr() }
 }
 
-/// The number of polls of the SPI's status register that outlast one byte: 8 bits at 9 MHz are 128 core cycles, and a
-/// poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
+/// The number of polls of the SPI's status register that last longer than one byte: 8 bits at 9 MHz are 128 core
+/// cycles, and a poll over the APB takes at least 6. On HSI without the PLL a byte takes 64 or 128 core cycles.
 const POLLS: u32 = 128;
 
-/// Lowers chip select.
+/// Lowers chip select, so that the front end takes the bytes that follow.
 #[inline(always)]
 pub(super) fn select() {
     gpio::write(CHIP_SELECT, false);
@@ -115,7 +115,7 @@ fn enable_clocks() {
     unsafe { pac::SPI1::enable_unchecked() };
 }
 
-/// Sets up the SPI and its pins. Nothing changes where they are set up already.
+/// Sets up the SPI and its pins. If they are set up already, nothing changes.
 fn set_up_spi() {
     // Chip select is high before it becomes an output; the clock's edges are fast (erratum 2.12.4).
     gpio::output(CHIP_SELECT, Speed::VeryHigh, true);
@@ -142,12 +142,12 @@ fn set_up_irq(syscfg: &pac::SYSCFG, exti: &pac::EXTI) {
     exti.imr().modify(|_, w| w.mr3().set_bit());
 }
 
-/// The profile's bytes for the FIFO load, as words; every size of a profile is a whole number of words.
+/// The bytes of the profile that DMA loads into the FIFO, as words; every size of a profile is a whole number of words.
 static FRAME: [AtomicU32; Profile::<RECEIVERS>::SIZE / 4] =
     [const { AtomicU32::new(0) }; Profile::<RECEIVERS>::SIZE / 4];
 static SHORT_OUT: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
 static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MAX];
-/// The byte to which everything goes that comes in during a load.
+/// The byte to which DMA writes all bytes that come in during a load.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
 /// Returns the memory that DMA writes and reads.
@@ -157,21 +157,21 @@ pub(super) fn memory() -> [Range<u32>; 4] {
 
 const _: () = assert!(Profile::<RECEIVERS>::SIZE.is_multiple_of(4));
 
-/// SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
+/// The front end's port: SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
 pub struct Radio {
-    /// The number of bytes in the response; 0 after a load.
+    /// The number of bytes in the response of the transfer that has ended; 0 after a load.
     len: usize,
     response: [u8; Short::MAX],
     /// Whether the transfer that ended last ended with a DMA error.
     failed: bool,
     /// The range of [`FRAME`]'s bytes that is loaded.
     frame: Range<usize>,
-    /// Whether the timer has run out since it was started.
+    /// Whether the timer's time is over since the timer was started.
     over: bool,
 }
 
 impl Radio {
-    /// Sets everything up, including clocks and pins.
+    /// Sets up the front end's peripherals, including clocks and pins.
     pub fn new(rcc: &mut pac::RCC, _spi: pac::SPI1, _timer: pac::TIM5, syscfg: pac::SYSCFG, exti: &pac::EXTI) -> Self {
         enable_clocks();
         pac::TIM5::enable(rcc);
@@ -192,7 +192,7 @@ impl Radio {
         Self { len: 0, response: [0; Short::MAX], failed: false, frame: 0..0, over: false }
     }
 
-    /// Clears TIM5's interrupt if it is set, and notes that the time is over, which the machine asks for.
+    /// Clears TIM5's interrupt if it is set, and records for the state machine that the time is over.
     pub fn clear_pending_timer(&mut self) {
         if tim5().sr().read().uif().bit_is_set() {
             tim5().sr().write(|w| w.uif().clear());
@@ -200,7 +200,7 @@ impl Radio {
         }
     }
 
-    /// Clears EXTI3's pending edge. The machine looks at the pin's level, not at the edge.
+    /// Clears EXTI3's pending edge. The driver's state machine then reads the pin's level, not the edge.
     pub fn clear_pending_irq(&mut self) {
         // SAFETY: a register block is always there, and every access through it is volatile; ones clear bits of PR, and
         // only the bit of line 3 is written as one.
@@ -215,14 +215,14 @@ impl Radio {
         dma::clear_flags(SPI_OUT);
     }
 
-    /// Starts both streams. `lead` is sent ahead of what the outgoing stream reads from `out`. What comes in goes to
-    /// `into`: to one byte after the other if `keep`, otherwise all to the first.
+    /// Starts both streams. `lead` is sent ahead of the bytes that the outgoing stream reads from `out`. The bytes that
+    /// come in go to `into`: to one byte after the other if `keep`, otherwise all to the first.
     ///
     /// # Safety
     ///
     /// - Both streams are off.
-    /// - At `out` begin `len` bytes of a static made of atomics, and at `into` as many (if `keep`, and then there is no
-    ///   `lead`), otherwise one.
+    /// - At `out` begin `len` bytes of a static made of atomics. At `into` begin as many (if `keep`, and then there is
+    ///   no `lead`), otherwise one.
     unsafe fn begin(&mut self, lead: Option<u8>, out: u32, into: u32, len: usize, keep: bool) {
         let peripheral = spi().dr().as_ptr() as u32;
         let incoming = Transfer {
@@ -235,13 +235,13 @@ impl Radio {
         self.finish();
         select();
         spi().cr2().write(|w| w.rxdmaen().set_bit());
-        // SAFETY: the data register is that of SPI1, to which the table's streams and channel belong; the caller
-        // vouches for the memory and for the streams being off; `finish` has cleared their flags.
+        // SAFETY: the data register is that of SPI1, to which the streams and channel of the board's table belong; the
+        // caller guarantees the memory and that the streams are off; `finish` has cleared their flags.
         unsafe { dma::start(SPI_IN, &incoming) };
         if let Some(byte) = lead {
             put(byte);
         }
-        // SAFETY: what holds for the incoming stream holds here too.
+        // SAFETY: the data register is that of SPI1; the caller guarantees the memory and that the stream is off.
         unsafe { dma::start(SPI_OUT, &outgoing) };
         spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
@@ -254,8 +254,8 @@ impl Port for Radio {
             to.store(*from, Ordering::Relaxed);
         }
         let (out, into) = (SHORT_OUT.as_ptr() as u32, SHORT_IN.as_ptr() as u32);
-        // SAFETY: both are statics of `Short::MAX` atomic bytes, which `len` does not exceed. The streams are off: the
-        // executor starts a transfer only after the previous one has ended, which switches them off, or was aborted.
+        // SAFETY: both buffers are statics of `Short::MAX` atomic bytes, which `len` does not exceed. The streams are
+        // off: the executor starts a transfer only after the last one ended, which switches them off, or was aborted.
         unsafe { self.begin(None, out, into, self.len, true) };
     }
 
@@ -266,9 +266,9 @@ impl Port for Radio {
         }
         self.len = 0;
         let (out, into) = (FRAME.as_ptr() as u32 + start as u32, DISCARD.as_ptr() as u32);
-        // SAFETY: `FRAME` is a static of atomics as large as a profile, inside which `frame` lies (`point_at`) and so
-        // `start` and `len` stay; `DISCARD` is one atomic byte, and the address does not advance. The streams are off,
-        // as for `start_short`.
+        // SAFETY: `FRAME` is a static of atomics as large as a profile, inside which `frame` lies (`point_at`), and so
+        // do `start` and `len`; `DISCARD` is one atomic byte, and the address does not advance. The streams are off, as
+        // `start_short` says.
         unsafe { self.begin(Some(command::FIFO_LOAD), out, into, len, false) };
         true
     }
@@ -302,14 +302,14 @@ impl Port for Radio {
 
     /// # Panics
     ///
-    /// Panics if a stream does not stop, since it would write memory behind the processor's back. A panic leads to the
-    /// safe state with the field off, and the reset that follows recovers a DMA controller that hangs.
+    /// Panics if a stream does not stop, since it would write memory that the processor uses. A panic leads to the safe
+    /// state with the field off, and the reset after it recovers a DMA controller that hangs.
     fn abort(&mut self) {
         let stopped = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
         assert!(matches!(stopped, (Ok(()), Ok(()))), "a DMA stream of the front end's does not stop");
         self.finish();
         deselect();
-        // What is left in the receive buffer belongs to no transfer.
+        // A byte that is left in the receive buffer belongs to no transfer.
         let _ = spi().dr8().read();
         let _ = spi().sr().read();
     }
@@ -357,11 +357,11 @@ impl transmitter::FrontEndPort for Radio {
 }
 
 /// Switches the RF field off, whatever the SPI was doing and whether or not it was ever set up. This blocks for some
-/// microseconds, with a bound, and expects all interrupts to be masked for good.
+/// microseconds, with a bound. All interrupts must be masked for good.
 pub(super) fn field_off() {
     enable_clocks();
-    // A stream that does not stop has no further request to serve as soon as CR2 is cleared, and the field has to go
-    // off in any case.
+    // A stream that does not stop has no further request to serve once CR2 is cleared, and the field has to go off in
+    // any case.
     let _ = (dma::stop(SPI_OUT), dma::stop(SPI_IN));
     spi().cr2().write(|w| w);
     deselect();

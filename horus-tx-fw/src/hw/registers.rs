@@ -1,4 +1,4 @@
-//! The address of a peripheral's registers, which comes from the board's table
+//! The address of a peripheral's registers, which the board's table gives
 //!
 //! `unsafe` is used here to share an address between tasks.
 #![allow(unsafe_code)]
@@ -6,9 +6,9 @@
 /// The address of a register block.
 pub(super) struct Registers<T>(*const T);
 
-// SAFETY: this is only an address. Whoever makes a reference of it has to vouch for that ([`Registers::get`]).
+// SAFETY: the value is only an address. Whoever makes a reference of it has to prove that it may ([`Registers::get`]).
 unsafe impl<T> Send for Registers<T> {}
-// SAFETY: this is only an address.
+// SAFETY: the value is only an address. Whoever makes a reference of it has to prove that it may ([`Registers::get`]).
 unsafe impl<T> Sync for Registers<T> {}
 
 impl<T> Clone for Registers<T> {
@@ -19,7 +19,7 @@ impl<T> Clone for Registers<T> {
 impl<T> Copy for Registers<T> {}
 
 impl<T> Registers<T> {
-    /// Takes the address of the block.
+    /// Returns the holder of the address of a register block.
     pub(super) const fn at(address: *const T) -> Self {
         Self(address)
     }
@@ -31,7 +31,7 @@ impl<T> Registers<T> {
     /// The address is that of a block of registers that are laid out like `T`, and nothing that this caller does
     /// through it disturbs another user of the peripheral.
     pub(super) const unsafe fn get(self) -> &'static T {
-        // SAFETY: a register block is always there, every access is volatile, and the caller vouches for the rest.
+        // SAFETY: a register block is always there, every access is volatile, and the caller guarantees the rest.
         unsafe { &*self.0 }
     }
 }

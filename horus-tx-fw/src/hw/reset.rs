@@ -1,4 +1,4 @@
-//! Resets: their reason, the number that the watchdog has made, and what is kept over them
+//! Resets: their reason, the number of those by the watchdog, and the memory that is kept over them
 //!
 //! `unsafe` is used here for the section of memory that the start leaves as it is.
 #![allow(unsafe_code)]
@@ -11,7 +11,7 @@ use profile::ResetReason;
 
 use super::HORUS_TELEMETRY;
 
-/// The words survive every reset but that of the supply: `MAGIC`, then the number of the watchdog's resets so far.
+/// Two words that survive every reset except power-on: `MAGIC`, then the number of resets by the watchdog so far.
 #[link_section = ".uninit.RESETS"]
 static RESETS: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 const MAGIC: u32 = 0x484F_5255;
@@ -20,7 +20,7 @@ const MAGIC: u32 = 0x484F_5255;
 #[link_section = ".uninit.EXCLUSIONS"]
 pub(super) static EXCLUSIONS: [AtomicU32; exclusions::WORDS] = [const { AtomicU32::new(0) }; exclusions::WORDS];
 
-/// Stores the mask of the receivers that are excluded.
+/// Stores the mask of the receivers that are excluded, so that a reset does not lose it.
 pub fn keep_exclusions(excluded: u8) {
     for (to, from) in EXCLUSIONS.iter().zip(exclusions::to_words(excluded)) {
         to.store(from, Ordering::Relaxed);
@@ -32,11 +32,11 @@ pub fn kept_exclusions(reason: ResetReason) -> u8 {
     exclusions::from_words(EXCLUSIONS.each_ref().map(|word| word.load(Ordering::Relaxed)), reason)
 }
 
-/// Counts the watchdog's resets since the supply came on, and returns the reason of this start. To be called once.
+/// Counts resets by the watchdog since the supply came on, and returns the reason of this start. To be called once.
 pub fn note_reason() -> ResetReason {
     let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
-    // What the memory holds after the supply came on is arbitrary.
+    // After the supply came on the memory holds arbitrary values.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {
         magic.store(MAGIC, Ordering::Relaxed);
         count.store(0, Ordering::Relaxed);

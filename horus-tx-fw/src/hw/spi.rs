@@ -3,13 +3,13 @@
 //! # Design
 //!
 //! [`horus_tx_fw::spi`] decides what happens when; this file has the registers. A timer times chip select's set-up and
-//! hold times, so nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long
+//! hold times, so no code waits: chip select rises one hold time after the last byte has come in, when the SPI has long
 //! ended its last bit (RM0090 "SPI", disabling).
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the peripheral
 //!
 //! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than this one.
-//!   Measure: the SPI stays enabled, and nothing waits for BSY.
+//!   Measure: the SPI stays enabled, and no code waits for BSY.
 //! - 2.12.4: the last bit may be corrupted in controller mode with delayed SCK feedback. Measure: SCK has a very high
 //!   pad speed, and 0.56 MHz of the 45 MHz that it may have.
 //!
@@ -43,7 +43,7 @@ use crate::board::SpiPort;
 const WORDS: usize = TRANSFER / 4;
 const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
 
-/// The memory that the streams write and read. At most one receiver is on SPI (the board's table asserts it).
+/// The memory that the DMA streams write and read. At most one receiver is on SPI (the board's table asserts it).
 static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 
@@ -52,10 +52,10 @@ pub(super) fn memory() -> [Range<u32>; 2] {
     [memory::span(&IN), memory::span(&OUT)]
 }
 
-// `set_up` divides the bus clock by 128.
+// The constant has to agree with `set_up`, which divides the bus clock by 128.
 const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
 
-/// A receiver on SPI.
+/// The source of the bytes of a receiver on SPI.
 pub struct SpiSource {
     index: usize,
     port: &'static SpiPort,
@@ -73,7 +73,7 @@ impl SpiSource {
         (port.enable)(rcc);
         gpio::output(port.chip_select, Speed::Low, true);
         gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
-        // A receiver that is not there must read as one that has nothing to say.
+        // The line of a missing receiver must read like that of a receiver that has no data.
         gpio::alternate(port.miso, Speed::Low, Pull::Up);
         gpio::alternate(port.mosi, Speed::Low, Pull::None);
         let steps = Steps::new(&port.timer, rcc);
@@ -163,8 +163,8 @@ impl SpiSource {
         };
         let outgoing = Transfer { peripheral, memory: OUT.as_ptr() as u32, len: TRANSFER, direction: Direction::Out };
         self.spi().cr2().write(|w| w.rxdmaen().set_bit());
-        // SAFETY: the data register is that of the peripheral to which the table's streams and channels belong; both
-        // memories are statics of `TRANSFER` bytes of atomics; the streams are off, and their flags are clear.
+        // SAFETY: the data register is that of the peripheral to which the streams and channels of the board's table
+        // belong; both memories are statics of `TRANSFER` atomic bytes; the streams are off, and their flags are clear.
         unsafe {
             dma::start(stream_in, &incoming);
             dma::start(stream_out, &outgoing);
@@ -172,7 +172,7 @@ impl SpiSource {
         self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
     }
 
-    /// Takes what has come in, without filler. It drops filler in fours, since most of a transfer is filler.
+    /// Takes the bytes that have come in, without filler. It drops filler in fours, as most of a transfer is filler.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();
@@ -208,7 +208,7 @@ impl SpiSource {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
         if !has_error && !incoming.is_complete() {
-            // This is a call for a sign of life. A transfer that ends from here on calls again, so its flag must stay.
+            // The task was called only to check in. A transfer that ends from now on calls it again: its flag stays.
             return;
         }
         dma::clear_flags(self.port.stream_in);

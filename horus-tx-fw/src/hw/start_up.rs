@@ -5,16 +5,16 @@
 //! The watchdog's registers are written here and not by the HAL: the HAL's code cannot run before statics are set up,
 //! and the prescaler that it chooses for 100 ms counts in steps of 8 ms. The order is that of RM0090 21.3: the key
 //! 0xCCCC starts the watchdog, and LSI with it; 0x5555 opens the reload register, whose value takes up to 5 periods of
-//! LSI to reach the watchdog's own clock. The prescaler stays as the reset leaves it, 4. Until `init` feeds the
-//! watchdog, it counts from the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
+//! LSI to reach the watchdog's own clock. The prescaler keeps its reset value, 4. Until `init` feeds the watchdog, it
+//! counts from the reset value of the reload register ([`timing::FIRST_WATCHDOG_MS`]).
 //!
-//! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). They are cleared before the watchdog starts,
-//! so that a restart by the watchdog differs from the start before it, also where that start did not get far: the flags
-//! of power-on and of brown-out would hide the watchdog's.
+//! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). They are cleared before the watchdog starts.
+//! So a restart by the watchdog shows the watchdog's flag, even if the start before did not get far: otherwise the
+//! flags of power-on and of brown-out would hide it.
 //!
-//! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]): memory outlives
-//! a supply that was away for a moment, and if this start is cut off before its first vote, the next start would take
-//! the old record for this start's. The flags replace the record's first word, and no record begins with them.
+//! A start after power-on destroys the record of excluded receivers here ([`horus_tx_fw::exclusions`]). Memory can
+//! outlive a short loss of the supply, and if this start is cut off before its first vote, the next start would take
+//! the old record for this start's. The flags overwrite the record's first word, and no record begins with them.
 
 use firmware_common::start::RESET_FLAGS;
 use horus_tx_fw::timing;
@@ -28,7 +28,7 @@ firmware_common::install_start!(
         "ldr r1, [r0]",
         "orr r2, r1, #0x01000000",
         "str r2, [r0]",
-        // The registers of the IWDG are written in the order KR, KR, RLR.
+        // The registers of the watchdog (IWDG) are written in the order KR, KR, RLR.
         "ldr r0, =0x40003000",
         "movw r2, #0xCCCC",
         "str r2, [r0]",

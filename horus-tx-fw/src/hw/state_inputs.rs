@@ -1,13 +1,13 @@
 //! The pairs of pins that tell HORUS's state
 //!
-//! Each pin has a pull-up, so that a pair that is not connected contradicts itself (decision 18).
+//! Each pin has a pull-up, so that a pair that is not connected reads as a contradiction (decision 18).
 
 use horus_tx_fw::state_inputs::{Levels, INPUTS};
 
 use super::gpio::{self, Pull};
 use crate::board::STATE_INPUTS;
 
-/// Makes the pins inputs.
+/// Makes the pins of all pairs inputs with a pull-up.
 pub fn set_up() {
     gpio::enable_ports();
     for pair in &STATE_INPUTS {

@@ -1,8 +1,8 @@
 //! A one-shot timer, which raises one interrupt after a number of microseconds
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the timers
 //!
-//! - 2.7.3 concerns compare channels, which are not used.
+//! - 2.7.3 concerns compare channels, which are not used here.
 //!
 //! `unsafe` is used here for shared access to the timers' register blocks.
 #![allow(unsafe_code)]
@@ -13,7 +13,7 @@ use stm32f4xx_hal::pac::{self, tim3};
 use super::registers::Registers;
 use crate::board::Timer;
 
-/// The timer of one source.
+/// The one-shot timer of one receiver's source.
 pub(super) struct Steps(Registers<tim3::RegisterBlock>);
 
 impl Steps {
@@ -24,7 +24,7 @@ impl Steps {
         let registers = steps.registers();
         registers.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
         registers.cr1().write(|w| w.urs().set_bit());
-        // The prescaler is loaded now, without an interrupt.
+        // The prescaler is loaded now by an update, which raises no interrupt.
         registers.egr().write(|w| w.ug().set_bit());
         registers.sr().write(|w| w.uif().clear());
         registers.dier().write(|w| w.uie().set_bit());
@@ -32,8 +32,8 @@ impl Steps {
     }
 
     fn registers(&self) -> &'static tim3::RegisterBlock {
-        // SAFETY: the table holds the address of a timer's register block, which is always there; every access is
-        // volatile, and only one source uses each timer.
+        // SAFETY: the board's table holds the address of a timer's register block, which is always there; every access
+        // is volatile, and only one source uses each timer.
         unsafe { self.0.get() }
     }
 
@@ -42,19 +42,19 @@ impl Steps {
         let timer = self.registers();
         timer.cr1().write(|w| w.urs().set_bit());
         timer.cnt().write(|w| w.cnt().set(0));
-        // The update comes ARR + 1 counts after the start.
+        // The timer's update comes ARR + 1 counts after its start.
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
     }
 
-    /// Stops the timer, whose interrupt comes no more.
+    /// Stops the timer, so that it raises no interrupt any more.
     pub(super) fn stop(&self) {
         self.registers().cr1().write(|w| w.urs().set_bit());
         self.registers().sr().write(|w| w.uif().clear());
     }
 
-    /// Returns whether the time is over, and clears the flag that says so.
+    /// Returns whether the time is over, and clears the flag of the timer that says so.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
         if over {

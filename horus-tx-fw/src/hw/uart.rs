@@ -1,18 +1,18 @@
-//! A receiver on a UART, whose bytes come in by DMA into a ring without end, and go out one by one
+//! A receiver on a UART: its bytes come in by DMA into a ring, and messages go out byte by byte
 //!
 //! # Design
 //!
-//! A circular DMA stream writes the receiver's bytes into its ring. Three events make the firmware look how far the
+//! A circular DMA stream writes the receiver's bytes into its ring. On three events the firmware checks how far the
 //! stream has come: the line is idle, half or all of the ring is full, or a tick comes.
 //!
-//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. A
-//! message to a receiver with factory settings goes out at the factory's rate; HORUS receives nothing until its last
-//! bit is out, and then sets the usual rate again.
+//! The interrupt that asks for the next byte sends a message, one byte every 22 µs; messages are rare and short. A
+//! message to a receiver with factory settings goes out at the factory's rate; HORUS receives nothing until the
+//! message's last bit is out, and then sets the usual rate again.
 //!
-//! # Errata (ES0206 rev 24) of what is used here
+//! # Errata (ES0206 rev 24) of the peripheral
 //!
 //! - 2.11.1: an idle frame may go undetected if the receiver's clock deviates. Measure: an idle line only makes HORUS
-//!   look earlier; it also looks at half and whole laps of the ring, and at every tick.
+//!   check the stream earlier; it also checks it when the ring is half or fully written, and at every tick.
 //!
 //! `unsafe` is used here for shared access to the UARTs' register blocks, the baud rate, and to start the DMA stream.
 #![allow(unsafe_code)]
@@ -34,13 +34,13 @@ use super::{
 };
 use crate::board::UartPort;
 
-/// A receiver on a UART.
+/// The source of the bytes of a receiver on a UART.
 pub struct UartSource {
     index: usize,
     port: &'static UartPort,
     registers: Registers<uart4::RegisterBlock>,
     writer: Writer,
-    /// The message that is being sent, and how many bytes of it have gone.
+    /// The message that is being sent, and the number of its bytes that were sent.
     outgoing: Option<(Message, usize)>,
 }
 
@@ -49,7 +49,7 @@ impl UartSource {
     pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
         let source =
             Self { index, port, registers: Registers::at((port.registers)()), writer: Writer::new(), outgoing: None };
-        // A line that is not connected must read as idle.
+        // The pull-up makes a line that is not connected read as idle.
         gpio::alternate(port.rx, Speed::Low, Pull::Up);
         gpio::alternate(port.tx, Speed::Low, Pull::Up);
         (port.enable)(rcc);
@@ -64,11 +64,11 @@ impl UartSource {
 
     fn uart(&self) -> &'static uart4::RegisterBlock {
         // SAFETY: the table holds addresses of register blocks of UARTs, or of USARTs, which begin with the same
-        // registers; those are always there, every access is volatile, and each is used by one source alone.
+        // registers. They are always there, every access is volatile, and only one source uses each.
         unsafe { self.registers.get() }
     }
 
-    /// Sets the rate. The UART must be off: it is not on yet, or it was switched off for this.
+    /// Sets the baud rate. The UART must be off: it has not been switched on yet, or was switched off for this.
     fn set_rate(&self, rate: Rate) {
         let baud = match rate {
             Rate::Usual => timing::GNSS_BAUD,
@@ -80,7 +80,7 @@ impl UartSource {
         self.uart().brr().write(|w| unsafe { w.bits(divider as u16) });
     }
 
-    /// Sets the rate of a UART that is on.
+    /// Sets the baud rate of a UART that is on, by switching it off and on.
     fn change_rate(&self, rate: Rate) {
         // The rate must not change during a byte (RM0090 "USART", fractional baud rate generation).
         self.uart().cr1().modify(|_, w| w.ue().clear_bit());
@@ -88,7 +88,7 @@ impl UartSource {
         self.uart().cr1().modify(|_, w| w.ue().set_bit());
     }
 
-    /// Starts the DMA stream at the ring's start.
+    /// Starts the DMA stream at the start of the receiver's ring.
     ///
     /// # Safety
     ///
@@ -102,9 +102,9 @@ impl UartSource {
             len: RING,
             direction: Direction::In { circular: true, advance: true },
         };
-        // SAFETY: `peripheral` is the data register of the UART to which the table's stream and channel belong; the
-        // ring is a static of `RING` atomic bytes, whose reader takes any content (a checksum decides); the stream is
-        // off, as the caller vouches, and its flags are clear.
+        // SAFETY: `peripheral` is the data register of the UART to which the stream and channel of the board's table
+        // belong; the ring is a static of `RING` atomic bytes, whose reader accepts any content (a checksum decides);
+        // the caller guarantees that the stream is off, and its flags are clear.
         unsafe { dma::start(stream, &transfer) };
     }
 
@@ -112,7 +112,7 @@ impl UartSource {
         &HORUS_TELEMETRY.lines[self.index]
     }
 
-    /// Serves an idle line, an error, or the end of a byte that was sent.
+    /// Serves the UART's interrupt: an idle line, an error, or the end of a byte that was sent.
     fn uart_interrupt(&mut self) {
         let uart = self.uart();
         let flags = uart.sr().read();
@@ -122,13 +122,13 @@ impl UartSource {
         }
         if is_bad || flags.idle().bit_is_set() {
             // Reading SR, then DR, clears all of these flags (RM0090 "USART", status register). The line has been idle
-            // for a whole frame, or its byte was bad, so the DMA stream does not want the byte that is read here.
+            // for a whole frame, or its byte was bad, so the DMA stream does not lose a byte by this read.
             let _ = uart.dr().read();
         }
         self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
     }
 
-    /// Sends the next byte if the last one has left the data register, and ends when the last bit is out.
+    /// Sends the next byte if the last one has left the data register, and ends the message when its last bit is out.
     fn send(&mut self, is_empty: bool, is_complete: bool) {
         let uart = self.uart();
         let Some((message, sent)) = &mut self.outgoing else { return };
@@ -139,11 +139,11 @@ impl UartSource {
                 uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
             }
             Some(_) => {}
-            // The end counts only now: until the next byte is written, the flag still belongs to the previous byte.
+            // Only now does the flag mean the end: before the last byte is written, it belongs to an earlier byte.
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                // Both are cleared: a call that comes after the last bit finds the data register's interrupt still on.
+                // Both interrupts are switched off; the data register's may still be on after the last bit.
                 uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);
@@ -155,13 +155,13 @@ impl UartSource {
         }
     }
 
-    /// Serves half a lap, a whole lap or the tick, and restarts a stream that has stopped.
+    /// Checks how far the stream has come, after half a ring or at the tick, and restarts a stream that has stopped.
     fn look(&mut self) {
         let stream = self.port.stream;
         dma::clear_flags(stream);
         if !dma::is_on(stream) {
-            // A transfer error stops a circular stream. The stream begins at the ring's start again, as the writer
-            // must; no checksum accepts what was in between.
+            // A transfer error stops a circular stream. The stream begins at the ring's start again, and the count of
+            // its bytes with it; no checksum accepts a message that was cut by the error.
             self.telemetry().uart_errors.add(1);
             self.writer.advance(RING, RING);
             // SAFETY: the stream is off.

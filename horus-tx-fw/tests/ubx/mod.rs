@@ -1,5 +1,5 @@
-//! UBX messages written by hand from the interface description (u-blox F9 HPG, UBX-NAV and UBX-ESF
-//! chapters), independent of the parser under test.
+//! UBX messages that are encoded by hand from the interface description (u-blox F9 HPG, UBX-NAV and UBX-ESF chapters),
+//! independently of the parser under test.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part of this")]
 
 /// Makes a whole message: sync, class, identifier, length, payload, checksum.
@@ -17,7 +17,7 @@ pub fn message(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
     message
 }
 
-/// The values of NAV-PVT, which has 92 bytes of payload.
+/// The values of NAV-PVT that the tests set. Its payload has 92 bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct NavPvt {
     pub itow: u32,
@@ -59,7 +59,7 @@ impl NavPvt {
         payload[24..28].copy_from_slice(&self.longitude.to_le_bytes());
         payload[28..32].copy_from_slice(&self.latitude.to_le_bytes());
         payload[32..36].copy_from_slice(&self.height.to_le_bytes());
-        // The height above mean sea level is a different number, so that a mix-up shows.
+        // The height above mean sea level gets a different value, so that a mix-up of the two heights fails a test.
         payload[36..40].copy_from_slice(&(self.height.wrapping_sub(48_000)).to_le_bytes());
         for (at, accuracy) in (40..).step_by(4).zip(self.accuracies) {
             payload[at..at + 4].copy_from_slice(&accuracy.to_le_bytes());
@@ -72,7 +72,7 @@ impl NavPvt {
     }
 }
 
-/// Makes NAV-ATT, 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their accuracies.
+/// Returns NAV-ATT, with 32 bytes of payload: angles roll, pitch, heading in 1e-5 degrees, then their accuracies.
 pub fn nav_att(itow: u32, angles: [i32; 3], accuracies: [u32; 3]) -> Vec<u8> {
     let mut payload = [0u8; 32];
     payload[0..4].copy_from_slice(&itow.to_le_bytes());
@@ -85,7 +85,8 @@ pub fn nav_att(itow: u32, angles: [i32; 3], accuracies: [u32; 3]) -> Vec<u8> {
     message(0x01, 0x05, &payload)
 }
 
-/// Makes ESF-INS, 36 bytes of payload: `valid` flags the x, y and z acceleration; accelerations are in 1e-2 m/s².
+/// Returns ESF-INS, with 36 bytes of payload: `valid` flags the x, y and z acceleration; accelerations are in 1e-2
+/// m/s².
 pub fn esf_ins(itow: u32, valid: [bool; 3], accelerations: [i32; 3]) -> Vec<u8> {
     let mut payload = [0u8; 36];
     let bits = valid.into_iter().enumerate().fold(1u32, |bits, (axis, valid)| bits | u32::from(valid) << (11 + axis));

@@ -1,14 +1,14 @@
-//! What a receiver states of its position, and what the voter derives from it once, for all ticks.
+//! The position that a receiver states, and what the voter derives from it once, for all ticks.
 
 use crate::{
     HIGHEST_MM, LATITUDE_MAX_E7, LONGITUDE_MAX_E7, LOWEST_MM, MOST_HORIZONTAL_ACCURACY_MM, MOST_VERTICAL_ACCURACY_MM,
     SPEED_MAX_MM_S, geometry::Place,
 };
 
-/// What a receiver states for one epoch, in the units of UBX NAV-PVT.
+/// The position that a receiver states for one epoch, in the units of UBX NAV-PVT.
 ///
-/// The values are integers, so that none loses precision on the way, every difference of two positions is exact, and
-/// none can be infinite or not a number.
+/// The values are integers, so no conversion before the vote loses precision, every difference of two positions is
+/// exact, and no value can be infinite or not a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stated {
     /// The latitude, 1e-7 degrees north, WGS-84.
@@ -26,7 +26,7 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// Replaces a statement that is not plausible. Its values are in range everywhere, and never used.
+    /// Replaces a statement that is not plausible. Its values are in range, but never used.
     const NOTHING: Self = Self {
         latitude_e7: 0,
         longitude_e7: 0,
@@ -55,7 +55,7 @@ impl Stated {
     }
 }
 
-/// A position as it was stated, with what the voter needs of it at every tick, which is computed once, on arrival.
+/// A position as it was stated, with the values that the voter needs of it at every tick, computed on arrival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
     pub(crate) plausible: bool,
@@ -72,7 +72,7 @@ pub struct Fix {
 }
 
 impl Fix {
-    /// Makes a fix of what a receiver states. A statement that is not plausible is not taken over.
+    /// Returns the fix for what a receiver states. If the statement is not plausible, none of its values is used.
     #[must_use]
     pub fn new(stated: &Stated) -> Self {
         let plausible = stated.is_plausible();
@@ -91,7 +91,7 @@ impl Fix {
         }
     }
 
-    /// Whether what was stated is plausible ([`Stated::is_plausible`]).
+    /// Whether the statement behind this fix is plausible ([`Stated::is_plausible`]).
     #[must_use]
     pub const fn is_plausible(&self) -> bool {
         self.plausible
@@ -99,7 +99,7 @@ impl Fix {
 }
 
 impl Default for Fix {
-    /// The fix of a receiver that has said nothing, which is not plausible.
+    /// Returns the fix of a receiver that has stated nothing, which is not plausible.
     fn default() -> Self {
         Self::new(&Stated::NOTHING)
     }

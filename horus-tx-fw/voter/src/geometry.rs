@@ -1,16 +1,16 @@
-//! Places on the ellipsoid, and metres between them
+//! Places on the ellipsoid, and vectors in metres between them
 //!
 //! # Design
 //!
-//! The distances between places are small beside the earth, and a float32 has 24 bits: so no position is ever a
-//! float32, only differences of two positions are, which integers give exactly. That leaves the processor's own
-//! arithmetic for everything but the last step of the result.
+//! The distances between places are small beside the earth, and a float32 has 24 bits. So no position is ever a
+//! float32; only differences of two positions are, which integers give exactly. So the processor's own arithmetic does
+//! everything but the last step of the result.
 //!
 //! The vector from one place to another is the difference of their positions in space, seen along north, east and up of
-//! the first. Its terms are arranged so that none is the small difference of two large ones: latitudes only enter as
-//! their difference, longitudes by sine and by 1 - cosine = 2 sine² of half of theirs, and the cosine of a latitude is
-//! the sine of its complement to 90°, taken in integers. So the vector is right across ±180° and around the poles. For
-//! places far apart it is long in any direction, since its part along up is never left out.
+//! the first place. Its terms are arranged so that none is the small difference of two large ones: latitudes only enter
+//! as their difference, longitudes by sine and by 1 - cosine = 2 sine² of half of their difference, and the cosine of a
+//! latitude is the sine of its complement to 90°, computed in integers. So the vector is right across ±180° and around
+//! the poles. For places far apart the vector is long in any direction, since its part along up is never left out.
 //!
 //! The vector leaves out the change of the radii of curvature between the two places, 2e-6 of the distance at 1 km, and
 //! the square of the difference of the latitudes, 3e-9. With the rounding of float32 the error is below 5 mm at 1 km,
@@ -20,21 +20,21 @@
 const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
 /// The flattening of the WGS-84 ellipsoid (NIMA TR8350.2, table 3.1).
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
-/// The first eccentricity squared, f (2 - f).
+/// The first eccentricity squared of the ellipsoid, f (2 - f).
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 /// Half a turn, 1e-7 degrees.
 const HALF_TURN_E7: i32 = 1_800_000_000;
 /// A quarter of a turn, 1e-7 degrees.
 const QUARTER_TURN_E7: i32 = 900_000_000;
-/// A ten-millionth of a degree in rad.
+/// A ten-millionth of a degree, the unit of the integers, in rad.
 const RAD_PER_E7: f32 = (core::f64::consts::PI / 1.8e9) as f32;
-/// The result is counted in this number of parts of 1e-7 degrees, each 0.04 mm, before it becomes degrees.
+/// The number of parts of 1e-7 degrees, each 0.04 mm, in which the result is counted before it becomes degrees.
 const PARTS: i64 = 256;
-/// One rad in these parts, of which 1e-7 degrees have [`PARTS`].
+/// One rad in parts, of which 1e-7 degrees have [`PARTS`].
 const PARTS_PER_RAD: f32 = (1.8e9 * 256.0 / core::f64::consts::PI) as f32;
 
-/// A place on the ellipsoid, and the values for measuring around it.
+/// A place on the ellipsoid, and the values that measuring around it needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     latitude_e7: i32,
@@ -47,14 +47,14 @@ pub(crate) struct Place {
 }
 
 impl Place {
-    /// Makes a place at a latitude of at most ±90° and a longitude of at most ±180°, `height` m above the ellipsoid.
+    /// Returns a place at a latitude of at most ±90° and a longitude of at most ±180°, `height` m above the ellipsoid.
     pub(crate) fn new(latitude_e7: i32, longitude_e7: i32, height: f32) -> Self {
         const A: f32 = SEMI_MAJOR_AXIS as f32;
         const A_ALONG: f32 = (SEMI_MAJOR_AXIS * (1.0 - E2)) as f32;
         const E2_: f32 = E2 as f32;
         let sine = sine(latitude_e7 as f32 * RAD_PER_E7);
         let cosine = self::sine((QUARTER_TURN_E7 - latitude_e7.abs()) as f32 * RAD_PER_E7);
-        // These are a / √(1 - w) and a (1 - e²) / √(1 - w)³ as series; the next term of either is below 1e-8.
+        // The radii are a / √(1 - w) and a (1 - e²) / √(1 - w)³ as series; the next term of either is below 1e-8.
         let w = E2_ * sine * sine;
         Self {
             latitude_e7,
@@ -81,7 +81,7 @@ impl Place {
         let east = self.across * other.cosine * turn_sine;
         let up = -self.across * (0.5 * northward * northward + self.cosine * round);
 
-        // North and east of the other place point in other directions than here.
+        // North and east at the other place have other directions than at this one.
         let [step_north, step_east] = step;
         let straight = self.sine * other.sine * turn_cosine + self.cosine * other.cosine;
         [
@@ -91,18 +91,18 @@ impl Place {
         ]
     }
 
-    /// Returns latitude and longitude, degrees, of what lies `north` and `east` metres from here, at most some hundred.
-    /// Without a step this is exactly what was stated.
+    /// Returns latitude and longitude, degrees, of the point `north` and `east` metres from this place, at most some
+    /// hundred. Without a step the result is exactly the position that was stated.
     pub(crate) fn degrees(&self, [north, east]: [f32; 2]) -> [f64; 2] {
-        // The distance of the point from the earth's axis, first in the direction of this place, then in its own.
+        // The distance of the point from the earth's axis, first in this place's direction, then in the point's own.
         let outward = self.across * self.cosine - north * self.sine;
         let away = libm::sqrtf(outward * outward + east * east);
         let ahead = outward >= 0.0;
-        // The tangent of half the turn, or beyond the pole of half of what is missing to 180°; at the pole 0 / tiny.
+        // The tangent of half the turn; beyond the pole, of half of what the turn lacks to 180°; at the pole 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
-        // Beyond the pole a turn to the west is written as one to the east of up to 360°; `over` brings the longitude
-        // back into ±180°.
+        // A turn to the west beyond the pole is written as a turn to the east of up to 360°; `over` brings the
+        // longitude back into ±180°.
         let (turn, bulge) =
             if ahead { (turn, east * half_turn) } else { (core::f32::consts::PI - turn, away - outward) };
         let rise = (north - self.sine * bulge) / self.along;
@@ -144,7 +144,7 @@ fn arc_tangent(tangent: f32) -> f32 {
     2.0 * half * series(half * half, TERMS)
 }
 
-/// Returns Σ terms\[k\] xᵏ.
+/// Returns the sum of the series Σ terms\[k\] xᵏ.
 fn series<const K: usize>(x: f32, terms: [f32; K]) -> f32 {
     terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
 }
@@ -160,13 +160,13 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
 
-    /// The semi-minor axis of the same ellipsoid, m, which the standard states beside the flattening (NIMA TR8350.2,
-    /// table 3.3). With it the tests compute in float64 and in space.
+    /// The semi-minor axis of the WGS-84 ellipsoid, m, which the standard states beside the flattening (NIMA TR8350.2,
+    /// table 3.3). With this axis the tests compute in float64 and in space.
     const SEMI_MINOR_AXIS: f64 = 6_356_752.314_2;
 
     type Vector = [f64; 3];
 
-    /// The arguments of `Place::new`, and exact computations in space.
+    /// The arguments of `Place::new`, with which the tests compute exactly in space.
     #[derive(Clone, Copy, Debug)]
     struct Exact {
         latitude_e7: i32,
@@ -198,7 +198,7 @@ mod tests {
             [[-north * out, -north * east, along], [-east, out, 0.0], [along * out, along * east, north]]
         }
 
-        /// Returns metres north, east and up from here to `other` at this height, moved by `step` north and east.
+        /// Returns the metres north, east and up from here to `other` at this height, moved by `step` north and east.
         fn to(&self, other: &Self, step: [f32; 2]) -> Vector {
             let other = Self { height: self.height, ..*other };
             let [north, east, _] = other.axes();
@@ -220,7 +220,7 @@ mod tests {
         vector.iter().map(|axis| axis * axis).sum::<f64>().sqrt()
     }
 
-    /// Any place of a receiver: one in four within some kilometres of a pole, one in four within some of ±180°.
+    /// Any place that a receiver can state; one in four is within some km of a pole, one in four within some of ±180°.
     fn anywhere() -> impl Strategy<Value = Exact> {
         let latitude = prop_oneof![
             3 => -QUARTER_TURN_E7..=QUARTER_TURN_E7,
@@ -239,7 +239,7 @@ mod tests {
         })
     }
 
-    /// Returns what lies about `north` and `east` metres from here, as a receiver states it.
+    /// Returns the place about `north` and `east` metres from `here`, as a receiver would state it.
     fn beside(here: &Exact, north: f64, east: f64) -> Exact {
         let [axis_north, axis_east, _] = here.axes();
         let there = sum(here.in_space(), sum(scaled(axis_north, north), scaled(axis_east, east)));
@@ -261,7 +261,7 @@ mod tests {
     proptest! {
         #![proptest_config(seeded(20_000))]
 
-        /// These are the errors that the module states, also for the height, which shows the earth's curvature.
+        /// The errors are those that the module states, also for the height, which depends on the earth's curvature.
         #[test]
         fn the_way_to_a_place_has_the_accuracy_that_is_stated(
             here in anywhere(),
@@ -277,7 +277,7 @@ mod tests {
             }
         }
 
-        /// The distance that is compared is never less than half of the true one, however far apart two places are.
+        /// The computed distance is never less than half of the true one, however far apart two places are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));

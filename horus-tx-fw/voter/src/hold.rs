@@ -1,21 +1,21 @@
-//! Holds back for a second any result that the last one shown does not lead to (decision 15, jumps)
+//! Holds a result back for a second if it cannot be reached from the last result shown (decision 15, jumps)
 //!
-//! The result shown last is kept until the next one is shown, however long that takes, and what lies within reach of it
-//! grows with the time. Beside it a row of held-back results goes on as long as there is a result at every tick and
-//! each leads to the next. When the row has gone on for [`HELD_BACK_MS`], its last result is shown.
+//! The result shown last is kept until the next one is shown, however long that takes; a result can be reached from it
+//! within a distance that grows with the time. Results that are held back form a row, which goes on while there is a
+//! result at every tick and each leads to the next. After [`HELD_BACK_MS`] the row's last result is shown.
 
 use crate::{HELD_BACK_MS, SPEED_MAX_MM_S};
 
-/// The highest speed, m/s.
+/// The highest speed at which a result can move, m/s.
 const SPEED_MAX_M_S: f32 = SPEED_MAX_MM_S as f32 / 1e3;
 
-/// Something that moves from tick to tick.
+/// A quantity of a result, place or altitude, that moves from tick to tick.
 pub(crate) trait Mark: Copy {
-    /// Whether this can have become `next` after `seconds`.
+    /// Whether this value can have become `next` after `seconds`.
     fn leads_to(&self, next: &Self, seconds: f32) -> bool;
 }
 
-/// Whether a distance is at most a limit and the way at [`SPEED_MAX_M_S`]. Distance and limit are given as squares.
+/// Whether a distance is at most a limit plus the way at [`SPEED_MAX_M_S`]. Distance and limit are given as squares.
 ///
 /// The comparison d ≤ l + w is made without a root: d² - l² - w² ≤ 2 l w.
 pub(crate) fn is_within_reach(distance_squared: f32, limit_squared: f32, seconds: f32) -> bool {
@@ -24,11 +24,11 @@ pub(crate) fn is_within_reach(distance_squared: f32, limit_squared: f32, seconds
     (beyond <= 0.0) | (beyond * beyond <= 4.0 * limit_squared * way_squared)
 }
 
-/// The result that was shown last, and the row that is held back.
+/// The result that was shown last, and the row of results that are held back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hold<T> {
     shown: Option<At<T>>,
-    /// The time since which the row goes on, ms, and the row's last result.
+    /// The time at which the row of held-back results began, ms, and the row's last result.
     held: Option<(u32, At<T>)>,
 }
 
@@ -46,10 +46,10 @@ impl<T: Mark> At<T> {
 }
 
 impl<T: Mark> Hold<T> {
-    /// A hold that has shown nothing yet: it shows whatever comes first.
+    /// The state in which no result was shown yet: the first result is then shown.
     pub(crate) const NEW: Self = Self { shown: None, held: None };
 
-    /// Whether `mark` is shown at `now_ms`. It must be there, and other rules must allow it (`may_show`).
+    /// Whether the result `mark` is shown at `now_ms`. It must exist, and other rules must allow it (`may_show`).
     pub(crate) fn take(&mut self, now_ms: u32, mark: T, is_there: bool, may_show: bool) -> bool {
         let next = At { ms: now_ms, mark };
         let is_near = self.shown.unwrap_or(next).leads_to(&next);

@@ -2,29 +2,29 @@
 //!
 //! # Design
 //!
-//! A majority decides (`docs/decisions/0015-one-voted-position.md`). At each tick of 10 ms every candidate is brought
-//! to the tick, every pair is compared, every set of receivers in which each pair agrees is ranked, and the median of
-//! the set that wins is the result. The constants below say what makes a receiver a candidate, when two agree, and when
-//! one that was outvoted returns; there is no other number to choose.
+//! A majority decides (`docs/decisions/0015-one-voted-position.md`). At each tick of 10 ms the position of every
+//! *candidate* (a receiver with a valid position) is extrapolated to the tick, every pair is compared, every set of
+//! receivers in which each pair agrees is ranked, and the median of the set that wins is the result. The constants
+//! below, the only parameters, say what makes a candidate, when two agree, and when an outvoted receiver returns.
 //!
 //! - **Every number is finite.** Positions, velocities and accuracies are integers until they were found plausible
 //!   ([`Stated`]); attitude and acceleration take part only if they are finite.
 //! - **The work does not depend on the data.** The voter computes all pairs, all 2ᴺ - 1 sets, and all medians by a
-//!   fixed sorting network; what does not count is selected away, not skipped. What still varies is float64 and square
-//!   roots by software, and moves that a compiler makes of a choice: a sixth of the time.
-//! - **The work is small.** What only depends on a receiver's message is computed when it arrives ([`Fix::new`]), all
-//!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
+//!   fixed sorting network; values that do not count are selected away, not skipped. A sixth of the time still varies,
+//!   since float64 and square roots are done in software, and the compiler makes some selections conditional.
+//! - **The work is small.** Values that only depend on a receiver's message are computed on its arrival ([`Fix::new`]),
+//!   all metres are float32 (see `geometry`), no distance needs a root, and float64 appears only in the result.
 //! - **Pure.** The voter has no clock, no input or output, and no allocation: [`Voter::vote`] is given the time, and a
 //!   copy of a voter returns the same.
 //!
 //! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
-//!   has one and all of these members agree in it. No single receiver's word is shown as that of several.
-//! - **No jump at once.** A place or an altitude that cannot be reached from the last one shown at 200 m/s is held back
+//!   has the quantity and all of these members agree in it. No value of a single receiver counts as that of several.
+//! - **No jump at once.** A place or an altitude that cannot be reached at 200 m/s from the last one shown is held back
 //!   until it has lasted for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** More than half of the receivers are members of a result, so
 //!   any majority has one of them. No receiver of a majority that agrees is ever excluded, since it agrees with a
-//!   member, and the majority itself is a set that can win. Whatever other receivers say, also after each other, costs
-//!   no result but in the second for which a jump is held back.
+//!   member, and the majority itself is a set that can win. Whatever other receivers send, now or later, the only loss
+//!   of a result is the second for which a jump is held back.
 //!
 //! # What it cannot do
 //!
@@ -67,20 +67,20 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// The time from the epoch of a position to its arrival, ms, of the candidate in the middle: what a receiver takes to
-/// compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// The latency (time from the epoch of a position to its arrival) of the candidate in the middle, ms: a receiver takes
+/// it to compute and send (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
-/// How much another candidate's latency may differ, ms, and still be accepted (decision 15, brought to the tick).
+/// How much a latency may differ from that of the candidate in the middle, ms (decision 15, brought to the tick).
 pub const LATENCY_SPREAD_MS: i32 = 50;
 /// The time of week begins anew after this time, ms.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
-/// How much the latency may differ from [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
+/// How much a latency may be off [`LATENCY_MS`], s. An accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
-/// Half of the greatest acceleration, m/s². An accuracy grows by this times the square of the age (decision 15: half of
-/// 4 m/s²).
+/// Half of the greatest acceleration, m/s². An accuracy grows by this value multiplied by the square of the age
+/// (decision 15: half of 4 m/s²).
 pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
 
-/// Two agree within this multiple of the root of the sum of their accuracies' squares (decision 15, agreement).
+/// Two receivers agree within this multiple of the root of their accuracies' squares' sum (decision 15, agreement).
 pub const DEVIATIONS: f32 = 3.0;
 /// The least and the greatest distance within which two receivers agree, horizontally, m (decision 15, agreement).
 pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
@@ -94,26 +94,26 @@ pub const ATTITUDE_LIMITS_RAD: [f32; 3] = [PI / 36.0, PI / 18.0, PI / 36.0];
 /// acceleration).
 pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
 
-/// How long a place or an altitude that cannot be reached from the last one must last before it is shown, ms (decision
-/// 15, jumps).
+/// How long a place or an altitude that cannot be reached from the last one shown must last before it is shown, ms
+/// (decision 15, jumps).
 pub const HELD_BACK_MS: u32 = 1_000;
 
-/// The largest angle that takes part, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
+/// The largest angle that is used, rad in either direction: more than UBX NAV-ATT can hold, which is 375 rad.
 pub const ANGLE_MAX: f32 = 400.0;
 
-/// How long a receiver that was excluded must agree without a break before it is eligible again, ms (decision 15,
+/// How long an excluded receiver must agree without a break before it may take part again, ms (decision 15,
 /// exclusion).
 pub const RETURNS_AFTER_MS: u32 = 1_000;
 
-/// Returns the least number of members that a result of `receivers` has, and also of those among them that have the
-/// altitude, the attitude or the acceleration that is stated: more than half of the receivers, and one of two (decision
-/// 15, the set: 1oo1, 1oo2, 2oo3, 3oo5).
+/// Returns the least number of members in a result of `receivers` receivers: more than half of them, and one of two
+/// (decision 15, the set: 1oo1, 1oo2, 2oo3, 3oo5). It is also the least number of members that must have an altitude,
+/// an attitude or an acceleration for the result to have it.
 #[must_use]
 pub const fn quorum(receivers: usize) -> u32 {
     receivers.div_ceil(2) as u32
 }
 
-/// What one receiver has said by the tick.
+/// What one receiver contributes to the vote at a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Input {
     /// Whether the receiver's position is valid by its kind of fix and by its age.
@@ -122,8 +122,8 @@ pub struct Input {
     pub fix: Fix,
     /// The time from the arrival of the position to the tick, ms; below 0 if the position arrived after the tick.
     pub since_arrival_ms: i32,
-    /// The time from the time of week of the position to its arrival, by a clock of HORUS that began anywhere, ms,
-    /// modulo [`WEEK_MS`] and below it: only differences between receivers count.
+    /// The time from the position's time of week to its arrival, ms, modulo [`WEEK_MS`]. The clock of the arrival may
+    /// have begun at any time, since only differences between receivers count.
     pub lag_ms: u32,
     /// Pitch, yaw and roll, rad, where they are valid.
     pub attitude: Option<[f32; 3]>,
@@ -138,18 +138,18 @@ pub struct Position {
     pub latitude: f64,
     /// The longitude, degrees east, WGS-84.
     pub longitude: f64,
-    /// The altitude, m above the ellipsoid; `None` if no quorum of members has one, or while a jump is held back.
+    /// The altitude, m above the ellipsoid; `None` if no quorum of members has one, or while a jump of it is held back.
     pub altitude: Option<f64>,
 }
 
-/// The result of a vote. Bit 0 of a mask is that of the first receiver. The default is the result of no vote.
+/// The result of a vote. Bit 0 of a mask is that of the first receiver. The default value says that there was no vote.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The members of the result; none if there is no result, or while a jump is held back.
+    /// The receivers that agree on the result; none if there is no result, or while a jump is held back.
     pub members: u8,
-    /// The receivers that were not eligible, or are not eligible from now on.
+    /// The receivers that were excluded from this vote or are excluded from the next vote on.
     pub excluded: u8,
-    /// The place of the result; `None` if there is no result.
+    /// The position of the result; `None` if there is no result.
     pub position: Option<Position>,
     /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of these
     /// members agree.
@@ -159,10 +159,10 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// The result of no vote.
+    /// The verdict before the first vote.
     pub const NONE: Self = Self { members: 0, excluded: 0, position: None, attitude: None, acceleration: None };
 
-    /// Returns how many receivers agree, which are the members.
+    /// Returns the number of receivers that agree, which are the members of the result.
     #[must_use]
     pub const fn agreeing(&self) -> u8 {
         self.members.count_ones() as u8
@@ -175,13 +175,13 @@ impl Verdict {
     }
 }
 
-/// What a voter over `N` receivers keeps from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
+/// The state that a voter over `N` receivers keeps from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Voter<const N: usize> {
     /// The members of the last result.
     last: u8,
     excluded: u8,
-    /// The time since which each excluded receiver has agreed at every tick, ms.
+    /// The time from which on each excluded receiver has agreed at every tick, ms; `None` if it does not agree now.
     agreeing_since: [Option<u32>; N],
     places: Hold<Spot>,
     altitudes: Hold<Height>,
@@ -193,28 +193,28 @@ impl<const N: usize> Default for Voter<N> {
     }
 }
 
-/// A candidate that was brought to the tick.
+/// A candidate's position, extrapolated to the tick.
 #[derive(Clone, Copy, Default)]
 struct Brought {
-    /// How far the candidate has moved since its epoch, m north and east.
+    /// How far the candidate has moved since its position's epoch, m north and east.
     step: [f32; 2],
-    /// How far the candidate has moved upwards since its epoch, m.
+    /// How far the candidate has moved upwards since its position's epoch, m.
     climb: f32,
-    /// The accuracies that include the error of that movement, m; the first is horizontal.
+    /// The horizontal accuracy, m, with the error of the extrapolation. The next field is the vertical accuracy.
     horizontal: f32,
     vertical: f32,
 }
 
 impl<const N: usize> Voter<N> {
-    /// A voter that has not voted: no receiver is excluded.
+    /// Returns a voter that has not voted: no receiver is excluded.
     #[must_use]
     pub const fn new() -> Self {
         Self::excluding(0)
     }
 
-    /// A voter that has not voted since a restart, before which the receivers of the mask `excluded` were excluded:
-    /// they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask at which no voter arrives counts as empty: one
-    /// with a receiver that does not exist, or with half of the receivers or more, since a majority is never excluded.
+    /// Returns a voter that has not voted since a restart, before which the receivers of the mask `excluded` were
+    /// excluded: they have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no vote leads to counts as empty:
+    /// one with a receiver that does not exist, or with half of the receivers or more: a majority is never excluded.
     #[must_use]
     pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
@@ -262,7 +262,7 @@ impl<const N: usize> Voter<N> {
         }
         let outvoted = if is_result { outside & !with_peer } else { 0 };
 
-        // A receiver that is outvoted was eligible, so it was not excluded before.
+        // A receiver that is outvoted took part in the vote, so it was not excluded before.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
@@ -277,12 +277,12 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Updates who is excluded at the next tick: the receivers that were and the `outvoted`, except those that have now
-    /// agreed for long enough with all `members` or, without a result, with one of the `eligible`, if there are any.
+    /// Updates the excluded receivers for the next tick: adds the `outvoted`, and removes those that have agreed for
+    /// long enough with all `members` or, if there is no result, with one of the `eligible`, if there are any.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
-            // Only a candidate counts as its own friend.
+            // Only a candidate counts as agreeing with itself.
             let with_members = friends & members == members;
             let with_one = (friends & eligible != 0) | (eligible == 0);
             let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
@@ -318,12 +318,12 @@ fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }
 
-/// Whether there are three numbers, each at most `most` in either direction. A value that is not a number fails.
+/// Whether there are three numbers, each between -`most` and `most`. A value that is not a number fails.
 fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
     values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// Returns one of three numbers of each input; 0 where they are not given or not within `most`.
+/// Returns one of three numbers of each input; 0 where the three are not given or exceed `most`.
 fn axis_of<const N: usize>(
     inputs: &[Input; N],
     of: impl Fn(&Input) -> Option<[f32; 3]>,
@@ -339,9 +339,9 @@ fn axis_of<const N: usize>(
 /// Returns the time from the epoch of each position to its arrival, half ms.
 ///
 /// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
-/// week than another's, it took that much longer. The candidate in the middle gets [`LATENCY_MS`], and the others get
-/// as much more or less as their messages took. Where the difference is above [`LATENCY_SPREAD_MS`], the receiver's
-/// time of week is wrong, and its position gets [`LATENCY_MS`], too.
+/// week than another's, its latency is greater by that difference. The candidate with the median latency gets
+/// [`LATENCY_MS`], and the others get as much more or less as their messages took. Where the difference is above
+/// [`LATENCY_SPREAD_MS`], the receiver's time of week is wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
     let lags = inputs.each_ref().map(|input| input.lag_ms as i32);
@@ -375,8 +375,8 @@ fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     }
 }
 
-/// Returns which candidates agree, each with itself included; and in row `i` where `i` and those after it are, m north
-/// and east of where `i` was at its epoch.
+/// Returns for each candidate the mask of those that agree with it, including itself; and a table whose row `i` has the
+/// places of candidate `i` and those after it, m north and east of the place that `i` stated.
 fn compare<const N: usize>(
     inputs: &[Input; N],
     brought: &[Brought; N],
@@ -414,16 +414,16 @@ fn limit_squared(one: f32, other: f32, [least, most]: [f32; 2]) -> f32 {
     if limit > most * most { most * most } else { limit }
 }
 
-/// Returns where another place is, with its step, m north and east of this one; and the square of its distance from
-/// this one's step, m².
+/// Returns the place `other` moved by its step, m north and east of `place`; and the square of its distance from
+/// `place` moved by its own step, m².
 fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 2])) -> ([f32; 2], f32) {
     let [north, east, up] = place.to(other, other_step);
     let (off_north, off_east) = (north - step[0], east - step[1]);
     ([north, east], off_north * off_north + off_east * off_east + up * up)
 }
 
-/// Where a result is: a step, m north and east, from a member's place; and the accuracy of the result's least accurate
-/// member, m.
+/// The place of a result: a step, m north and east, from a member's place; and the accuracy of the result's least
+/// accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     place: Place,
@@ -439,16 +439,16 @@ impl hold::Mark for Spot {
     }
 }
 
-/// Returns the median of the members, north and east each by itself.
+/// Returns the median of the members' places, north and east each by itself.
 fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
-    // The metres are from the first member's place; its row has all members, since none is before it.
+    // The metres count from the first member's place. Its row has all members, since none comes before it.
     let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
     Spot { place, step, accuracy: greatest(brought, |brought| brought.horizontal, members) }
 }
 
-/// How high a result is: `above` m above `ground_mm`; and the accuracy of the least accurate member, m.
+/// The altitude of a result: `above` m above `ground_mm`; and the accuracy of the least accurate member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Height {
     ground_mm: i32,
@@ -457,9 +457,9 @@ struct Height {
 }
 
 impl Height {
-    /// Returns m above the ellipsoid; if `above` is 0 this is exactly what was stated.
+    /// Returns the altitude, m above the ellipsoid. If `above` is 0 it is exactly the altitude that was stated.
     fn altitude(&self) -> f64 {
-        /// The parts of a mm in which the sum is counted.
+        /// The number of parts of a mm in which the sum of both heights is counted.
         const PARTS: i32 = 256;
         let above = (self.above * (1e3 * PARTS as f32)) as i32;
         (i64::from(self.ground_mm) * i64::from(PARTS) + i64::from(above)) as f64 / (1e3 * f64::from(PARTS))
@@ -493,14 +493,14 @@ fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32
     })
 }
 
-/// The median of the members' attitudes, each angle on the circle, if a quorum has one and each pair of them agrees.
+/// Returns the median of the members' attitudes, angles on the circle, if a quorum has one and each pair agrees.
 fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
     let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
     let mut agree = is_quorum::<N>(oriented);
     let mut attitude = [0.0; 3];
     for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
         let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
-        // No limit comes near half a turn, so two angles agree if their differences from the first angle do.
+        // No limit is near half a turn, so two angles agree if their differences from the first angle do.
         let (reference, differences) = about_first(angles, oriented);
         let (middle, spread) = median_and_spread(differences, oriented);
         agree &= spread <= ATTITUDE_LIMITS_RAD[axis];
@@ -509,7 +509,7 @@ fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]
     agree.then_some(attitude)
 }
 
-/// The median of the members' accelerations, each axis by itself, if a quorum has one and each pair of them agrees.
+/// Returns the median of the members' accelerations by axis, if a quorum has one and each pair of them agrees.
 fn acceleration<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
     let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
     let mut agree = is_quorum::<N>(moved);

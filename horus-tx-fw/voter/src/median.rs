@@ -1,4 +1,4 @@
-//! Medians of the values that count, with the same work whichever these are.
+//! Medians of the values in a mask, with the same work for every mask.
 
 use crate::{first, has};
 
@@ -8,15 +8,15 @@ pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
     median_and_spread(values, among).0
 }
 
-/// Returns the median as [`median`] does, and the difference of the greatest and the least of these values.
+/// Returns the median as [`median`] does, and the difference of the greatest and the least of the values in the mask.
 pub(crate) fn median_and_spread<const N: usize>(values: [f32; N], among: u8) -> (f32, f32) {
     let [least, low, high, most] = ordered(values, among, f32::INFINITY);
-    // The halves are added, since the sum of two large values would be infinite.
+    // Each value is halved before the sum, since the sum of two large values would be infinite.
     (0.5 * low + 0.5 * high, most - least)
 }
 
-/// Returns the middle two of those `values` that are in the mask, which are equal for an odd number; for an empty mask
-/// the result has no meaning. No value is above `greatest`.
+/// Returns the middle two of those `values` that are in the mask; for an odd number both are the middle one. For an
+/// empty mask the result has no meaning. No value is above `greatest`.
 pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 2] {
     let [_, low, high, _] = ordered(values, among, greatest);
     [low, high]
@@ -31,7 +31,7 @@ fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, grea
         *value = if counts { *value } else { greatest };
         count += usize::from(counts);
     }
-    // This is an odd-even transposition: N rounds that compare neighbours sort N values.
+    // This is an odd-even transposition sort: N rounds that compare neighbours sort N values.
     for round in 0..N {
         for low in (round % 2..N - 1).step_by(2) {
             let (a, b) = (sorted[low], sorted[low + 1]);
@@ -46,14 +46,14 @@ fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, grea
     [sorted[0], at(count.saturating_sub(1) / 2), at(count / 2), at(count.saturating_sub(1))]
 }
 
-/// Returns the first of the angles in the mask, rad, and how far each angle is from it, within half a turn.
+/// Returns the first of the angles in the mask, rad, and the difference of each angle from it, within half a turn.
 pub(crate) fn about_first<const N: usize>(angles: [f32; N], among: u8) -> (f32, [f32; N]) {
     let reference = first(among, &angles);
     (reference, angles.map(|angle| turned(angle - reference, -core::f32::consts::PI)))
 }
 
-/// Returns `angle`, rad, moved by whole turns into the turn that begins at `from`. An angle in that turn, including
-/// both ends, stays the same, to the bit.
+/// Returns `angle`, rad, moved by whole turns into the turn that begins at `from`. An angle that is in that turn
+/// already, including both ends, is returned unchanged to the bit.
 pub(crate) fn turned(angle: f32, from: f32) -> f32 {
     let turns = (angle - from) * (1.0 / core::f32::consts::TAU);
     let whole = turns as i32;

@@ -1,4 +1,4 @@
-//! The voter is compared with decision 15 written a second time.
+//! Compares the voter with a second implementation of decision 15.
 
 use crate::support;
 
@@ -12,7 +12,7 @@ fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
 }
 
-/// Anywhere on earth, at the poles and at both sides of ±180° more often than by chance.
+/// Any place on earth. The poles and both sides of ±180° come more often than by chance.
 fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     let latitude = prop_oneof![
         4 => -89.0..89.0,
@@ -30,18 +30,18 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// How far off a receiver is, m, its speed, mm/s, its accuracies, mm, its age, ms, its delay by its time of week, ms,
-/// whether its fix is 2D, its attitude and its acceleration.
+/// Whether a receiver is valid, how far off it is, m, its speed, mm/s, its accuracies, mm, its age, ms, its delay by
+/// its time of week, ms, whether its fix is 2D, its attitude and its acceleration.
 type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
 
-/// Three numbers that mostly lie so close together that two may agree.
+/// Draws three numbers that mostly lie so close to `about` that two such draws may agree.
 fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
     let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
     let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
     prop::option::weighted(0.8, drawn)
 }
 
-/// A receiver near a place.
+/// Draws a receiver near a place.
 fn receiver() -> impl Strategy<Value = Drawn> {
     let metres = || prop_oneof![3 => -3.0..3.0, 2 => -40.0..40.0, 1 => -900.0..900.0];
     let speed = || prop_oneof![Just(0), -20_000..20_000, -150_000..150_000];
@@ -82,7 +82,7 @@ fn report_of(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Report {
     }
 }
 
-/// Whether three numbers are equal but for rounding, on the circle or not.
+/// Whether two groups of three numbers are equal but for rounding, as angles if `circle` is true.
 fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     let (Some(one), Some(other)) = (one, other) else { return one.is_none() && other.is_none() };
     one.into_iter().zip(other).all(|(one, other)| {
@@ -92,14 +92,14 @@ fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
     })
 }
 
-/// Gives ticks of several receivers to both voters, and compares the results.
+/// Gives the ticks of several receivers to both voters, and compares the results.
 fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseError> {
     let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
     let mut now = u32::MAX - 2_000;
     for (report, later) in ticks {
         let inputs: [Input; N] = std::array::from_fn(|i| report[i].input());
         let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&report[..N], now));
-        // A decision that rounding may turn cannot be compared, and all that follows depends on it.
+        // A decision that rounding may turn cannot be compared, and neither can the decisions after it.
         if opinion.narrow {
             return Ok(());
         }
@@ -123,7 +123,7 @@ fn compare<const N: usize>(ticks: &[(Vec<Report>, u32)]) -> Result<(), TestCaseE
     Ok(())
 }
 
-/// Ticks in which each receiver keeps its place and only sometimes changes it, and in some of which all jump.
+/// Draws ticks in which each receiver keeps its place and only sometimes changes it; in some ticks all receivers jump.
 fn ticks() -> impl Strategy<Value = Vec<(Vec<Report>, u32)>> {
     let change = prop::collection::vec((prop::bool::weighted(0.2), receiver()), 5);
     let later = prop_oneof![3 => Just(10_u32), 2 => Just(500), 1 => Just(999), 1 => Just(1_000)];
@@ -160,8 +160,8 @@ proptest! {
     #[test]
     fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
 
-    /// Except for ties, which the lower numbers win, nothing depends on the order of the receivers: accuracies that are
-    /// drawn like these have no equal sums.
+    /// Except for ties, which the lower numbers win, the result does not depend on the order of the receivers.
+    /// Accuracies that are drawn like these have no equal sums.
     #[test]
     fn the_verdict_does_not_depend_on_the_order_of_the_receivers(
         ticks in ticks(),
@@ -180,7 +180,7 @@ proptest! {
             prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
             prop_assert_eq!(a.position.is_some(), b.position.is_some());
             if let (Some(a), Some(b)) = (a.position, b.position) {
-                // The axes north and east are those of the first member: beside a pole another one's point elsewhere.
+                // The axes north and east are those of the first member; beside a pole those of another member differ.
                 if a.latitude.abs() < 89.0 {
                     let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
                     prop_assert!(off < 0.01, "{} m", off);

@@ -1,4 +1,4 @@
-//! Each rule of decision 15 is tested by itself, to the last unit of its limits.
+//! Tests each rule of decision 15 by itself, to the last unit of its limits.
 
 use crate::support;
 
@@ -108,8 +108,8 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
     }
 }
 
-/// Returns how far each of three receivers is brought, m. They fly east at 40 m/s one at a time: the other two stand at
-/// the place of the flying one and 4.9 m east of it, so that the median is the flying one.
+/// Returns how far each of three receivers' positions is moved to the tick, m. In turn one of them flies east at 40
+/// m/s; the other two stand, at its place and 4.9 m east of it, so that the median is the flying receiver.
 fn brought(lags: [u32; 3]) -> [f64; 3] {
     [0, 1, 2].map(|of: usize| {
         let mut report = [0, 1, 2].map(|i: usize| Report { lag_ms: lags[i], ..GOOD });
@@ -132,14 +132,15 @@ fn the_age_of_a_message_follows_from_its_lag_behind_the_others() {
         ([90, 100, 130], [40, 50, 80]),
         ([130, 90, 100], [80, 40, 50]),
         ([100, 150, 50], [50, 100, 0]),
-        // In these rows a time of week is farther off than the voter accepts.
+        // In these rows one time of week is farther off than the voter accepts.
         ([100, 151, 49], [50, 50, 50]),
         ([100, 400_000, 110], [40, 50, 50]),
         ([400_000, 100, 110], [50, 40, 50]),
         ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
-        // Here times lie just before and after half a week from the first, which is wrong: nothing can be compared.
+        // In this row, times of week lie just before and after half a week from the first, which is wrong, so none can
+        // be compared.
         ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
-        // In these rows the week ends between the times.
+        // In these rows the week ends between the receivers' times of week.
         ([5, LAST, LAST - 20], [56, 50, 30]),
         ([LAST, 5, 15], [44, 50, 60]),
         ([LAST, LAST - 30, 9], [50, 20, 60]),
@@ -158,7 +159,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
         let east = distance(place(&once(report)), degrees(&GOOD));
         assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
     }
-    // Each is moved by 2.5 ms, which is 10 cm, of which 11 mm are the resolution of a position.
+    // The position of each receiver is moved by 2.5 ms, which is 10 cm; 11 mm of that are the resolution of a position.
     let still = GOOD.moved(0.0, 2.0);
     let one = once([one, Report { lag_ms: 105, ..still }]);
     let other = once([Report { lag_ms: 100, ..still }, other]);
@@ -166,7 +167,7 @@ fn of_two_receivers_the_middle_lies_between_them() {
     assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
-/// Returns the greatest distance north at which two agree, m: the search has 1 mm, positions have 11 mm.
+/// Returns the greatest distance north at which two receivers agree, m: the search has 1 mm, positions have 11 mm.
 fn reach(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 60.0);
     while far - near > 1e-3 {
@@ -176,7 +177,7 @@ fn reach(one: Report, other: Report) -> f64 {
     near
 }
 
-/// Returns the greatest difference in height at which two agree, m.
+/// Returns the greatest difference in height at which two receivers agree, m.
 fn climb(one: Report, other: Report) -> f64 {
     let (mut near, mut far) = (0.0, 90.0);
     while far - near > 1e-4 {
@@ -188,7 +189,7 @@ fn climb(one: Report, other: Report) -> f64 {
 
 #[test]
 fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
-    // The age of 50 ms alone adds 5 mm to an accuracy.
+    // An age of 50 ms without speed adds 5 mm to an accuracy.
     for (one, other, expected) in [
         (1_000, 1_000, 5.0),
         (1_650, 100, 5.0),
@@ -213,12 +214,12 @@ fn two_receivers_agree_within_three_standard_deviations_and_fixed_limits() {
 
 #[test]
 fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
-    // The accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, so 7.105 m, against 1.005 m.
+    // The accuracy is 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s, so 7.105 m; that of the other receiver is 1.005 m.
     let fast = |velocity| Report { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
     let still = GOOD.stating(1_000, 1_000);
     let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
     assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
-    // Vertically the accuracy is the same at 50 m/s downwards.
+    // At 50 m/s downwards the vertical accuracy has the same value.
     let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
     assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
     let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
@@ -250,8 +251,8 @@ fn without_a_majority_there_is_no_position_and_no_exclusion() {
     assert_eq!(once(all_apart).position, None);
 }
 
-/// The rule of exclusion is for this case: receiver 3 drifts out of the reach of 2, which states a smaller accuracy,
-/// and then out of the reach of 1.
+/// The rule of exclusion is for this case: receiver 3 drifts out of the reach of receiver 2, which states a smaller
+/// accuracy, and then out of the reach of receiver 1.
 #[test]
 fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     let mut voter = Voter::new();
@@ -267,7 +268,7 @@ fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
     assert_eq!(voter.vote(&[one, two, two].map(|report| report.input()), 10_000).excluded, 0b100);
 }
 
-/// This is the limit that the decision states.
+/// Decision 15 states this limit of a majority vote.
 #[test]
 fn two_that_agree_on_a_wrong_place_are_believed() {
     let wrong = GOOD.moved(10_000.0, 0.0);
@@ -290,11 +291,11 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
     assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
     let mut voter = Voter::new();
     assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
-    // Receiver 3 agrees with a member, so it stays eligible; but the last result is kept.
+    // Receiver 3 agrees with a member, so it may still take part; but the last result's members are kept.
     let verdict = voter.vote(&row([901, 1_000, 900]), 10);
     assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
 
-    // The last result was that of 2 and 3, since 1 was silent.
+    // The last result had the members 2 and 3, since receiver 1 was silent.
     let mut voter = Voter::new();
     let mut silent = row([900, 1_000, 901]);
     silent[0].valid = false;
@@ -305,15 +306,15 @@ fn ties_go_to_the_last_pair_then_accuracy_then_lower_numbers() {
 
 #[test]
 fn of_equal_triples_of_five_the_lowest_numbers_win() {
-    // The places are in a row in which any three neighbours agree: 1 4 2 5 3, and mirrored.
+    // The places are in a row in which any three neighbours agree: receivers 1 4 2 5 3, and mirrored.
     let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
     assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
     assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
     assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
 }
 
-/// Votes with three receivers, the third of which is wrong until `wrong_until`, and returns the tick at which the third
-/// is no longer excluded.
+/// Votes with three receivers, the third of which is wrong until `wrong_until`. Returns the tick at which it is no
+/// longer excluded.
 fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u32) -> Option<u32> {
     let mut voter = Voter::new();
     for at in (0..5_000).step_by(step as usize) {
@@ -330,7 +331,7 @@ fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Report, start: u3
 
 #[test]
 fn an_excluded_receiver_returns_after_agreeing_for_1000_ms() {
-    // The receiver agrees from 10 ms on; at 1010 ms it has for 1000 ms, so it takes part at the next tick.
+    // The receiver agrees from 10 ms on; at 1010 ms it has agreed for 1000 ms, so it takes part at the next tick.
     assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
     assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
     assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
@@ -351,7 +352,7 @@ fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
     let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|report| report.input()), at).excluded);
     assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
     assert_eq!(voter.excluded(), 0);
-    // A receiver that is wrong stays excluded, and has no vote where another one is missing.
+    // A wrong receiver stays excluded, and has no vote while another receiver is missing.
     let mut voter = Voter::excluding(0b100);
     let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|report| report.input()), 0);
     assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
@@ -374,14 +375,16 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
-    // Receiver 2 falls silent; 1 alone is no result. Receiver 3 comes back to 1, and after a second both are one.
+    // Receiver 2 falls silent, and receiver 1 alone gives no result. Receiver 3 returns to 1, and after a second both
+    // give one.
     for now in (10..=1_010).step_by(10) {
         assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
     }
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible receivers disagree: agreeing with one of them is enough, agreeing with none is not.
+    // Two eligible receivers disagree. For the third it is enough to agree with one of them, but it must agree with
+    // one.
     for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
         let mut voter = Voter::new();
         let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
@@ -392,7 +395,7 @@ fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate()
         }
         assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
-    // With no eligible receiver left, it is enough to be a candidate.
+    // If no eligible receiver is left, an excluded receiver only has to be a candidate.
     let mut voter = Voter::new();
     let mut vote = |report: [Report; 3], now| voter.vote(&report.map(|report| report.input()), now);
     assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
@@ -475,7 +478,7 @@ fn attitude_needs_a_quorum_of_members_that_have_one() {
             assert_eq!(has(&report), count >= least, "{count} of {receivers}");
         }
     }
-    // One has no part in the quorum because it is no member, is not finite, or has no value.
+    // One receiver does not count for the quorum: it is no member, its value is not finite, or it has no value.
     assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
     assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
     assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
@@ -504,12 +507,12 @@ fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
             assert_eq!(agree(off(180.0)), [false; 3], "axis {axis}");
         }
     }
-    // The yaw of the first is in the middle of the others.
+    // The yaw of the first receiver is in the middle of the others.
     assert!(once([degrees([0.0; 3]), degrees([0.0, 4.0, 0.0]), degrees([0.0, -4.0, 0.0])]).attitude.is_some());
     assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
 }
 
-/// The rule is for this case, in which the mean would be 100°.
+/// The rule about opposite yaws exists for this case, in which the mean would be 100°.
 #[test]
 fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
     let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);
@@ -555,18 +558,18 @@ fn altitude(verdict: &Verdict) -> Option<f64> {
 #[test]
 fn an_altitude_needs_a_quorum_of_members_that_have_one() {
     let high = GOOD.raised(500.0);
-    // One receiver is a quorum of one and of two.
+    // One receiver is a quorum of one receiver and of two.
     assert_eq!(altitude(&once([FLAT])), None);
     assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
-    // Two have a 2D fix, and the third is 500 m off.
+    // Two receivers have a 2D fix, and the third is 500 m off.
     let verdict = once([FLAT, FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
-    // One has a 2D fix, and the two others disagree: there are two pairs, and nobody is known to be wrong.
+    // One receiver has a 2D fix, and the two others disagree: there are two pairs, and nobody can tell who is wrong.
     let verdict = once([GOOD, FLAT, high]);
     assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
     let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
     assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
-    // Two agree in height, and the third contradicts them.
+    // Two receivers agree in height, and the third contradicts them.
     let verdict = once([GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
     assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
@@ -585,8 +588,8 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     // Two altitudes are no quorum of five, so nobody can tell which one is right.
     let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
     assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
-    // A receiver without an altitude contradicts none, and one that agrees with a member that has an altitude stays
-    // eligible.
+    // A receiver without an altitude contradicts no other, and one that agrees with a member that has an altitude may
+    // still take part.
     let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
     assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
     let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
@@ -595,14 +598,14 @@ fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one(
     assert_eq!((verdict.members, verdict.excluded), (0b01111, 0));
 }
 
-/// Ticks of three receivers that all say the same.
+/// A voter over three receivers that all send the same values, tick by tick.
 struct Flight {
     voter: Voter<3>,
     now: u32,
 }
 
 impl Flight {
-    /// A flight after one tick at the place where all flights begin.
+    /// Returns a flight after one tick at the place where all flights begin.
     fn begun(now: u32) -> Self {
         let mut flight = Self { voter: Voter::new(), now };
         assert!(flight.is_shown(GOOD), "the first is shown");
@@ -619,7 +622,7 @@ impl Flight {
         self.tick(report).position.is_some()
     }
 
-    /// Returns for how many ms nothing is shown if all receivers say this from now on.
+    /// Returns for how many ms no position is shown if all receivers send this report from now on.
     fn withheld(&mut self, report: Report) -> u32 {
         (0..).find(|_| self.is_shown(report)).expect("some time it is") * 10
     }
@@ -639,7 +642,7 @@ fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
     }
 }
 
-/// At 10 ms a step may be 2 m longer than the accuracies allow; at rest these are 1.505 and 2.505 m.
+/// At 10 ms a step of the place may be 2 m longer than the accuracies allow; at rest these are 1.505 and 2.505 m.
 #[test]
 fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     let shown = |by: Report| Flight::begun(0).is_shown(by);
@@ -648,7 +651,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
     assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
     let (a, b) = (reach * 0.6, reach * 0.8);
     assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
-    // The least and the most that accuracies allow are tested, and that the accuracies of both results count.
+    // The test covers the least and the most that accuracies allow, and that the accuracies of both results count.
     let between = |one: u32, other: u32, by: f64| {
         let mut flight = Flight { voter: Voter::new(), now: 0 };
         assert!(flight.is_shown(GOOD.stating(one, 2_500)));
@@ -660,7 +663,7 @@ fn a_step_beyond_speed_and_accuracies_is_a_jump() {
         assert!(between(one, other, allowed + 1.98), "{one} {other}");
         assert!(!between(one, other, allowed + 2.03), "{one} {other}");
     }
-    // The time adds to the limit: after 1000 ms without a position it is 200 m and 6.4 m.
+    // The limit grows with the time: after 1000 ms without a position it is 200 m and 6.4 m.
     for (by, expected) in [(206.3, true), (206.5, false)] {
         let mut flight = Flight::begun(0);
         flight.now = 1_000;
@@ -675,7 +678,7 @@ fn the_least_accurate_member_counts_for_a_jump() {
         let moved = |by: f64| {
             [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
         };
-        // The limit is 3 √(1.505² + 5²) and 2 m.
+        // The limit of the step is 3 √(1.505² + 5²) m and 2 m.
         assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
         assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
     }
@@ -683,10 +686,10 @@ fn the_least_accurate_member_counts_for_a_jump() {
 
 #[test]
 fn a_jump_is_shown_once_it_could_have_been_flown() {
-    // The jump is 100 m: 6.4 m are allowed, the rest at 200 m/s takes 468 ms, and the first tick comes 10 ms after the
-    // last one.
+    // The jump is 100 m: 6.4 m are allowed, the other metres at 200 m/s take 468 ms, and the first tick comes 10 ms
+    // after the last one.
     assert_eq!(Flight::begun(0).withheld(GOOD.moved(100.0, 0.0)), 460);
-    // Hours after the last position hardly any step is a jump.
+    // When hours have passed since the last position, hardly any step is a jump.
     let mut flight = Flight::begun(0);
     flight.now = 7_200_000;
     assert!(flight.is_shown(GOOD.moved(1_000_000.0, 0.0)));
@@ -703,7 +706,7 @@ fn what_is_held_back_must_continue_at_every_tick() {
     let mut flight = Flight::begun(0);
     (0..50).for_each(|_| assert!(!flight.is_shown(far)));
     assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
-    // The place may move on meanwhile.
+    // The place may move on while the jump is held back.
     let mut flight = Flight::begun(0);
     let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
     assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
@@ -740,14 +743,14 @@ fn an_altitude_that_jumps_is_held_back_by_itself() {
         assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
     }
     assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
-    // The limit is 3 √2 of 2.505 m, and 2 m.
+    // The limit of the step in height is 3 √2 of 2.505 m, and 2 m.
     let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
     for sign in [1.0, -1.0] {
         for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
             assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
         }
     }
-    // There may be no altitude in between: what was shown last counts, and the way since then.
+    // If there are ticks without an altitude, the altitude shown last counts, and the way that is possible since then.
     let mut flight = Flight::begun(0);
     (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
     assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
@@ -817,7 +820,7 @@ fn a_flight_across_the_pole_or_180_degrees_is_extrapolated_correctly() {
     assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
 }
 
-/// A report whose fields have any 32 bits.
+/// Draws a report whose fields have any 32 bits.
 fn anything() -> impl Strategy<Value = Report> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
     (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
@@ -839,7 +842,7 @@ fn anything() -> impl Strategy<Value = Report> {
     )
 }
 
-/// A report that is wrong in one field or in all of them, near or far.
+/// Draws a report that is wrong in one field or in all of them, near or far.
 fn wrong() -> impl Strategy<Value = Report> {
     prop_oneof![
         anything(),
@@ -863,7 +866,8 @@ fn wrong() -> impl Strategy<Value = Report> {
 proptest! {
     #![proptest_config(seeded(4_000))]
 
-    /// The result lies between the two right ones, or as far from one of them as two that agree can be apart.
+    /// The result lies between the two right receivers, or at most as far from one of them as two that agree can be
+    /// apart.
     #[test]
     fn one_wrong_receiver_of_three_moves_the_position_within_bounds(
         wrongs in prop::collection::vec(wrong(), 1..6),

@@ -1,4 +1,4 @@
-//! Buffers: memory that the processor sees at once, and that DMA sees when a store reaches the RAM.
+//! The buffers of the model: the processor sees a store at once, DMA sees it when it reaches the RAM.
 
 use std::{
     borrow::{Borrow, BorrowMut},
@@ -19,7 +19,7 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub(super) fn new(place: usize, at: At) -> Self {
-        // The content of RAM at start belongs to no generation.
+        // RAM begins with a value that no generation has.
         Self { place, words: [0xEE; IMAGE_WORDS], at }
     }
 

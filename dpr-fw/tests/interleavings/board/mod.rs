@@ -1,9 +1,9 @@
-//! The firmware's tasks on the model of the hardware, with RTIC's priorities: a task of a higher priority runs to its
-//! end wherever it becomes ready, unless a lock masks it.
+//! The firmware's tasks on the model of the hardware, with RTIC's priorities: whenever a task of a higher priority
+//! becomes ready, it runs to its end at once, unless a lock masks it.
 //!
-//! The tasks call the library as `main.rs` does, and the ports do register by register what `hw/ssi.rs` does, in the
-//! same order. Before each access and each critical section stands a *point*: there anything may happen that the
-//! hardware can do, any number of times, and a task that this calls runs.
+//! The tasks call the library as `main.rs` does, and the ports make the same register accesses as `hw/ssi.rs`, in the
+//! same order. Before each access and each critical section is a *point*: there anything that the hardware can do may
+//! happen, any number of times, and a task that becomes ready runs.
 
 mod buffer;
 mod port;
@@ -40,19 +40,19 @@ pub(crate) enum Task {
     Ssi = 5,
 }
 
-/// The ceilings: the highest priority among the tasks that share the resource.
+/// The priority ceilings of the two locks: the highest priority among the tasks that share the resource.
 const ROTATION_CEILING: u8 = Task::Receive as u8;
 const MAILBOX_CEILING: u8 = Task::Ssi as u8;
 
-/// The state that a task may hold, by the number of its digest.
+/// The pieces of state that a task may hold, as indices into the digests of them.
 const MAILBOX: usize = 0;
 const ROTATION: usize = 1;
 const SSI: usize = 2;
 const RECEIVING: usize = 3;
 const FILLING: usize = 4;
 
-/// A task that runs or is interrupted. The task's local variables follow from where it began, how far it is, and what
-/// it has seen of shared state; so a digest of all three stands for them.
+/// A task that runs or is interrupted. Its local variables follow from the state in which it began, how far it is, and
+/// what it has seen of shared state; so a digest of these three stands for the variables.
 struct Frame {
     task: Task,
     seen: u64,
@@ -60,7 +60,7 @@ struct Frame {
     scrubbed: bool,
 }
 
-/// The tasks that are called.
+/// Which tasks are called and have not begun to run.
 #[derive(Clone, Copy, Debug, Default, Hash)]
 struct Called {
     ssi: bool,
@@ -69,7 +69,7 @@ struct Called {
     scrub: bool,
 }
 
-/// The state of the whole board, for every task.
+/// The state of the whole board, which every task shares.
 struct Board {
     explorer: Rc<Explorer>,
     bounds: Bounds,
@@ -86,14 +86,15 @@ struct Board {
     telemetry: Telemetry,
     /// Digests of the five states above, which cannot be read while a task holds them.
     digests: Cell<[u64; 5]>,
-    /// The frames that were handed on and not read yet.
+    /// The frames that were handed on to the commit task and not read yet.
     handed: RefCell<Vec<u8>>,
     generation: Cell<u8>,
-    /// A frame that was read out of order ([`Mutation::RotationOrder`]).
+    /// A frame that was taken out of its order, to be read later ([`Mutation::RotationOrder`]).
     put_by: RefCell<Option<Received<Buffer, u8>>>,
 }
 
-/// The board for one run. The buffers hold the board, so at the run's end, however that comes, they are taken apart.
+/// The board for one run. Each buffer holds a reference to the board, so both are taken apart at the run's end, also
+/// when the run ends early.
 pub(crate) struct OneRun(At);
 
 impl Drop for OneRun {
@@ -120,11 +121,11 @@ impl OneRun {
     }
 }
 
-/// A handle of the board, which also locks the mailbox.
+/// A reference to the board, which also locks the mailbox.
 #[derive(Clone)]
 struct At(Rc<Board>);
 
-/// The handle that locks the rotation.
+/// A reference to the board that locks the rotation of the receive buffers.
 struct RotationOf(At);
 
 impl At {
@@ -184,7 +185,7 @@ impl At {
         self.at_rest();
     }
 
-    /// Checks what has to hold whenever no task waits: nothing is left behind.
+    /// Checks what must hold whenever no task is ready: no buffer and no call was left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
         holds(!hw.masked, "a pause has no end");
@@ -210,14 +211,14 @@ impl At {
         self.0.called.set(called);
     }
 
-    /// Records that the running task has seen `what` of the shared state.
+    /// Records that the running task has seen the value `what` of the shared state.
     fn see(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest((frame.seen, what));
         }
     }
 
-    /// Records that only `what` of all that the running task has seen still decides what the task does.
+    /// Records that `what` is all that the running task has seen that still determines its next steps.
     fn forget_all_but(&self, what: impl std::hash::Hash) {
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
             frame.seen = digest(what);
@@ -235,8 +236,8 @@ impl At {
         ))
     }
 
-    /// Records that the running task locks a resource. What the scrub task saw before does not matter any more: what it
-    /// held goes back now, and what it takes is nowhere else.
+    /// Records that the running task locks a resource. What the scrub task saw before does not matter any more: the
+    /// buffer that it held goes back now, and the buffer that it takes is nowhere else.
     fn see_resource(&self, index: usize) {
         let shared = self.0.digests.get()[index];
         if let Some(frame) = self.0.frames.borrow_mut().last_mut() {
@@ -253,12 +254,12 @@ impl At {
         self.0.digests.set(digests);
     }
 
-    /// Whether `task` runs or is interrupted.
+    /// Whether `task` is running or interrupted.
     fn is_active(&self, task: Task) -> bool {
         self.0.frames.borrow().iter().any(|frame| frame.task == task)
     }
 
-    /// A point at which anything may happen, any number of times.
+    /// A point of a task at which any event of the hardware may happen, any number of times.
     fn point(&self, name: &'static str) {
         if self.0.mask.get() == u8::MAX {
             return;
@@ -291,13 +292,13 @@ impl At {
         self.interrupts();
     }
 
-    /// Returns the priority above which a task runs at once.
+    /// Returns the priority above which a task that is called runs at once.
     fn level(&self) -> u8 {
         let running = self.0.frames.borrow().last().map_or(Task::Idle, |frame| frame.task);
         self.0.mask.get().max(running as u8)
     }
 
-    /// Runs the tasks that are called and may interrupt what runs.
+    /// Runs each called task whose priority is above that of the code that runs.
     fn interrupts(&self) {
         loop {
             let level = self.level();
@@ -311,8 +312,9 @@ impl At {
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
             } else if pause_over && level < Task::Ssi as u8 {
-                // The task `ssi_pause` has the same priority and comes behind the other in the table of vectors. Its
-                // two accesses are one step, since what the hardware does meanwhile might as well have come before it.
+                // The task `ssi_pause` has the same priority as `ssi_end` and comes behind it in the table of vectors.
+                // Its two accesses are one step, since hardware events between them have the same effect as before the
+                // first.
                 self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
                 let mut hw = self.0.hw.borrow_mut();
                 (hw.pause_over, hw.masked) = (false, false);

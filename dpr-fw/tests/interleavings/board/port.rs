@@ -1,4 +1,4 @@
-//! The SSI as `hw/ssi.rs` drives it, register by register.
+//! The SSI in the model, with the register accesses of `hw/ssi.rs` in their order.
 
 use std::{borrow::Borrow, ops::Range};
 
@@ -39,7 +39,7 @@ impl At {
 impl Doorbell for At {
     fn request(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.0;
-        // The image is in the mailbox.
+        // The image is in the mailbox now, and so counts as published.
         let generation = self.0.generation.get();
         hw.borrow_mut().published = generation;
         if bounds.mutation == Mutation::FreshBeforeTaken {
@@ -63,13 +63,13 @@ impl Doorbell for At {
     }
 }
 
-/// SPIS1 and the image that it streams, as `hw/ssi.rs` drives it.
+/// SPIS1 and the image that it streams, with the register accesses of `hw/ssi.rs`.
 #[derive(Debug)]
 pub(crate) struct SsiModel {
     at: At,
     image: Option<Received<Buffer, ()>>,
     received: [u8; 8],
-    /// Whether FRESH is to rise after the release ([`Mutation::FreshAfterRelease`]).
+    /// Whether FRESH is to rise after the release, which is wrong ([`Mutation::FreshAfterRelease`]).
     fresh: bool,
     /// Whether the last exchange brought a newer image.
     newer: bool,
@@ -134,14 +134,14 @@ impl Ssi for SsiModel {
         }
         at.see((amount, self.received));
         if bounds.mutation == Mutation::None {
-            // Nobody reads these bytes before they are written again; clearing them makes one state less.
+            // These bytes are not read before they are written again. Clearing them saves the search a state.
             hw.borrow_mut().rxd = [0; 8];
             hw.borrow_mut().amount = 0;
         }
         Events { ours, received: Some(&self.received[..amount]), over_read: false, overflow: false }
     }
 
-    /// All that comes in stays in one area here; its further way is tested with the port task.
+    /// Everything that comes in stays in one area here. The way of an area to the port task is tested with that task.
     fn hand_over(&mut self, _: Asked) -> HandedOver {
         HandedOver::Empty
     }

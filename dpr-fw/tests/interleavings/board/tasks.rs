@@ -1,5 +1,4 @@
-//! The tasks of `main.rs`. The parts of the library that this model does without (driver of the front end, acceptance)
-//! are replaced by plain code.
+//! The tasks of `main.rs` in the model. Plain code stands in for the driver of the front end and for the acceptance.
 
 use dpr_fw::{
     commit::Images,
@@ -128,7 +127,7 @@ impl At {
         outbox.filling().fill(u32::from(generation));
         self.0.hw.borrow_mut().ram[place][0] = u32::from(generation);
         self.point("fills the upper half");
-        // The compiler may hold a store back until the next fence.
+        // Until the next fence the compiler may hold a store back.
         self.0.hw.borrow_mut().held_back[place] = Some(u32::from(generation));
         self.0.generation.set(generation);
         outbox.publish();

@@ -7,11 +7,11 @@
 //! | A5.3.5 to A5.3.10, A5.3.19: loads and stores | `transfer` |
 //! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
 //!
-//! The decoder treats what the ARM ARM calls UNPREDICTABLE as undefined, so that it faults: the stack pointer or the
-//! program counter where an encoding does not allow them, a load/store multiple of fewer than two registers in its
-//! 32-bit form, write-back into a register that is loaded, a branch inside an IT block that is not its last
-//! instruction, and bits that differ from what they should be. Coprocessors other than 10 and 11 take the fault for an
-//! absent coprocessor (UFSR.NOCP).
+//! The decoder treats every case that the ARM ARM calls UNPREDICTABLE as undefined, so that it faults: the stack
+//! pointer or the program counter where an encoding does not allow them, a load/store multiple of fewer than two
+//! registers in its 32-bit form, write-back into a register that is loaded, a branch inside an IT block that is not its
+//! last instruction, and bits that differ from what they should be. Coprocessors other than 10 and 11 take the fault
+//! for an absent coprocessor (UFSR.NOCP).
 
 mod narrow;
 mod transfer;
@@ -46,8 +46,8 @@ pub(crate) fn fault(fault: Fault) -> Op {
     op(Do::Fault(fault), 2, Block::Same)
 }
 
-/// Makes a placeholder for what is not executed: a breakpoint, a semihosting call, or an instruction that is not
-/// decoded yet. It has neither size nor cost, so neither the program counter nor time moves.
+/// Makes a placeholder for an instruction that is not executed: at a breakpoint, for a semihosting call, or before the
+/// instruction is decoded. A placeholder has neither size nor cost, so neither the program counter nor time moves.
 pub(crate) const fn place(what: Do) -> Op {
     Op { what, size: 0, least: 0, most: 0, block: Block::Same }
 }
@@ -57,7 +57,7 @@ fn op(what: Do, size: u8, block: Block) -> Op {
     Op { what, size, least, most, block }
 }
 
-/// How `what` behaves in an IT block. 16-bit data processing is handled elsewhere.
+/// How the operation `what` behaves in an IT block. 16-bit data processing is handled elsewhere.
 fn block(what: Do) -> Block {
     match what {
         Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,

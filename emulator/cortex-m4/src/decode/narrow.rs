@@ -23,7 +23,7 @@ pub(super) fn decode(address: u32, h: u16) -> Do {
         0x2C..=0x2F => miscellaneous(address, h),
         0x30..=0x33 => multiple(h),
         0x34..=0x37 => conditional_branch(address, h),
-        // The instruction is B in encoding T2.
+        // The encoding is that of B, T2.
         0x38 | 0x39 => Do::B { target: address.wrapping_add(4).wrapping_add(signed(h, 11) << 1) },
         _ => UNDEFINED,
     }
@@ -35,8 +35,8 @@ fn signed(h: u16, bits: u32) -> u32 {
     ((u32::from(h) << up) as i32 >> up) as u32
 }
 
-/// How a 16-bit instruction behaves in an IT block. Those of A5.2.1 and A5.2.2, except for the compares, set the flags
-/// outside of IT blocks only.
+/// How a 16-bit instruction behaves in an IT block. The instructions of A5.2.1 and A5.2.2, except for the compares, set
+/// the flags outside of IT blocks only.
 pub(super) fn block(h: u16, what: Do) -> Block {
     match what {
         Do::CmpImm { .. } | Do::CmpReg { .. } | Do::AluShift { alu: Alu::Tst | Alu::Cmn, .. } => Block::Same,

@@ -156,7 +156,7 @@ pub(super) fn single(address: u32, first: u16, second: u16) -> Do {
     }
 }
 
-/// Makes the operation of the form with an immediate, in the variant that executes fastest.
+/// Makes the load or store with an immediate, in the variant that executes fastest.
 fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -> Do {
     if index == Index::Offset && t < 13 {
         return match (load, format) {
@@ -172,7 +172,7 @@ fn immediate(load: bool, format: Format, index: Index, t: u8, n: u8, imm: u32) -
     if load { Do::Load { format, index, t, n, imm } } else { Do::Store { format, index, t, n, imm } }
 }
 
-/// Makes the operation of the form with a register offset.
+/// Makes the load or store with a register offset.
 fn register(load: bool, format: Format, t: u8, n: u8, m: u8, amount: u8) -> Do {
     if t < 13 {
         match (load, format) {

@@ -174,8 +174,8 @@ fn shifted_register(first: u16, second: u16) -> Do {
     }
 }
 
-/// Does what [`alu`] does, and checks the second register as well. MOV without flags and shift may read or write the
-/// stack pointer (A7.7.77).
+/// Decodes as [`alu`] does, and checks the second operand register as well. MOV without flags and shift may read or
+/// write the stack pointer (A7.7.77).
 fn alu_register(first: u16, second: u16, d: u8, n: u8, m: u8) -> Option<(Alu, bool)> {
     if first & 0x1F0 == 0x40 && second & 0x70F0 == 0 && n == 15 && (d == 13) != (m == 13) && d != 15 && m != 15 {
         return Some((Alu::Mov, false));

@@ -13,7 +13,8 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Writes one word of an exception frame. It returns a data fault, which the caller turns into a stacking fault.
+    /// Writes one word of an exception frame. If that fails, returns a data fault, which the caller turns into a
+    /// stacking fault.
     pub(super) fn push_word<B: Bus>(
         &mut self,
         bus: &mut B,
@@ -25,7 +26,7 @@ impl<C: Cost> Core<C> {
             return Err(Fault::MemData(address));
         }
         let access = self.stack_access(address, Purpose::Stack, privileged);
-        // A stack in the private peripheral bus takes a fault.
+        // Stacking into the private peripheral bus takes a fault.
         if address >> 20 == 0xE00 || bus.write(&access, value).is_err() {
             return Err(Fault::BusData(address));
         }
@@ -67,7 +68,8 @@ impl<C: Cost> Core<C> {
         self.take_best(bus, exc_return);
     }
 
-    /// Takes in what arrived during an entry or a return, so that it takes part in the choice of the next exception.
+    /// Takes in the signals that changed during an entry or a return, so that they count in the choice of the next
+    /// exception.
     fn take_late_arrivals<B: Bus>(&mut self, bus: &mut B) {
         let before = self.system.nvic.best;
         if bus.due() <= self.cycle {

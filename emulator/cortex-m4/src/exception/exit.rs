@@ -16,11 +16,11 @@ impl<C: Cost> Core<C> {
         Ok(value)
     }
 
-    /// Returns from a handler: either unstacks the frame, or takes what is pending without unstacking. `value` is the
-    /// branch target, an EXC_RETURN. ARM ARM B1.5.8.
+    /// Returns from a handler: either unstacks the frame, or takes a pending exception without unstacking. `value` is
+    /// the branch target, an EXC_RETURN. ARM ARM B1.5.8.
     pub(crate) fn exception_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
         // If the handler made its interrupt line fall, the core must see the line low before it deactivates the
-        // exception. What is pending by now is taken by tail-chaining.
+        // exception. An exception that is pending by now is taken by tail-chaining.
         self.system_advance();
         self.take_signals(bus);
         let number = self.ipsr;
@@ -53,8 +53,8 @@ impl<C: Cost> Core<C> {
             return;
         }
         self.cycle = unstacked + std::mem::take(&mut self.owed);
-        // The stack pointer to return to is switched only once the frame has been found valid, so until then it may be
-        // `other_sp`.
+        // The core switches to the stack pointer of the code returned to only once the frame has been found valid, so
+        // until then that pointer may be `other_sp`.
         let frame = if process && self.control & CONTROL_SPSEL == 0 { self.other_sp } else { self.r[13] };
         let privileged = !to_thread || self.control & CONTROL_NPRIV == 0;
         let words = match self.pop_frame(bus, frame, fp_in_memory, privileged) {
@@ -99,8 +99,8 @@ impl<C: Cost> Core<C> {
     }
 
     /// On the optimistic clock: whether an exception that preempts the code returned to arrives before the cycle
-    /// `unstacked`, at which the return has unstacked. The core then abandons the return and tail-chains the exception
-    /// (Yiu, "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
+    /// `unstacked`, at which the unstacking ends. The core then abandons the return and tail-chains the exception (Yiu,
+    /// "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop preemption").
     fn is_abandoned<B: Bus>(&mut self, bus: &mut B, unstacked: u64) -> bool {
         if C::BOUND != Some(Bound::Best) {
             return false;

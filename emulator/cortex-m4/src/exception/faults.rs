@@ -4,8 +4,8 @@
 use super::*;
 
 impl<C: Cost> Core<C> {
-    /// Handles a fault of stacking (`entry`) or unstacking: its exception becomes pending beside the one being entered,
-    /// and the core takes the higher of the two first. ARM ARM B1.5.11.
+    /// Handles a fault of stacking (`entry`) or unstacking: the fault's exception becomes pending beside the one being
+    /// entered, and the core takes the higher of the two first. ARM ARM B1.5.11.
     pub(super) fn derived_fault(&mut self, fault: Fault, entry: bool) {
         let (number, flag, kind) = match (fault, entry) {
             (Fault::MemData(_), true) => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
@@ -31,9 +31,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Makes the exception of a synchronous fault pending. It becomes HardFault where the exception is disabled or does
-    /// not preempt, and the core locks up where HardFault does not preempt either. Returns whether an exception is to
-    /// be taken. ARM ARM B1.5.11, B1.5.15.
+    /// Makes the exception of a synchronous fault pending. Where that exception is disabled or does not preempt, it
+    /// becomes HardFault, and the core locks up where HardFault does not preempt either. Returns whether an exception
+    /// is to be taken. ARM ARM B1.5.11, B1.5.15.
     pub(super) fn pend_fault(&mut self, number: u16) -> bool {
         if self.execution_priority() <= -1 {
             if number != HARD_FAULT {
@@ -71,9 +71,9 @@ impl<C: Cost> Core<C> {
     }
 
     /// Whether the core ignores a data bus fault at `address` now: CCR.BFHFNMIGN is set, and the core is in HardFault
-    /// or NMI or has FAULTMASK set (ARM ARM B3.2.8). It ignores only the exception. The status still says what failed
-    /// and where (B3.2.15, B3.2.18), and this function sets it. Firmware reads it to find out whether anything answers
-    /// at an address.
+    /// or NMI or has FAULTMASK set (ARM ARM B3.2.8). The core ignores only the exception. The status still says what
+    /// failed and where (B3.2.15, B3.2.18), and this function sets the status. Firmware reads it to find out whether
+    /// anything answers at an address.
     pub(crate) fn ignores_bus_fault(&mut self, address: u32) -> bool {
         let ignores = self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0;
         if ignores {
@@ -83,8 +83,8 @@ impl<C: Cost> Core<C> {
         ignores
     }
 
-    /// Handles a fault of the instruction at r15: sets the status and enters the handler, or locks up. The IT state
-    /// must still be that of the instruction.
+    /// Handles a fault of the instruction at r15: sets the status and enters the handler, or locks the core up. The IT
+    /// state must still be the one before that instruction.
     pub(crate) fn take_fault<B: Bus>(&mut self, bus: &mut B, fault: Fault) {
         if let Fault::BusData(address) = fault
             && self.ignores_bus_fault(address)
@@ -139,7 +139,7 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Notes the address of a fault. MMFAR and BFAR are one register in this core, so an address in one makes the
+    /// Stores the address of a fault. MMFAR and BFAR are one register in this core, so an address in one makes the
     /// other's invalid (TRM table 4-1).
     fn note_fault_address(&mut self, address: u32, other: u32) {
         self.system.scb.fault_address = address;
@@ -147,7 +147,7 @@ impl<C: Cost> Core<C> {
     }
 
     /// Continues behind a load or store whose bus fault is ignored. The ARM ARM leaves the loaded value UNKNOWN; here
-    /// the registers keep what they held.
+    /// the registers keep their values.
     #[cold]
     fn skip_instruction<B: Bus>(&mut self, bus: &mut B) {
         let wide = bus.fetch(self.r[15]).is_ok_and(|first| first >> 11 >= 0x1D);
@@ -156,9 +156,9 @@ impl<C: Cost> Core<C> {
         self.it = if self.it & 7 == 0 { 0 } else { self.it & 0xE0 | self.it << 1 & 0x1F };
     }
 
-    /// Executes an SVC; r15 is the next instruction. Where SVCall does not preempt, it becomes a HardFault, whose
-    /// return address is the next instruction too: Zephyr's fault handler relies on this on silicon, and QEMU does the
-    /// same. A core that locks up stays at the SVC.
+    /// Executes an SVC; r15 is the next instruction. Where SVCall does not preempt, the exception becomes a HardFault,
+    /// whose return address is the next instruction too: Zephyr's fault handler relies on this on silicon, and QEMU
+    /// does the same. A core that locks up stays at the SVC.
     pub(crate) fn supervisor_call<B: Bus>(&mut self, bus: &mut B) {
         let next = self.r[15];
         if self.pend_fault(SV_CALL) {

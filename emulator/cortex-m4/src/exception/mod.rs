@@ -10,8 +10,9 @@
 //! | `reset` | reset, power-on | B1.5.5 |
 //!
 //! Entry and return are one step each, which nothing interrupts in the middle. An exception that arrives while an entry
-//! stacks is taken by late arrival. One that arrives while a return unstacks preempts right after the return or, on the
-//! optimistic clock, in its place. Imprecise bus faults do not exist in this model: every bus fault is precise.
+//! stacks is taken by late arrival. An exception that arrives while a return unstacks preempts right after the return
+//! or, on the optimistic clock, instead of the return. Imprecise bus faults do not exist in this model: every bus fault
+//! is precise.
 
 mod entry;
 mod exit;
@@ -26,7 +27,7 @@ use crate::system::nvic::{
 use crate::system::*;
 use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
 
-/// The words of a basic frame, and of one with the floating-point state, ARM ARM B1.5.7.
+/// The number of words in a basic frame. The next constant is for a frame with the FP state, ARM ARM B1.5.7.
 const BASIC: u32 = 8;
 const EXTENDED: u32 = 26;
 
@@ -60,7 +61,7 @@ impl<C: Cost> Core<C> {
         i32::from(self.system.nvic.best_priority) < self.execution_priority()
     }
 
-    /// Takes in the interrupt lines and outside events. It leaves announced changes to the run loop.
+    /// Takes in the interrupt lines and events from the part. Announced changes are left to the run loop.
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
@@ -77,8 +78,9 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Takes in what the part drives, wakes the core, and takes the highest pending exception if it preempts. The run
-    /// loop calls it between instructions whenever `attention` is set. Returns whether an exception was entered.
+    /// Takes in the signals that the part drives, wakes the core, and takes the highest pending exception if it
+    /// preempts. The run loop calls this between instructions whenever `attention` is set. Returns whether an exception
+    /// was entered.
     pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
         self.system_advance();
         self.take_signals(bus);
@@ -92,7 +94,7 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // Otherwise the step is still to come, see `debug_stepping`. For a core that hangs, the step is over.
+            // Otherwise the step is not complete yet, see `debug_stepping`. For a core that hangs, the step is over.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {

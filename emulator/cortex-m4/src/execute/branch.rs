@@ -3,8 +3,8 @@
 use super::*;
 use crate::Bound;
 
-/// For each condition, the set of flags that pass it. Bit n of an entry stands for the flags n, with N in bit 3, Z in
-/// bit 2, C in bit 1 and V in bit 0 (ARM ARM A7.3).
+/// For each condition, the set of flags that pass it. Bit n of an entry is for the flags whose value is n, with N in
+/// bit 3, Z in bit 2, C in bit 1 and V in bit 0 (ARM ARM A7.3).
 const PASSES: [u16; 16] = passes();
 
 pub(super) const fn passes() -> [u16; 16] {

@@ -435,7 +435,7 @@ impl<C: Cost> Core<C> {
             Do::Fault(fault) => return Err(fault),
             Do::Breakpoint => self.pause(Exit::Breakpoint),
             Do::HostCall => self.pause(Exit::HostCall),
-            // The run loop decodes an instruction before it gets here.
+            // The run loop decodes each instruction before it is executed.
             Do::Unknown => return Err(Fault::BusInstruction),
         }
         Ok(next)

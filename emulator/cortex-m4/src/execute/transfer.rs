@@ -1,9 +1,9 @@
 //! Loads and stores of more than one access or register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
 //!
-//! On the clocks with bounds, the core leaves a load/store multiple in whose middle something is due. It keeps the
-//! register to continue with in EPSR.ICI and continues afterwards (ARM ARM B1.5.10). It completes three kinds first
-//! instead: those in an IT block, those whose base is in the list, and PUSH. That delays an interrupt by up to 16
-//! cycles on the pessimistic clock and not at all on the optimistic one (`Core::cut_short`).
+//! On the clocks with bounds, the core interrupts a load/store multiple in whose middle an event is due. It keeps the
+//! register to continue with in EPSR.ICI and continues afterwards (ARM ARM B1.5.10). Three kinds of load/store multiple
+//! are completed first instead: those in an IT block, those whose base is in the list, and PUSH. That delays an
+//! interrupt by up to 16 cycles on the pessimistic clock and not at all on the optimistic clock (`Core::cut_short`).
 //!
 //! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space). A STREX
 //! therefore succeeds at any address if no exception, CLREX or STREX came since the LDREX.
@@ -62,7 +62,7 @@ impl<C: Cost> Core<C> {
         next
     }
 
-    /// The address of an access of two words, and the value that is written back to the base.
+    /// The address of an access of two words, and the value that the instruction writes back to the base.
     fn dual_address(&self, index: Index, n: u8, imm: u32) -> Result<(u32, u32), Fault> {
         let base = if n == 15 { self.r[15].wrapping_add(4) & !3 } else { self.get(n) };
         let offset = base.wrapping_add(imm);
@@ -161,7 +161,7 @@ impl<C: Cost> Core<C> {
         Ok(())
     }
 
-    /// The first address of a load/store multiple, and the value that is written back to the base.
+    /// The first address of a load/store multiple, and the value that the instruction writes back to the base.
     fn multiple_address(&self, n: u8, list: u16, down: bool) -> Result<(u32, u32), Fault> {
         let base = self.get(n);
         let size = 4 * list.count_ones();
@@ -170,7 +170,7 @@ impl<C: Cost> Core<C> {
         if start & 3 == 0 { Ok((start, end)) } else { Err(Fault::Unaligned) }
     }
 
-    /// Whether to leave a load/store multiple before its register number `done` (counted from 0), because the next
+    /// Whether to interrupt a load/store multiple before its register number `done` (counted from 0), because the next
     /// event is due there and the instruction can be continued.
     fn is_interrupted<B: Bus>(&self, bus: &mut B, list: u16, n: u8, down: bool, done: u32) -> bool {
         let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
@@ -182,20 +182,21 @@ impl<C: Cost> Core<C> {
             && self.cycle + u64::from(1 + done) >= self.limit_of_multiple(bus)
     }
 
-    /// Leaves a load/store multiple before `register`, with `left` registers to go. The run loop handles what is due
-    /// and comes back to the instruction, perhaps after an exception.
+    /// Interrupts a load/store multiple before `register`, with `left` registers to go. The run loop handles the event
+    /// that is due and then continues the instruction, perhaps after an exception.
     fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
         self.ici = register as u8;
         self.attention = true;
         self.limit = 0;
-        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one of them
-        // is taken back here.
+        // The run loop counts the instruction and adds its full cost both now and when it is completed, so one count
+        // and one cost are taken back here.
         self.cycle -= u64::from(left);
         self.retired -= 1;
         self.r[15]
     }
 
-    /// The registers that a continued load/store multiple still has to move, and how many it moved before.
+    /// The registers that a continued load/store multiple still has to move, and the number of registers that it moved
+    /// before.
     fn continued(&mut self, list: u16) -> (u16, u32) {
         let from = std::mem::take(&mut self.ici);
         let rest = list & (u16::MAX << (from & 15));

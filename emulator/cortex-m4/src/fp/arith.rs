@@ -13,8 +13,8 @@
 //! Each result can be computed in two ways. [`exact`] uses integer arithmetic, which covers all cases. The functions
 //! here first try the host's arithmetic where it gives the same bits and flags. That needs rounding to nearest without
 //! flush-to-zero, and a result so far inside the normal range that underflow, overflow, NaN and infinity are all
-//! impossible. There, the host's operation is the correctly rounded one of IEEE 754, and the only flag is IXC. `f64`
-//! arithmetic that is itself exact, as noted at each function, tells whether the result is inexact.
+//! impossible. Under these conditions the host's operation is the correctly rounded one of IEEE 754, and the only flag
+//! is IXC. `f64` arithmetic that is itself exact, as noted at each function, tells whether the result is inexact.
 //!
 //! Everything that FPv4-SP has is covered. The Advanced SIMD forms of the manual's functions (the standard FPSCR value)
 //! do not exist on this core.

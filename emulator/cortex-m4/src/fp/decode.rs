@@ -7,7 +7,7 @@
 //! | 0xEExx, bit 4 set: transfers of 32 bits | A6.6 | `transfer` |
 //! | 0xEC4x, 0xEC5x: transfers of 64 bits | A6.7 | `transfer_pair` |
 //!
-//! `None` stands for every encoding that FPv4-SP does not define, and for what the manual calls UNPREDICTABLE.
+//! `None` means an encoding that FPv4-SP does not define, or one that the manual calls UNPREDICTABLE.
 
 use super::FpOp;
 
@@ -39,9 +39,9 @@ const fn field(halfword: u16, low: u32) -> u8 {
     (halfword >> low & 15) as u8
 }
 
-/// A register's number, encoded in four bits and a fifth. The fifth bit is the lowest of a single register's number and
-/// the highest of a double one's. A double register is given as the lower of its two single ones; d16 and above are
-/// absent.
+/// A register's number, encoded in four bits and a fifth. The fifth bit is the lowest bit of a single register's number
+/// and the highest of a double register's. A double register is given as the lower of its two single registers; d16 and
+/// above are absent.
 fn register(four: u8, fifth: bool, double: bool) -> Option<u8> {
     match (double, fifth) {
         (false, fifth) => Some(four << 1 | u8::from(fifth)),
@@ -128,7 +128,7 @@ fn load_store(first: u16, second: u16, double: bool) -> Option<FpOp> {
             (false, _) => Some(FpOp::Vstr { d, words, base, add, imm8 }),
         };
     }
-    // Defined are increment after, with or without write-back, and decrement before with write-back.
+    // FPv4-SP has increment after, with or without write-back, and decrement before with write-back.
     if before == add {
         return None;
     }

@@ -10,14 +10,14 @@
 //! Left out, and how firmware sees it:
 //!
 //! - Double-precision arithmetic and FPv5 do not exist in FPv4-SP: the instructions are undefined (UFSR.UNDEFINSTR).
-//! - What the manual calls UNPREDICTABLE is taken as undefined too: a should-be-zero bit that is one, a register list
-//!   past s31, a double register past d15, SP or PC as the core register of a transfer. Compilers emit none of these,
-//!   and a fault is noticed where a guessed result is not.
+//! - Every case that the manual calls UNPREDICTABLE is taken as undefined too: a should-be-zero bit that is one, a
+//!   register list past s31, a double register past d15, SP or PC as the core register of a transfer. Compilers emit
+//!   none of these, and a fault is noticed where a guessed result is not.
 //! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI). On the pessimistic clock an interrupt
-//!   waits for its end, as it does for the end of lazy stacking. On the optimistic clock neither delays an interrupt,
-//!   see `Core::cut_short`.
-//! - The stall of an instruction that reads the floating-point result of the one before is not tracked for each
-//!   instruction. It is the difference between the least and the most cycles that [`cycles`] returns.
+//!   waits for the instruction's end, as it does for the end of lazy stacking. On the optimistic clock neither delays
+//!   an interrupt, see `Core::cut_short`.
+//! - The stall of an instruction that reads the floating-point result of the previous instruction is not tracked for
+//!   each instruction. It is the difference between the least and the most cycles that [`cycles`] returns.
 //! - The exception outputs of the FPU (FPIXC, FPIDC and the others), which a part may wire to an interrupt line, are
 //!   not driven, so that interrupt never becomes pending. The cumulative flags in FPSCR are exact.
 
@@ -29,8 +29,8 @@ mod tests;
 
 pub(crate) use decode::decode;
 
-/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3). Whatever
-/// writes FPSCR keeps only these; a return from an exception does so too.
+/// The bits of FPSCR that FPv4-SP has: N, Z, C, V, AHP, DN, FZ, RMode, IDC and the five of IEEE 754 (A2.5.3). Every
+/// write of FPSCR keeps only these, also a return from an exception.
 pub(crate) const FPSCR_BITS: u32 = 0xF7C0_009F;
 
 /// A decoded instruction. `d`, `n` and `m` number single-precision registers; `t`, `t2` and `base` number core
@@ -235,9 +235,9 @@ const _: () = assert!(size_of::<FpOp>() <= 8);
 
 /// The least and the most cycles of an instruction, without wait states: TRM table 7-1.
 ///
-/// The most includes the extra cycle of an arithmetic instruction or a conversion whose result the next instruction
-/// reads. The least of VDIV and VSQRT is 1, since integer instructions that follow execute while the division goes on;
-/// the table has 14 for them.
+/// The most cycles include the extra cycle of an arithmetic instruction or a conversion whose result the next
+/// instruction reads. The least of VDIV and VSQRT is 1, since integer instructions that follow execute while the
+/// division goes on; the table has 14 for them.
 pub(crate) fn cycles(op: FpOp) -> (u8, u8) {
     match op {
         FpOp::Vadd { .. }

@@ -14,7 +14,7 @@ mod execution;
 
 use super::arith::RMODE_SHIFT;
 
-/// The rounding modes of FPSCR.
+/// The rounding modes of FPSCR, as its field RMode has them.
 const TO_PLUS: u32 = 1 << RMODE_SHIFT;
 const TO_MINUS: u32 = 2 << RMODE_SHIFT;
 

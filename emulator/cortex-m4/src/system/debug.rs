@@ -9,7 +9,7 @@ const C_HALT: u32 = 1 << 1;
 const C_STEP: u32 = 1 << 2;
 const C_MASKINTS: u32 = 1 << 3;
 
-/// The value that the program counter reads as in a lockup (ARM ARM B1.5.15).
+/// The value of the program counter in a lockup (ARM ARM B1.5.15).
 const LOCKUP_ADDRESS: u32 = 0xFFFF_FFFE;
 
 const MON_EN: u32 = 1 << 16;
@@ -51,7 +51,8 @@ impl Debug {
         self.halt_wanted = 0;
         self.stepping = None;
         self.control &= !(C_HALT | C_STEP);
-        // A reset of the core resets the monitor's bits, and only a power-on resets the others (ARM ARM C1.6.5).
+        // A reset of the core resets the monitor's bits of DEMCR, and only a power-on resets its other bits (ARM ARM
+        // C1.6.5).
         self.demcr &= !(MON_EN | MON_STEP | 1 << 19);
     }
 
@@ -82,7 +83,7 @@ impl<C: Cost> Core<C> {
                     | u32::from(self.locked_up) << 19
                     | u32::from(retired) << 24
                     | u32::from(debug.was_reset) << 25;
-                // Only a debugger's read clears the sticky bits.
+                // Only a debugger's read clears the sticky bits of DHCSR.
                 if debugger {
                     debug.retired_seen = self.retired;
                     debug.was_reset = false;

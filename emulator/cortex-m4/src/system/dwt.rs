@@ -5,9 +5,9 @@
 //! | CTRL, CYCCNT, PCSR | C1.8.7, C1.8.8 |
 //! | comparators: debug events at a match of data address, data value, PC or cycle | C1.8.3 to C1.8.5 |
 //!
-//! Left out: the profiling counters (CPICNT and the others) hold what is written and do not count, and there are no
-//! trace packets. CYCCNT stops while the core is halted, but not in sleep. The comparator functions that make trace
-//! packets or ETM triggers do nothing.
+//! Left out: the profiling counters (CPICNT and the others) keep the values written to them and do not count, and there
+//! are no trace packets. CYCCNT stops while the core is halted, but not in sleep. The comparator functions that make
+//! trace packets or ETM triggers do nothing.
 
 const CYCCNTENA: u32 = 1;
 const CYCMATCH: u32 = 1 << 7;
@@ -60,7 +60,8 @@ impl Dwt {
         if self.counting { (cycle as u32).wrapping_sub(self.count) } else { self.count }
     }
 
-    /// Starts or stops CYCCNT and finds out what is watched. To be called after any change on which these depend.
+    /// Starts or stops CYCCNT and finds out which accesses are watched. To be called after any change on which these
+    /// depend.
     fn settle(&mut self, cycle: u64) {
         let now = self.cycle_count(cycle);
         let counting = self.on && self.control & CYCCNTENA != 0 && !self.paused;
@@ -162,8 +163,8 @@ impl Dwt {
         hit
     }
 
-    /// Whether the value of an access matches (DATAVMATCH): it has the size DATAVSIZE and lies at the addresses of the
-    /// linked comparators (C1.8.5).
+    /// Whether the value of an access matches (DATAVMATCH): the access has the size DATAVSIZE and lies at the addresses
+    /// of the linked comparators (C1.8.5).
     fn value_matches(&self, comparator: Comparator, address: u32, width: u32, value: u32) -> bool {
         let size = 1 << (comparator.function >> 10 & 3).min(2);
         if width != size {
@@ -183,7 +184,7 @@ impl Dwt {
         })
     }
 
-    /// The addresses at which a PC match is a debug event, each with the number of its low bits that do not count.
+    /// The addresses at which a PC match is a debug event, each with the number of low address bits that are ignored.
     pub(crate) fn pc_matches(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.comparators
             .iter()

@@ -12,7 +12,7 @@
 //! | ITM, TPIU, ETM, ROM table: identification only | C1.7, C1.10, D2 | `coresight` |
 //!
 //! An access in this space to an address without a register, or narrower than its register allows, reads zero or
-//! ignores what is written. It goes onto a list that the owner takes with [`Core::take_unmodelled`].
+//! ignores the written value. Such accesses are put on a list that the owner takes with [`Core::take_unmodelled`].
 
 mod coresight;
 mod debug;
@@ -106,12 +106,12 @@ impl System {
         self.dwt.set_caller_watches(on);
     }
 
-    /// Finds the next due cycle again, after a timer changed.
+    /// Computes the next due cycle again, after a timer changed.
     fn settle(&mut self) {
         self.due = self.systick.due().min(self.dwt.due());
     }
 
-    /// Notes an access that no register answers.
+    /// Records an access that no register answers.
     fn note(&mut self, access: &Access) {
         let address = access.address & !3;
         if access.purpose != Purpose::Debugger && self.known.insert(address) {
@@ -400,8 +400,7 @@ impl<C: Cost> Core<C> {
         self.system.settle();
     }
 
-    /// Takes note of a data access while [`Self::watching`]: a DWT comparator or the caller's watchpoints may act on
-    /// it.
+    /// Acts on a data access while [`Self::watching`]: a DWT comparator or the caller's watchpoints may match it.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: Width, value: u32) {
         if self.system.dwt.watches() {
             if self.system.dwt.watch(address, write, width.bytes(), value) {
@@ -418,8 +417,8 @@ impl<C: Cost> Core<C> {
         self.system.dwt.watching
     }
 
-    /// The addresses of instructions at which [`Self::hardware_breakpoint`] has to be called, which the FPB and the DWT
-    /// set.
+    /// The addresses of instructions at which [`Self::hardware_breakpoint`] has to be called. The FPB and the DWT set
+    /// these addresses.
     pub(crate) fn fpb_breakpoints(&self) -> impl Iterator<Item = u32> {
         let matches = self.system.dwt.pc_matches();
         self.system
@@ -434,8 +433,8 @@ impl<C: Cost> Core<C> {
         std::mem::take(&mut self.system.breakpoints_changed)
     }
 
-    /// Handles a next instruction that is at one of [`Self::fpb_breakpoints`]. Returns whether it must not be executed
-    /// now, since the core is halted or has gone elsewhere.
+    /// Handles a next instruction that is at one of [`Self::fpb_breakpoints`]. Returns whether the instruction must not
+    /// be executed now, since the core is halted or continues at another address.
     pub(crate) fn hardware_breakpoint<B: Bus>(&mut self, bus: &mut B) -> bool {
         let pc = self.r[15];
         if self.system.fpb.breakpoints().any(|address| address == pc) {
@@ -450,8 +449,8 @@ impl<C: Cost> Core<C> {
     }
 }
 
-/// Whether the register at `address` may be accessed by bytes and halfwords: the ITM stimulus ports, IPR, SHPR and CFSR
-/// (ARM ARM B3.2.1, B3.4.2). STIR may not.
+/// Whether the register at `address` may be accessed by bytes and halfwords, which holds for the ITM stimulus ports,
+/// IPR, SHPR and CFSR (ARM ARM B3.2.1, B3.4.2), but not for STIR.
 fn narrow_allowed(address: u32) -> bool {
     matches!(address, 0xE000_0000..=0xE000_007F | 0xE000_E400..=0xE000_E4EF | 0xE000_ED18..=0xE000_ED2B)
         && address != 0xE000_ED24

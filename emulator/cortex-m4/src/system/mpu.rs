@@ -20,8 +20,8 @@ struct Region {
 }
 
 impl Region {
-    /// The exponent of the size of an enabled region: the region has two to the power of it bytes, ARM ARM B3.5.9.
-    /// `None` if the region is off.
+    /// The exponent of the size of a region that is on: the region has two to the power of this exponent bytes, ARM ARM
+    /// B3.5.9. `None` if the region is off.
     fn size(self) -> Option<u32> {
         let size = (self.attributes >> 1 & 0x1F) + 1;
         (self.attributes & 1 != 0 && size >= 5).then_some(size)
@@ -51,8 +51,8 @@ impl Region {
     }
 }
 
-/// A range of addresses that all have the same rights while the MPU applies. It has sixteen bytes, so that a shift
-/// finds one in a list.
+/// A range of addresses that all have the same rights while the MPU applies. The structure has sixteen bytes, so that a
+/// shift finds one in a list.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 struct Span {
@@ -83,8 +83,8 @@ pub(crate) struct Mpu {
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// The spans of all addresses, in rising order. The list is empty where the registers changed since the spans were
-    /// worked out.
+    /// The spans of all addresses, in rising order. The list is empty if the registers changed since the spans were
+    /// computed.
     spans: Vec<Span>,
     /// The span that was last looked up, for each value of the highest four bits of the address.
     near: [Span; 16],
@@ -124,14 +124,14 @@ impl Mpu {
         }
     }
 
-    /// Forgets all spans, after a change of the registers from which they were worked out.
+    /// Drops all spans, after a change of the registers from which they were computed.
     fn forget(&mut self) {
         self.spans.clear();
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
     }
 
-    /// Works out the spans. A region, an eighth of a region or the default map may begin or end at certain addresses
-    /// only, and between two neighbours of these every address has the same rights.
+    /// Computes the spans. A region, an eighth of a region or the default map may begin or end at certain addresses
+    /// only, and between two neighbours of these addresses every address has the same rights.
     fn work_out(&mut self) {
         // The default map has eight areas. Each region adds its two ends and seven places between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];
@@ -203,8 +203,8 @@ impl Mpu {
         if near.has(address, 1) { near } else { self.approach(address) }
     }
 
-    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority is. An aligned access lies in
-    /// one span as a whole, since all spans begin and end at multiples of 32.
+    /// Whether the right `right` (of [`data_right`]) is given at `address`, whatever the priority is. An aligned access
+    /// lies in one span as a whole, since all spans begin and end at multiples of 32.
     #[inline(always)]
     pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
         let near = &self.near[(address >> 28) as usize];
@@ -212,15 +212,15 @@ impl Mpu {
         rights & right != 0
     }
 
-    /// Whether code may read, or write, all bytes from `address` on, whatever the priority is. It is false where they
-    /// lie in more than one span.
+    /// Whether code may read, or write, all of `bytes` from `address` on, whatever the priority is. The result is false
+    /// if they lie in more than one span.
     #[inline(always)]
     pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
         let span = self.span(address);
         span.rights & data_right(write, privileged) != 0 && span.has(address, bytes)
     }
 
-    /// Whether code may execute all of the page of `1 << bits` bytes that has `address`, and an instruction that
+    /// Whether code may execute all of the page of `1 << bits` bytes that has `address`, and also an instruction that
     /// extends beyond the page's end, whatever the priority is.
     #[inline(always)]
     pub(crate) fn opens_page(&mut self, address: u32, bits: u32, privileged: bool) -> bool {
@@ -297,7 +297,7 @@ impl Mpu {
             0x04 => self.control = value & (ENABLE | HFNMIENA | PRIVDEFENA),
             0x08 => self.number = (value & 0xFF) % self.count,
             0x0C | 0x14 | 0x1C | 0x24 => {
-                // With VALID, the write selects the region that it names, and RNR becomes that number.
+                // With VALID, the write selects the region that it names, and RNR becomes that region's number.
                 if value & 1 << 4 != 0 {
                     self.number = (value & 0xF) % self.count;
                 }
@@ -347,7 +347,7 @@ mod tests {
             }
             for pair in ends[1..ends.len() - 1].chunks(2) {
                 assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
-                // Two words across the end of a span have no common answer.
+                // Two words across the end of a span do not have the same rights.
                 assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
             }
         }

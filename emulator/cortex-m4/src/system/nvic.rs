@@ -36,7 +36,7 @@ pub(crate) struct Nvic {
     pub(crate) pending: Set,
     pub(crate) enabled: Set,
     pub(crate) active: Set,
-    /// The levels of the inputs when the core last checked them; NMI is bit 2.
+    /// The levels of the inputs when the core last checked them. NMI is bit 2.
     level: Set,
     /// The bits of the implemented lines.
     implemented: Set,
@@ -134,7 +134,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Finds again which exception is next and which priority is active. To be called after the sets or priorities
+    /// Computes again which exception is next and which priority is active. To be called after the sets or priorities
     /// changed.
     pub(crate) fn refresh(&mut self) {
         self.refresh_best();
@@ -171,8 +171,8 @@ impl Nvic {
         self.best_priority = self.group_of(least);
     }
 
-    /// Takes in the levels of the interrupt lines and of NMI. A rising edge makes the exception pending, whatever the
-    /// line does next.
+    /// Takes in the levels of the interrupt lines and of NMI. A rising edge makes the exception pending, even if the
+    /// line falls again.
     #[inline]
     pub(crate) fn set_levels(&mut self, lines: &[u64; 4], nmi: bool) {
         let mut level = [
@@ -207,8 +207,8 @@ impl Nvic {
         self.refresh_best();
     }
 
-    /// Clears the pending state. An exception stays pending if its line is still high and it is not active, ARM ARM
-    /// B3.4.1.
+    /// Clears the pending state of an exception. The exception stays pending if its line is still high and it is not
+    /// active, ARM ARM B3.4.1.
     pub(crate) fn unpend(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.pending[word] &= !bit;
@@ -244,7 +244,7 @@ impl Nvic {
         self.refresh();
     }
 
-    /// Returns from an exception: it is pending again if its line is still high.
+    /// Ends the active state of an exception. The exception is pending again if its line is still high.
     pub(crate) fn deactivate(&mut self, number: u16) {
         let (word, bit) = bit(number);
         self.active[word] &= !bit;

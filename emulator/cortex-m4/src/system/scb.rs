@@ -1,7 +1,7 @@
 //! The registers of the system control space, ARM ARM B3.2 to B3.4, and of the FP context, B3.2.21 to B3.2.24.
 //!
-//! Left out: ACTLR is kept and read back without effect. The core never makes an auxiliary fault, so AFSR is zero. It
-//! is little-endian only.
+//! Left out: ACTLR is kept and read back without effect. The core never makes an auxiliary fault, so AFSR is zero. The
+//! core is little-endian only.
 
 use super::nvic::{self, Nvic};
 use super::{Core, Cost};
@@ -223,7 +223,7 @@ impl<C: Cost> Core<C> {
             0xD2C => scb.hfsr &= !value,
             0xD30 => scb.dfsr &= !value,
             0xD34 | 0xD38 => scb.fault_address = value,
-            // The FPU is coprocessors 10 and 11. The access value 0b10 is reserved and taken as no access.
+            // The FPU is coprocessors 10 and 11. The access value 0b10 is reserved and treated as no access.
             0xD88 => scb.cpacr = value & 0x00F0_0000,
             0xD90..=0xDB8 => system.mpu.write(offset - 0xD90, value),
             0xF00 => system.nvic.trigger(value & 0x1FF),

@@ -6,10 +6,10 @@
 //! | both clocks, the exact cycle of each wrap | B3.3.1 |
 //!
 //! SysTick counts on while the core sleeps: its clock is FCLK, which the core's sleep does not stop (TRM 4.1, "power
-//! management"). A part that stops FCLK in deep sleep stops the core's cycle count with it. SysTick stands still while
-//! the core is halted for debug (B3.3.1).
+//! management"). A part that stops FCLK in deep sleep stops the core's cycle count at the same time. SysTick stands
+//! still while the core is halted for debug (B3.3.1).
 //!
-//! The counter is not stepped. Its value is computed from the cycle at which it was last known.
+//! The counter is not stepped. Its value is computed from the cycle at which the value was last known.
 
 const ENABLE: u32 = 1;
 const TICKINT: u32 = 1 << 1;
@@ -92,8 +92,8 @@ impl SysTick {
         }
     }
 
-    /// Stops the counter when the core halts for debug (`paused`), or lets it go on. The caller has advanced the
-    /// counter to `cycle`.
+    /// Stops the counter when the core halts for debug (`paused`), or resumes it. The caller has advanced the counter
+    /// to `cycle`.
     pub(crate) fn pause(&mut self, cycle: u64, paused: bool) {
         if self.paused && !paused {
             self.align(cycle);

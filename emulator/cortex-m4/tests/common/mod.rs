@@ -1,5 +1,6 @@
-//! A test part that is nothing but memory: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
-#![allow(dead_code, reason = "each program uses a part of it")]
+//! A test part that consists of memory and one device: flash at 0, RAM at 0x2000_0000, and a device that logs its
+//! accesses.
+#![allow(dead_code, reason = "each test program uses a part of it")]
 
 use std::collections::BTreeSet;
 
@@ -31,7 +32,8 @@ pub(crate) struct Board {
     pub(crate) waits: u32,
     pub(crate) fetches: Vec<u32>,
     pub(crate) bit_banding: bool,
-    /// Whether pages of RAM can be watched for writes, which pages are watched, and how many watches a write has ended.
+    /// Whether pages of RAM can be watched for writes. The next fields are the watched pages, and the number of watches
+    /// that a write has ended.
     pub(crate) watches: bool,
     pub(crate) watched: BTreeSet<u32>,
     pub(crate) rewritten: u64,

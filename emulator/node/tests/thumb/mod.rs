@@ -46,7 +46,7 @@ impl Thumb {
         self
     }
 
-    /// Appends: the word at `address` = `value`. It uses r0 and r1.
+    /// Appends code that sets the word at `address` to `value`. It uses r0 and r1.
     pub(crate) fn store(&mut self, address: u32, value: u32) -> &mut Self {
         self.mov(0, address).mov(1, value).str(1, 0, 0)
     }
@@ -59,12 +59,12 @@ impl Thumb {
         self.raw(&[0x6800 | (offset / 4) << 6 | rn << 3 | rt])
     }
 
-    /// Appends: the word at `address` += 1. It uses r0 and r1.
+    /// Appends code that adds 1 to the word at `address`. It uses r0 and r1.
     pub(crate) fn count(&mut self, address: u32) -> &mut Self {
         self.mov(0, address).ldr(1, 0, 0).raw(&[0x3101]).str(1, 0, 0)
     }
 
-    /// Appends: carry = bit `bit` (from 0) of `rn`. It destroys `rn`.
+    /// Appends code that copies bit `bit` (from 0) of `rn` into the carry flag. It destroys `rn`.
     pub(crate) fn test(&mut self, rn: u16, bit: u16) -> &mut Self {
         self.raw(&[0x0800 | (bit + 1) << 6 | rn << 3 | rn])
     }
@@ -142,17 +142,17 @@ pub(crate) const EXTI: u32 = 0x4001_3C00;
 const NVIC_ISER: u32 = 0xE000_E100;
 
 impl Thumb {
-    /// Appends the enabling of an interrupt at the core.
+    /// Appends code that enables an interrupt at the core.
     pub(crate) fn enable(&mut self, interrupt: u32) -> &mut Self {
         self.store(NVIC_ISER + 4 * (interrupt / 32), 1 << (interrupt % 32))
     }
 
-    /// Appends the setup of TIM2's update interrupt, every `ticks` cycles of its clock.
+    /// Appends code that sets up TIM2's update interrupt, every `ticks` cycles of its clock.
     pub(crate) fn tim2_every(&mut self, ticks: u32) -> &mut Self {
         self.store(RCC + 0x40, 1).store(TIM2 + 0x2C, ticks - 1).store(TIM2 + 0x0C, 1).enable(28).store(TIM2, 1)
     }
 
-    /// Appends the setup of EXTI3 on a rising edge of PA3.
+    /// Appends code that sets up EXTI3 on a rising edge of PA3.
     pub(crate) fn exti3_on_pa3(&mut self) -> &mut Self {
         self.store(RCC + 0x30, 1 | 1 << 3) // GPIOA, GPIOD
             .store(RCC + 0x44, 1 << 14) // SYSCFG

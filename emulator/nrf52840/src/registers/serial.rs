@@ -2,7 +2,7 @@
 
 use super::{Register, ro, rw, wo};
 
-/// The registers of UARTE and the further ones of the legacy UART.
+/// The registers of UARTE, and those that only the legacy UART has.
 pub(crate) static UART: &[Register] = &[
     wo("TASKS_STARTRX", 0x000, 0),
     wo("TASKS_STOPRX", 0x004, 0),
@@ -43,7 +43,7 @@ pub(crate) static UART: &[Register] = &[
     rw("CONFIG", 0x56c, 0),
 ];
 
-/// The registers of SPIM and the further ones of SPIS, SPI, TWIM, TWIS and TWI. These five share one block, and ENABLE
+/// The registers of SPIM, and those that only SPIS, SPI, TWIM, TWIS or TWI has. All these share one block, and ENABLE
 /// selects one of them.
 pub(crate) static SERIAL: &[Register] = &[
     wo("TWIM.TASKS_STARTRX", 0x000, 0),

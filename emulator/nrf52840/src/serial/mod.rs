@@ -1,25 +1,25 @@
-//! The shared serial blocks with SPIM and SPIS: SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
+//! The shared serial blocks, with SPIM and SPIS: SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
 //!
-//! SPIM, SPIS, TWIM, TWIS and the others of one number *n* are one block with one set of registers. ENABLE selects one
-//! of them.
+//! SPIM, SPIS, TWIM, TWIS and the legacy peripherals of one number *n* are one block with one set of registers. ENABLE
+//! selects one of them.
 //!
 //! | module | covers | PS |
 //! |---|---|---|
-//! | this one | the registers that all of them share, the buffers of EasyDMA | 4.6 |
+//! | this one | the registers that all these peripherals share, the buffers of EasyDMA | 4.6 |
 //! | `spim` | the SPI controller | 6.25 |
 //! | `spis` | the SPI target with its semaphore | 6.26 |
 //! | `twim`, `twis` | TWIM, TWIS | 6.31, 6.32 |
 //!
-//! "To ensure correct behavior", the PS wants SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
+//! "To ensure correct behavior", the PS demands SCK, MOSI and CSN of SPIM as outputs and MISO as an input (6.25, *Pin
 //! configuration*), and all four pins of SPIS as inputs (6.26). Here an output of SPIM that GPIO does not configure as
-//! an output carries nothing, and an input whose buffer is disconnected reads 0. Both are reported.
+//! an output carries nothing, and an input whose buffer is disconnected reads 0. Both are findings.
 //!
 //! | left out | why |
 //! |---|---|
-//! | legacy SPI and TWI | reported when enabled |
-//! | IFTIMING, DCX, STALLSTAT | they only store values: nothing stalls here, and no display is wired to SPIM3 |
+//! | legacy SPI and TWI | a finding when enabled |
+//! | IFTIMING, DCX, STALLSTAT | they only store values: nothing stalls, and no display is wired to SPIM3 |
 //! | bits within a byte on the pins | the outside exchanges bytes |
-//! | EasyDMA outside data RAM | the part may fault (PS 4.6); here, reported: TXD reads ORC, RXD is dropped |
+//! | EasyDMA outside data RAM | the part may fault (PS 4.6); here it is a finding: TXD reads ORC, RXD is dropped |
 
 mod spim;
 mod spis;
@@ -156,7 +156,7 @@ pub(crate) const fn mode(config: u32) -> SpiMode {
 struct Transfer {
     tx: Buffer,
     rx: Buffer,
-    /// The byte that is being exchanged, and the tick of its last edge.
+    /// The byte that is being exchanged. The next field is the tick of its last edge.
     byte: u8,
     ends: u64,
     stopping: bool,
@@ -170,10 +170,10 @@ struct Transaction {
     rx: Buffer,
     /// The byte that EasyDMA has ready to be sent next.
     ready: Option<u8>,
-    /// The cycles of CSN's fall and of the last byte's end.
+    /// The cycle at which CSN fell. The next field is the cycle at which the last byte ended.
     since: Cycle,
     last: Option<Cycle>,
-    /// The last byte in each direction, for a controller in another mode.
+    /// The last byte that the target received, and the last that it sent, for a controller in another mode.
     heard: u8,
     said: u8,
 }
@@ -338,7 +338,8 @@ impl Instance for Serial {
                     // When an SPIS is enabled, the CPU holds its semaphore (SEMSTAT's reset value).
                     self.semaphore = Semaphore::Cpu;
                     if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {
-                        // While SPIM3 is enabled, its chip select rests inactive. Disabling it returns the pin to GPIO.
+                        // While SPIM3 is enabled, its chip select is inactive between transfers. Disabling SPIM3
+                        // returns the pin to GPIO.
                         let level = (enable == SPIM).then_some(self.csnpol & 1 == 0);
                         self.drive_select(pin, level, cx);
                     }
@@ -410,7 +411,7 @@ impl Serial {
         self.enable == TWIS && self.two_wire_pins() == [Some(scl), Some(sda)]
     }
 
-    /// Handles what a controller does on the bus of a TWIS. Returns `None` while the TWIS holds SCL low.
+    /// Handles an action of a controller on the bus of a TWIS. Returns `None` while the TWIS holds SCL low.
     pub(crate) fn target_heard(&mut self, event: I2cEvent, cx: &mut Cx<'_>) -> Option<I2cAnswer> {
         let channels = [&mut self.rxd, &mut self.txd];
         self.target.heard(event, self.orc as u8, &mut self.block, channels, cx)

@@ -89,7 +89,7 @@ impl Serial {
         cx.act(Act::Hold { pin, level });
     }
 
-    /// Begins the next byte at the end of the last one, or ends the transfer.
+    /// Begins the next byte at the end of the previous one, or ends the transfer.
     pub(super) fn next_byte(&mut self, cx: &mut Cx<'_>) {
         self.next = None;
         let Some(transfer) = &mut self.transfer else {
@@ -111,14 +111,15 @@ impl Serial {
         };
     }
 
-    /// Ends a transfer that is over or was stopped. ENDRX and ENDTX come even if it was stopped early (PS 6.25).
+    /// Ends a transfer that is complete or was stopped. ENDRX and ENDTX come even if it was stopped early (PS 6.25).
     fn end(&mut self, stopped: bool, cx: &mut Cx<'_>) {
         let Some(transfer) = self.transfer.take() else {
             return;
         };
         (self.rxd.amount, self.txd.amount) = (transfer.rx.done, transfer.tx.done);
         for (buffer, event) in [(transfer.tx, ENDTX), (transfer.rx, ENDRX)] {
-            // A buffer that became full has raised its event with its last byte. Any other buffer raises it here.
+            // A buffer that became full has raised its event with its last byte. Any other buffer raises its event
+            // here.
             if buffer.done < buffer.len || buffer.len == 0 {
                 self.block.raise(event, cx);
             }

@@ -7,7 +7,7 @@
 //! | END and ACQUIRED raised together with END_ACQUIRE | |
 //! | DEF in a transaction that was not granted; ORC and OVERREAD past TXD; OVERFLOW past RXD; ENDRX | |
 //! | a CSN pulse without a clock: END with AMOUNT 0 if it was granted, nothing if it was not | 6.26.3 |
-//! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26 |
+//! | reported as findings: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26 |
 //!
 //! The PS states no minimum number of clocks: the peripheral takes the semaphore when CSN falls, and a granted
 //! transaction is complete when CSN rises. The PS does not say whether silicon misses a CSN that is low for less than
@@ -21,15 +21,16 @@
 use super::*;
 use crate::memory::Memory;
 
-/// Limits of SPIS in cycles: the time from CSN to the first edge of SCK (tSPIS,SUCSN), and the shortest byte, 8 bits at
-/// 8 MHz.
+/// The least time from CSN to the first edge of SCK, in cycles (tSPIS,SUCSN). The next constant is the shortest byte, 8
+/// bits at 8 MHz.
 const CSN_SETUP: u64 = cycles(1_000);
 const SHORTEST_BYTE: u64 = cycles(1_000);
-/// By how many cycles a limit may be missed without a report, since clocks have their crystals' errors and instants are
-/// rounded to a cycle.
+/// The number of cycles by which a limit may be missed without a finding, since clocks have their crystals' errors and
+/// instants are rounded to a cycle.
 const SLACK: u64 = cycles(100);
 
-/// Whether data comes one bit late between two ends in their modes: what the target receives, and what it sends.
+/// Whether data comes one bit late between two ends in their modes: the data that the target receives, and the data
+/// that it sends.
 const fn late(one: SpiMode, other: SpiMode) -> (bool, bool) {
     use SpiMode::{Mode0, Mode1, Mode2, Mode3};
     match (one, other) {
@@ -49,7 +50,7 @@ impl Serial {
         self.transaction.is_some()
     }
 
-    /// How many bytes may be clocked before an event. ENDRX comes with the last byte that fits RXD.
+    /// The number of bytes that may be clocked before an event. ENDRX comes with the last byte that fits RXD.
     pub(crate) fn quiet(&self) -> usize {
         match &self.transaction {
             Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {
@@ -69,14 +70,14 @@ impl Serial {
         cx.act(Act::Spis { id, event });
     }
 
-    /// The pins SCK, MOSI, MISO and CSN of an SPIS. Its selectors have another order than an SPIM's: SCK, MISO, MOSI,
-    /// CSN (PS 6.25.6 and 6.26.6, *Registers*).
+    /// The pins SCK, MOSI, MISO and CSN of an SPIS. The selectors of an SPIS have another order than those of an SPIM:
+    /// SCK, MISO, MOSI, CSN (PS 6.25.6 and 6.26.6, *Registers*).
     fn spis_pins(&self) -> [Option<Pin>; 4] {
         let [sck, miso, mosi, csn] = self.psel.map(Pin::selected);
         [sck, mosi, miso, csn]
     }
 
-    /// Handles an edge of CSN: its fall arbitrates the semaphore, and its rise returns it.
+    /// Handles an edge of CSN: its fall arbitrates the semaphore, and its rise ends the transaction.
     pub(crate) fn csn_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
         if level {
             self.finish(cx);
@@ -122,8 +123,8 @@ impl Serial {
         }
     }
 
-    /// Clocks one byte from the controller at the far end of `wires`, which is in the mode `controller`. Returns what
-    /// the controller's MISO carried meanwhile, `None` if this block does not drive it.
+    /// Clocks one byte from the controller at the far end of `wires`, which is in the mode `controller`. Returns the
+    /// byte on the controller's MISO; `None` if this block does not drive MISO.
     pub(crate) fn clock(&mut self, wires: &SpisWires, mosi: u8, controller: SpiMode, cx: &mut Cx<'_>) -> Option<u8> {
         let [sck, mosi_pin, miso, _] = self.spis_pins();
         let is = |pin: Option<Pin>, wire| pin.is_some_and(|pin| pin.named() == wire);
@@ -180,7 +181,7 @@ impl Serial {
                 transaction.tx.done += 1;
                 byte
             }
-            // The byte is past the end of TXD, or where EasyDMA does not reach.
+            // The byte lies past the end of TXD, or where EasyDMA does not reach.
             (left, _) => {
                 transaction.tx.done += u32::from(left.is_some());
                 if left.is_none() {
@@ -245,7 +246,7 @@ impl Serial {
                     self.say(SpisEvent::Ready, cx);
                 }
             }
-            // A release cancels a pending acquire.
+            // A release of the semaphore cancels an acquire that is still pending.
             Semaphore::CpuPending => self.semaphore = Semaphore::Spis,
             Semaphore::Free | Semaphore::Spis => {}
         }

@@ -7,13 +7,14 @@
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ANACK and DNACK | 6.31 |
 //! | each byte on the bus at its own end, with clock stretching by the bus | 6.31 |
 //!
-//! The PS wants SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*). Their pull-ups are outside the part.
+//! The PS demands SCL and SDA as inputs with drive S0D1 (6.31, *Pin configuration*). The pull-ups of these lines are
+//! outside the part.
 //!
 //! | left out | why |
 //! |---|---|
 //! | OVERRUN | EasyDMA is always fast enough |
-//! | LASTRX_SUSPEND | reported |
-//! | arbitration with another controller | a TWIM has none |
+//! | LASTRX_SUSPEND | a finding when it is set |
+//! | arbitration with another controller | a TWIM does not support it |
 //!
 //! A byte takes nine bits of FREQUENCY, and a start and a stop take one bit each (assumed).
 use super::{Buffer, Channel};

@@ -8,7 +8,7 @@
 //! | EasyDMA with MAXCNT, AMOUNT and LIST; ORC past TXD with OVERREAD, a NACK past RXD with OVERFLOW and DNACK | 6.32 |
 //! | a stop, and a repeated start | 6.32 |
 //!
-//! The PS wants SCL and SDA as inputs with drive S0D1 (6.32, *Pin configuration*). Here a block whose input buffer is
+//! The PS demands SCL and SDA as inputs with drive S0D1 (6.32, *Pin configuration*). Here a block whose input buffer is
 //! disconnected does not react to the bus.
 //!
 //! | left out | why |

@@ -83,7 +83,7 @@ impl Soc {
         Ok(())
     }
 
-    /// Takes over the time and the instruction of an access.
+    /// Takes over the cycle of an access and the address of its instruction.
     #[inline]
     fn take_up<O: Outside>(&mut self, access: &Access, outside: &mut O) {
         if access.purpose == Purpose::Debugger {
@@ -189,7 +189,7 @@ impl Soc {
     }
 
     /// The least number of cycles between two accesses of EasyDMA. Peripherals that use it move at most 8 Mbit/s in
-    /// each direction (PS 6.25, 6.26; only SPIM3 reaches 32 Mbit/s), which is a byte each in 64 cycles.
+    /// each direction (PS 6.25, 6.26; only SPIM3 reaches 32 Mbit/s): a byte in each direction in 64 cycles.
     fn dma_interval(&self) -> Cycle {
         if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
     }

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// The maximum number of acts that one access or one instant may set off. More than that must be an endless loop.
+/// The maximum number of acts that one access or one instant may set off. A larger number must come from an endless
+/// loop.
 const LOOP_LIMIT: u32 = 100_000;
 
 impl Soc {
@@ -23,7 +24,7 @@ impl Soc {
         let there = if self.off { 1 << COMP } else { u64::MAX };
         let mut later = u64::MAX;
         loop {
-            // An instance that another one has called since may have become due as well.
+            // An instance that another one has called since then may have become due as well.
             let left = (self.scheduled | self.touched) & later & there;
             if left == 0 {
                 return;
@@ -69,8 +70,8 @@ impl Soc {
         }
     }
 
-    /// Takes over the interrupt lines and the next cycles of the instances that were called since the last time. Those
-    /// of other instances cannot have changed.
+    /// Takes over the interrupt lines and the next cycles of the instances that were called since the last time. The
+    /// lines and cycles of other instances cannot have changed.
     pub(super) fn look_at_touched(&mut self) {
         if self.touched == 0 {
             return;
@@ -202,7 +203,7 @@ impl Soc {
         }
     }
 
-    /// Requests a restart of the part. Nothing more happens in the part until the restart.
+    /// Requests a restart of the part. Until the restart nothing more happens in the part.
     fn request(&mut self, cause: Reset) {
         self.restarting = Some(cause);
         self.halted = true;

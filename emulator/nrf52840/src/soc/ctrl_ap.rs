@@ -3,19 +3,19 @@
 //! | covered | PS |
 //! |---|---|
 //! | CTRL-AP: RESET, ERASEALL, ERASEALLSTATUS, APPROTECTSTATUS, IDR | 4.8.1 |
-//! | ERASEALL of flash, UICR and RAM; the AHB-AP is then open until the next reset that takes UICR up | 4.8.1, 4.8.2 |
-//! | UICR.APPROTECT, taken up at a reset by power, brown-out, pin, watchdog or wake-up | 4.8.2, 5.3.7.8 |
+//! | ERASEALL of flash, UICR and RAM; the AHB-AP is then open until UICR is next read, at a reset | 4.8.1, 4.8.2 |
+//! | UICR.APPROTECT, read at a reset by power, brown-out, pin, watchdog or wake-up | 4.8.2, 5.3.7.8 |
 //! | APPROTECT.DISABLE and FORCEPROTECT, on build codes Fxx and later | 4.8.2 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | any answer but zeros of a locked part's AHB-AP | none documented; to tools, AP 0 is no memory AP |
-//! | a half-way ERASEALL | a watchdog reset meanwhile (anomaly 176) leaves everything as it was, and locked |
+//! | any answer but zeros of a locked part's AHB-AP | none is documented; to tools, AP 0 is no memory AP |
+//! | an ERASEALL that is interrupted | a watchdog reset in it (anomaly 176) leaves everything as it was, and locked |
 //!
 //! A soft reset, by AIRCR or by CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*).
 //! The port stays open or locked as it was, as Nordic's answers say (devzone.nordicsemi.com, "nRF52840 locked with
-//! APPROTECT": no *hard* reset between ERASEALL and the first image). To the tools that find it, a locked part's AHB-AP
-//! is no memory AP (ferrous-systems/embedded-trainings-2020, issue 188).
+//! APPROTECT": no *hard* reset between ERASEALL and the first image). Tools find that a locked part's AHB-AP is no
+//! memory AP (ferrous-systems/embedded-trainings-2020, issue 188).
 use emulator_part::{Cycle, NEVER, Reset};
 
 use super::Soc;
@@ -24,7 +24,8 @@ use crate::memory::{FLASH_BYTES, PAGE, UICR_BASE};
 
 /// The address of UICR.APPROTECT.
 const UICR_APPROTECT: u32 = UICR_BASE + 0x208;
-/// The value that opens the hardware's half: HwDisabled. On parts before build code Fxx it is the erased value.
+/// The value that opens the hardware's half of the protection: HwDisabled. Parts before build code Fxx need the erased
+/// value.
 const HW_DISABLED: u8 = 0x5A;
 const ERASED: u8 = 0xFF;
 
@@ -34,12 +35,12 @@ const ERASE_ALL: u64 = cycles(169_000_000);
 /// The identification of CTRL-AP: Nordic's JEP106 number 0x144 in bank 2, no class (PS 4.8.1).
 const IDR: u32 = 0x0288_0000;
 
-/// What a write to CTRL-AP requests from the owner of part and core.
+/// The request of a write to CTRL-AP to the owner of part and core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CtrlRequest {
     /// The write requests nothing.
     Nothing,
-    /// A soft reset begins, in which the part stays.
+    /// A soft reset begins, and holds the part until it is released.
     HoldReset,
     /// The soft reset ends, so the part starts.
     ReleaseReset,
@@ -48,9 +49,9 @@ pub enum CtrlRequest {
 /// The state of access port protection and CTRL-AP.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Access {
-    /// Whether UICR.APPROTECT was open when it was last taken up.
+    /// Whether UICR.APPROTECT was open when it was last read, at a reset.
     hardware_open: bool,
-    /// Whether the port stays open, whatever the registers say, until UICR is taken up again.
+    /// Whether the port stays open, whatever the registers say, until UICR is read again.
     stays_open: bool,
     /// Whether CTRL-AP's RESET holds the part in reset.
     reset_held: bool,
@@ -59,7 +60,7 @@ pub(crate) struct Access {
 }
 
 impl Soc {
-    /// Takes UICR up, at a reset that resets the debug components.
+    /// Reads UICR.APPROTECT, at a reset that resets the debug components.
     fn take_up_protection(&mut self) {
         let value = self.memory.slice(UICR_APPROTECT, 1).map_or(ERASED, |bytes| bytes[0]);
         let hardened = self.settings.build_code[2] >= b'F';

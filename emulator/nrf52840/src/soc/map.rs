@@ -72,13 +72,14 @@ pub(super) static BLOCKS: [BlockSpec; 44] = [
     at(GPIO, "GPIO", r::GPIO, true),
 ];
 
-/// The addresses of the CryptoCell, of which nothing is modelled.
+/// The addresses of the CryptoCell, which is not modelled.
 const CRYPTOCELL: std::ops::Range<u32> = 0x5002_A000..0x5002_C000;
 
-/// Registers that the workarounds of anomalies 166, 171 and 187 of USBD write, and that no table lists.
+/// The addresses of registers that the workarounds of anomalies 166, 171 and 187 of USBD write, and that no table
+/// lists.
 const USBD_TEST: std::ops::Range<u32> = 0x4006_E000..0x4006_F000;
 
-/// Finds a block without an ID, of which nothing is modelled.
+/// Finds a block without an ID that is not modelled at all.
 pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     match address {
         _ if CRYPTOCELL.contains(&address) => Some(("CRYPTOCELL", address - CRYPTOCELL.start)),
@@ -87,7 +88,7 @@ pub(super) fn unmodelled_at(address: u32) -> Option<(&'static str, u32)> {
     }
 }
 
-/// The place in [`BLOCKS`] of each ID.
+/// The index in [`BLOCKS`] of each ID.
 static PLACES: [u8; 64] = {
     let mut places = [u8::MAX; 64];
     let mut n = 0;
@@ -109,7 +110,7 @@ static NAMES: [&str; 64] = {
     names
 };
 
-/// For each block, one bit for each word that holds a register, and one for each that is writable.
+/// For each block, one bit for each word that holds a register, and one bit for each word that is writable.
 pub(super) static REGISTERS: [[[u64; 16]; 2]; BLOCKS.len()] = {
     let mut maps = [[[0; 16]; 2]; BLOCKS.len()];
     let mut block = 0;

@@ -11,12 +11,12 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the one PCLK16M cycle that a PPI channel takes | it is below the resolution that anything needs; order is kept |
-//! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | the registers only store values |
+//! | the one PCLK16M cycle that a PPI channel takes | nothing needs such a resolution; the order of effects is kept |
+//! | loss of a RAM section's contents by RAM\[n\].POWER while the part is on | these registers only store values |
 //!
-//! Everything that happens is an [`Act`] in one queue, which is carried out in order. If an event triggers, through
-//! PPI, the task that raises the event again, that never ends on the part, with one turn per clock cycle. Here the loop
-//! is cut after a number of turns and reported.
+//! Every effect is an [`Act`] in one queue, which is carried out in order. If an event triggers, through PPI, the task
+//! that raises the event again, the part repeats the two for ever, once per clock cycle. Here such a loop is cut after
+//! a number of turns, which is a finding.
 
 #[macro_use]
 mod instances;
@@ -64,17 +64,17 @@ pub(crate) struct Soc {
     pub(crate) gpio: Gpio,
     parts: Parts,
     pub(crate) out: Outbox,
-    /// The latest cycle at which anything happened.
+    /// The latest cycle at which anything happened in the part.
     pub(crate) now: Cycle,
     pub(crate) signals: Signals,
     /// The instances that were called since their interrupt lines and next cycles were last taken over.
     touched: u64,
-    /// The instances that have a next cycle, and the next cycle of each, [`NEVER`] for none.
+    /// The instances that have a next cycle. The next field is the next cycle of each, [`NEVER`] for none.
     scheduled: u64,
     nexts: [Cycle; 64],
     /// The earliest of all next cycles.
     pub(crate) next: Cycle,
-    /// The instances for which EasyDMA works.
+    /// The instances for which EasyDMA moves data now.
     pub(crate) moving: u64,
     /// The cycle at which the core last had to wait for EasyDMA.
     met_dma: Cycle,
@@ -84,7 +84,8 @@ pub(crate) struct Soc {
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     pub(crate) spis_wires: Option<SpisWires>,
     restarting: Option<Reset>,
-    /// Whether nothing happens in the part since it waits for its restart, and whether it is in System OFF.
+    /// Whether nothing happens in the part because it waits for its restart. The next field is whether it is in System
+    /// OFF.
     halted: bool,
     off: bool,
     /// Whether the supply holds the part in reset.

@@ -1,4 +1,5 @@
-//! What enters and leaves by the pins: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART frames.
+//! Everything that enters and leaves by the pins: levels, bytes of SPIM and SPIS, the controller of a TWIS, UART
+//! frames.
 
 use super::*;
 
@@ -13,8 +14,8 @@ impl Soc {
     /// Makes the outside drive a pin, or stop driving it.
     pub(crate) fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
         self.come(at, outside);
-        // The core's last access may be a few cycles after the edge, in an instruction that began before it. What the
-        // edge sets off in hardware nevertheless happens at the edge.
+        // The core's last access may be a few cycles after the edge, in an instruction that began before the edge. The
+        // effects of the edge in hardware nevertheless happen at the edge.
         let reached = std::mem::replace(&mut self.now, at);
         self.gpio.outside(pin, level, at, &mut self.out);
         self.carry(outside);
@@ -53,7 +54,7 @@ impl Soc {
         }
     }
 
-    /// Exchanges a byte between a controller and what is wired to its pins.
+    /// Exchanges a byte between a controller and the device that is wired to its pins.
     pub(super) fn exchange<O: Outside>(&mut self, id: Id, mosi: u8, begins: Cycle, outside: &mut O) {
         let number = serial_number(id);
         let wires = self.parts.serial[number].wires();
@@ -74,7 +75,7 @@ impl Soc {
         let miso = match wires.miso {
             Some(pin) if self.gpio.is_connected(pin) => match answer {
                 Some(bits) if !self.gpio.is_output(pin) => bits as u8,
-                // Nobody drives MISO, so it reads as its pad's level.
+                // Nothing drives MISO, so it reads as its pad's level.
                 _ => 0xFF * u8::from(self.gpio.level(pin)),
             },
             _ => 0,
@@ -104,8 +105,8 @@ impl Soc {
         self.drive(at, csn, Some(false), outside);
     }
 
-    /// Handles a byte that an SPI controller clocked and that ended at `at`. The caller carries out what it sets
-    /// off.
+    /// Handles a byte that an SPI controller clocked and that ended at `at`. The caller carries out the effects of the
+    /// byte.
     fn spis_byte(&mut self, at: Cycle, mosi: u8, mode: SpiMode) -> Option<u8> {
         let wires = self.spis_wires?;
         let selected = |number: &usize| {
@@ -127,8 +128,8 @@ impl Soc {
         miso
     }
 
-    /// Exchanges several bytes. The first ended at `first`, and each further one `time` 2⁻¹⁶ cycles after the one
-    /// before.
+    /// Exchanges several bytes. The first ended at `first`, and each further byte `time` 2⁻¹⁶ cycles after the previous
+    /// one.
     pub(crate) fn spis_exchange<O: Outside>(
         &mut self,
         first: Cycle,

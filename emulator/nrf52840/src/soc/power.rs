@@ -6,7 +6,7 @@ use super::*;
 const LOST: u8 = 0xA5;
 
 impl Soc {
-    /// Changes the source of a clock. Instances that count on it move their next events.
+    /// Changes the source of a clock. Instances that count on that clock move their next events.
     pub(super) fn switch(&mut self, source: Source) {
         let Settings { hfxo_ppb, hfint_ppb, lfxo_ppb, lfrc_ppb, .. } = self.settings;
         match source {
@@ -59,7 +59,7 @@ impl Soc {
 
     /// Changes the supply. A brown-out reset comes below 1.57 V, and the part restarts above 1.62 V (PS 5.3.8, V_BOR in
     /// System ON; the model reacts as late as that allows). The power-fail comparator reacts too. Below 1.7 V, where
-    /// the part is not specified, it works as above.
+    /// the part is not specified, the model works as it does above.
     pub(crate) fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, outside: &mut O) -> Supplied {
         let before = self.held;
         self.held = microvolts < if before { 1_620_000 } else { 1_570_000 };
@@ -91,8 +91,8 @@ impl Soc {
         self.carry(outside);
     }
 
-    /// Restarts the part (PS 5.3, *Reset behavior*). The outside still drives its pins, and what the cause does not
-    /// reset stays.
+    /// Restarts the part (PS 5.3, *Reset behavior*). The outside goes on driving its pins, and state that the cause
+    /// does not reset is kept.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;

@@ -5,8 +5,8 @@ use emulator_part::Open;
 
 #[test]
 fn every_register_modelled_reads_its_reset_value_first() {
-    // Some registers belong to an instance that is not modelled. The reset value of others cannot be read by a core:
-    // while it runs, HFCLK runs, and flash is ready.
+    // Some registers belong to an instance that is not modelled. The reset value of other registers cannot be read by a
+    // core: while the core runs, HFCLK runs, and flash is ready.
     const OTHERS: [&str; 9] = ["HFCLKSTAT", "READYNEXT", "SPI.", "TWI.", "TWIS.", "ACL.", "IHIT", "IMISS", "UNUSED"];
     let mut soc = Soc::new(Settings::default());
     let (mut checked, mut others) = (0, vec![]);

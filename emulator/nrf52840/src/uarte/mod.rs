@@ -1,6 +1,6 @@
 //! UARTE: the UART with EasyDMA (PS 6.34), and the legacy UART, which shares its registers (6.33).
 //!
-//! `transmitter` models TXD and CTS, `receiver` RXD and RTS, `line` the wire, and this module the registers.
+//! `transmitter` models TXD and CTS, `receiver` models RXD and RTS, `line` the wire, and this module the registers.
 //!
 //! | covered | PS |
 //! |---|---|
@@ -17,8 +17,8 @@
 //! instants. The PS does not say how often a bit is sampled, so one sample is assumed. It is also assumed that a byte
 //! with a framing or parity error is received all the same.
 //!
-//! The PS wants RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that GPIO does
-//! not configure as an output sends nothing, which is reported. An RXD whose input buffer is disconnected receives
+//! The PS demands RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that GPIO does
+//! not configure as an output sends nothing, which is a finding. An RXD whose input buffer is disconnected receives
 //! nothing.
 //!
 //! | left out | why |
@@ -59,10 +59,10 @@ const ENABLED: u32 = 8;
 const LEGACY: u32 = 4;
 /// The number of bytes that the receiver can hold without a buffer.
 const FIFO: usize = 6;
-/// The room, in bytes, at which RTS goes high: with flow control, RTS is low only while the FIFO can hold more bytes
-/// (PS 6.34).
+/// The free room of the FIFO, in bytes, at which RTS goes high: with flow control, RTS is low only while the FIFO has
+/// more free room than this (PS 6.34).
 const ROOM: usize = 4;
-/// The byte times from STOPRX to RXTO, in which the far end may finish what it has begun.
+/// The number of byte times from STOPRX to RXTO, in which the far end may finish the byte that it has begun.
 const RX_TIMEOUT_BYTES: u64 = 4;
 /// The longest bit that can be received, in picoseconds: one second.
 const LONGEST_BIT_PS: u64 = 1_000_000_000_000;
@@ -100,7 +100,8 @@ pub(crate) struct Uarte {
     rxd: [u32; 3],
     txd: [u32; 3],
     tx: Option<Buffer>,
-    /// The byte that is being sent, the tick at which transmission began, and whether the transmitter has to stop.
+    /// The byte that is being sent. The next fields are the tick from which bytes are counted, their number since then,
+    /// and whether the transmitter has to stop.
     byte: u8,
     tx_from: u64,
     tx_sent: u64,
@@ -108,7 +109,7 @@ pub(crate) struct Uarte {
     tx_next: Option<Cycle>,
     /// Whether CTS delays the next byte.
     tx_held: bool,
-    /// The pins that the peripheral drives, RTS and TXD, and the levels that they have between frames.
+    /// The pins that the peripheral drives, RTS and TXD, with their levels between frames.
     driven: [Option<(Pin, bool)>; 2],
     rx: Option<Buffer>,
     rx_on: bool,
@@ -118,7 +119,8 @@ pub(crate) struct Uarte {
     line: Line,
     /// The cycle of the start edge of the byte that is being received, and the cycle at which its stop bit is sampled.
     receiving: Option<(Cycle, Cycle)>,
-    /// State of the legacy UART: whether its transmitter is on, and the byte that waits for the one being sent.
+    /// State of the legacy UART: whether its transmitter is on. The next field is the byte that waits for the end of
+    /// the one being sent.
     legacy_tx: bool,
     legacy_waiting: Option<u8>,
 }

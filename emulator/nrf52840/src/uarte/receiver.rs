@@ -44,7 +44,7 @@ impl Uarte {
         }
     }
 
-    /// Moves bytes from the FIFO into the buffer, until one is exhausted.
+    /// Moves bytes from the FIFO into the buffer, until the FIFO is empty or the buffer is full.
     pub(super) fn drain(&mut self, cx: &mut Cx<'_>) {
         while let Some(rx) = &mut self.rx {
             if rx.done >= rx.len {
@@ -102,7 +102,7 @@ impl Uarte {
         }
     }
 
-    /// Takes in every byte whose stop bit has been sampled.
+    /// Receives every byte whose stop bit has been sampled.
     pub(super) fn sample(&mut self, cx: &mut Cx<'_>) {
         while let Some((start, stop)) = self.receiving.take_if(|(_, stop)| *stop <= cx.now) {
             let period = period(cx.clocks);
@@ -139,7 +139,7 @@ impl Uarte {
         }
         self.fifo.push_back(byte);
         if self.enable == LEGACY {
-            // RXDRDY means that RXD has a byte, so it comes again for the next byte once this one was read.
+            // RXDRDY means that RXD has a byte, so the event comes again for the next byte once this byte was read.
             if self.fifo.len() == 1 {
                 self.block.raise(RXDRDY, cx);
             }

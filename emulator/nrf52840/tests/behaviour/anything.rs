@@ -1,4 +1,4 @@
-//! A test that the models survive whatever firmware writes and whatever comes from outside.
+//! A test that the models survive any writes of firmware and any input from outside.
 use crate::rig::*;
 use cortex_m4::Width;
 use emulator_part::{Part, Pin, SpiMode, UartFrame};

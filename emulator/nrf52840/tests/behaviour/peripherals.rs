@@ -264,8 +264,8 @@ fn a_watchdog_that_pauses_in_sleep_counts_only_while_awake() {
 
 #[test]
 fn a_comparators_hysteresis_is_half_above_and_half_below_its_threshold() {
-    // Each row has ENABLE, MODE, REFSEL and half the hysteresis around 1.5 V. LPCOMP compares with half of 3 V, and
-    // COMP with AIN3.
+    // The values in each row are ENABLE, MODE, REFSEL and half the hysteresis around 1.5 V. LPCOMP compares with half
+    // of 3 V, and COMP with AIN3.
     for (enable, mode, select, half) in [(1, 0, 3, 25_000), (2, 1 << 8, 5, 15_000)] {
         let mut rig = Rig::new();
         let (input, reference) = (Pin::new(0, 4), Pin::new(0, 5));

@@ -1,4 +1,4 @@
-//! The rig of the tests: the part, with the test in the role of the core. It writes and reads registers as firmware
+//! The test bench: the part, with the test in the role of the core. The test writes and reads registers as firmware
 //! would, and lets time pass from one due event of the models to the next. Time is in cycles, 64 to a microsecond.
 use cortex_m4::{Access, Purpose, Width};
 use emulator_part::{
@@ -37,7 +37,7 @@ pub(crate) const RX: u32 = RAM + 0x200;
 pub(crate) const US: Cycle = 64;
 pub(crate) const MS: Cycle = 64_000;
 
-/// An event at the outside chip, with its cycle.
+/// An event at the outside chip, recorded with its cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Seen {
     Select(Cycle),
@@ -45,8 +45,8 @@ pub(crate) enum Seen {
     Deselect(Cycle),
 }
 
-/// The outside of the part: a chip on SCK, MOSI, MISO and CS that answers each byte with the complement of the one
-/// before (0xA5 first), and a record of what the part does.
+/// The outside of the part: a chip on SCK, MOSI, MISO and CS that answers each byte with the complement of the previous
+/// byte (0xA5 first), and a record of the part's effects.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct World {
     pub(crate) chip: Option<SpiMode>,
@@ -187,7 +187,7 @@ impl Rig {
         self.run_to(self.now + cycles);
     }
 
-    /// Lets time pass until `address` reads anything but 0, and returns the cycle of that.
+    /// Lets time pass until the register at `address` reads anything but 0, and returns the cycle at which it does.
     pub(crate) fn run_until_set(&mut self, address: u32, limit: Cycle) -> Cycle {
         while self.read(address) == 0 {
             let deadline = self.deadline();
@@ -249,7 +249,7 @@ impl Rig {
         self.part.findings().iter().filter(|found| found.kind == kind).cloned().collect()
     }
 
-    /// Asserts that nothing was reported.
+    /// Asserts that there are no findings.
     pub(crate) fn assert_clean(&self) {
         assert!(self.part.findings().is_empty(), "{:#?}", self.part.findings());
     }

@@ -191,8 +191,8 @@ fn a_frame_says_where_when_and_how_it_was_clocked() {
 
 #[test]
 fn a_wire_that_psel_or_gpio_leaves_out_carries_nothing() {
-    // The case has the writes before START, whether SCK and MOSI carry something, the byte received from the chip, and
-    // the number of findings.
+    // A case has the writes before START, whether SCK and MOSI carry a signal, the byte received from the chip, and the
+    // number of findings.
     type Case<'a> = (&'a [(u32, u32)], bool, bool, u8, usize);
     let cases: [Case<'_>; 6] = [
         (&[], true, true, 0xA5, 0),

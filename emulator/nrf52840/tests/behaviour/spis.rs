@@ -28,7 +28,7 @@ fn with_spis() -> Rig {
     rig
 }
 
-/// Makes one transaction of `mosi` at 8 MHz, and returns what came back.
+/// Makes one transaction of `mosi` at 8 MHz, and returns the bytes that the SPIS sent.
 fn transact(rig: &mut Rig, mosi: &[u8]) -> Vec<Option<u8>> {
     rig.run_for(10 * US);
     rig.select(CSN);
@@ -142,8 +142,8 @@ fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
 
 #[test]
 fn an_spis_on_other_pins_than_the_controllers_exchanges_nothing() {
-    // Each case has a PSEL register to misroute, the byte that comes back, and the received byte. Without SCK the
-    // former is constant; MOSI matters only to the latter.
+    // Each case has a PSEL register to misroute, the byte that the SPIS sends, and the byte that it receives. Without
+    // SCK the first is constant; MOSI matters only to the second.
     for (register, back, received) in [(0x508, Some(0), 0), (0x510, Some(1), 0), (0x50C, None, 0xA0)] {
         let mut rig = with_spis();
         rig.write_all(&[(SPIS1 + register, psel(0, 20)), (SPIS1 + 0x28, 1)]);
@@ -210,7 +210,7 @@ fn an_spis_held_by_the_cpu_answers_the_default_character_throughout() {
 
 #[test]
 fn the_semaphore_goes_from_hand_to_hand_as_specified() {
-    // Each row has a state, what the CPU does in it, and the next state with ACQUIRED.
+    // Each row has a state, an action of the CPU in it, and the next state with ACQUIRED.
     const ACQUIRE: u32 = 0x24;
     const RELEASE: u32 = 0x28;
     let (free, cpu, spis, pending) = (0, 1, 2, 3);
@@ -305,7 +305,7 @@ fn a_free_spis_taken_by_a_timer_answers_the_default_character() {
     }
     assert_eq!(rig.read(SPIS1 + 0x440), 0, "a transaction that is not answered reads past nothing");
     assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (2, 2), "as the last one answered left them");
-    // The value of DEF comes from its register and is no constant of the part.
+    // The value of DEF comes from its register and is not a constant of the part.
     rig.write(SPIS1 + 0x55C, 0x3C);
     assert_eq!(transact(&mut rig, &[0]), [Some(0x3C)]);
     rig.assert_clean();

@@ -78,7 +78,7 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
             let mut rig = Rig::new();
             rig.write_all(&timer(TIMER0, 320));
             rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (TIMER0, 1)]);
-            // The core's write comes first: the models were not advanced to their due event.
+            // The core's write comes first: the models have not been advanced to their due event yet.
             rig.now = 20 * US + late;
             rig.write(address, value);
             assert_eq!(rig.read(TIMER0 + 0x140), 1, "{what}, {late} cycles late");
@@ -94,8 +94,8 @@ fn a_compare_due_with_a_task_or_write_is_not_lost() {
 #[test]
 fn a_compare_due_with_a_capture_through_ppi_is_not_lost() {
     let mut rig = Rig::new();
-    // Both timers reach their compare values at once. The event of the first captures the second, which the model
-    // handles after it.
+    // Both timers reach their compare values at the same instant. The event of the first captures the second, which the
+    // model handles after the first.
     rig.write_all(&timer(TIMER0, 320));
     rig.write_all(&timer(TIMER1, 320));
     rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, TIMER1 + 0x44), (PPI + 0x504, 1)]);
@@ -344,7 +344,7 @@ fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
     rig.write(WDT + 0x304, 1);
     assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
     assert!(rig.line(16));
-    // The reloads here come too late.
+    // The reloads at this point come too late.
     rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
     rig.run_to(10 * MS);
     assert_eq!(rig.part.watchdog_resets()[0].at, lf_tick(102));

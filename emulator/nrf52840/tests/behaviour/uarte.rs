@@ -159,7 +159,7 @@ fn cts_holds_bytes_back_and_rts_reports_room() {
     let sent: Vec<_> = rig.world.sent.iter().map(|(at, _, frame)| (*at - MS, frame.data as u8)).collect();
     assert_eq!(sent, [(10 * US, b'h'), (20 * US, b'i')]);
     assert_eq!((rig.read(UARTE0 + 0x100), rig.read(UARTE0 + 0x104)), (1, 1), "CTS, NCTS");
-    // Three bytes arrive for a buffer of one. With two bytes in the FIFO there is room for no more than four.
+    // Three bytes arrive for a buffer of one byte. With two bytes in the FIFO there is room for no more than four.
     rig.write_all(&[(UARTE0 + 0x534, RX), (UARTE0 + 0x538, 1), (UARTE0, 1)]);
     assert!(!rig.part.pin(rts));
     for (byte, ready) in [(b'a', true), (b'b', true), (b'c', false), (b'd', false)] {

@@ -7,11 +7,11 @@
 //! | `EOC` of a conversion or of the sequence, `OVR`, DMA requests with `DDS`, analogue watchdog | 13.8, 13.3.7 |
 //! | Temperature sensor, VREFINT and VBAT at 25 °C and 3.3 V, the values of the factory's calibration | 13.10, 13.11 |
 //!
-//! `converter` models one converter, and this module what the three share.
+//! `converter` models one converter, and this module the registers that the three share.
 //!
 //! **Left out, each a finding when it is used:** the injected group, the multi-ADC modes, triggers by falling edges.
-//! The model does not check the stabilisation time after `ADON`. It reads a channel at the end of its sampling time,
-//! without noise.
+//! The model does not check the stabilisation time after `ADON`. The voltage of a channel is read at the end of its
+//! sampling time, without noise.
 
 mod converter;
 #[cfg(test)]
@@ -50,7 +50,7 @@ const VREFINT_UV: i64 = 1_210_000;
 /// The voltage of the temperature sensor at 25 °C, in microvolts (data sheet: 0.76 V and 2.5 mV/°C).
 const SENSOR_UV: i64 = 760_000;
 
-/// The twelve bits to which a voltage converts.
+/// The twelve-bit result to which a voltage converts.
 const fn raw(microvolts: i64) -> u16 {
     let code = (microvolts * 4095 + VDDA_UV / 2) / VDDA_UV;
     if code < 0 {
@@ -69,7 +69,7 @@ pub(crate) const CALIBRATION: [u16; 3] = [raw(VREFINT_UV), raw(SENSOR_UV + 5 * 2
 /// A conversion that is running.
 #[derive(Clone, Copy, Debug)]
 struct Conversion {
-    /// The place of the conversion in the sequence.
+    /// The number of the conversion in the sequence.
     place: u8,
     channel: u8,
     ends: Cycle,
@@ -91,7 +91,7 @@ struct Converter {
     jsqr: u32,
     data: u32,
     running: Option<Conversion>,
-    /// The place in the sequence at which the next trigger begins (discontinuous mode).
+    /// The number of the conversion in the sequence with which the next trigger begins (discontinuous mode).
     next_place: u8,
     request: bool,
     /// Whether the DMA has made its last transfer (DDS = 0).

@@ -78,7 +78,7 @@ fn the_internal_reference_reads_what_the_factory_measured() {
 #[test]
 fn a_timer_starts_a_conversion_where_it_is_selected() {
     let mut rig = Rig::new(Adc::new());
-    // EXTSEL 8 selects TIM3_TRGO, here with its rising edge.
+    // EXTSEL 8 selects TIM3_TRGO; the trigger is its rising edge.
     rig.write(CR2, ADON | 8 << 24 | 1 << 28);
     rig.call(|adc, cx| adc.trigger(Trigger::Trgo(2), cx));
     rig.run(100);

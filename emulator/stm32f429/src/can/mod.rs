@@ -44,10 +44,10 @@ const FULL: u32 = 1 << 3;
 const FOVR: u32 = 1 << 4;
 const RFOM: u32 = 1 << 5;
 
-/// The bits of a frame's tail, which are never stuffed: the delimiter of the CRC, acknowledge with its delimiter, and
-/// end of frame.
+/// The number of bits in a frame's tail, which are never stuffed: the delimiter of the CRC, acknowledge with its
+/// delimiter, and end of frame.
 const TAIL_BITS: u64 = 10;
-/// The bits between two frames.
+/// The number of bits between two frames.
 const INTERMISSION_BITS: u64 = 3;
 
 /// A transmit or receive mailbox: identifier, length (with time and filter) and data.
@@ -78,10 +78,11 @@ pub(crate) struct Can {
     ier: u32,
     btr: u32,
     mailboxes: [Mailbox; 3],
-    /// The order in which the mailboxes were requested.
+    /// The order in which transmission of the mailboxes was requested.
     order: [u64; 3],
     requests: u64,
-    /// The mailbox that is being sent with the end of its frame, and the cycle from which the bus is free.
+    /// The mailbox that is being sent, with the cycle at which its frame ends. The next field is the cycle from which
+    /// the bus is free.
     sending: Option<(usize, Cycle)>,
     free_at: Cycle,
     fifos: [Fifo; 2],
@@ -127,7 +128,7 @@ impl Can {
         u64::from(quanta * ((self.btr & 0x3FF) + 1)) * u64::from(cx.clocks.pclk1)
     }
 
-    /// Whether the controller sees a recessive bus. Loopback disregards the pin (32.5.2), and a pin that is not
+    /// Whether the controller reads a recessive bus. Loopback disregards the pin (32.5.2), and a pin that is not
     /// connected counts as high.
     fn hears_recessive(&self, cx: &Cx) -> bool {
         self.btr & LBKM != 0 || cx.pads.input(Signal::Can(1, CanPin::Rx)).unwrap_or(true)
@@ -160,7 +161,7 @@ impl Can {
             waits.min_by_key(|&nth| self.order[nth])
         } else {
             // The lower identifier wins the arbitration. A standard identifier wins over an extended one that begins
-            // with it.
+            // with the same bits.
             waits.min_by_key(|&nth| {
                 let identifier = self.mailboxes[nth].identifier;
                 let tail = if identifier & IDE != 0 { 1 << 18 | identifier >> 3 & 0x3_FFFF } else { 0 };

@@ -8,13 +8,13 @@
 //! | Reset state | JTAG and SWD pins as in 8.3.2 |
 //! | Alternate functions | The whole of DS9405's table for the peripherals that are modelled |
 //!
-//! `registers` handles the accesses, and this module their effect on the pads.
+//! `registers` handles the accesses to registers, and this module the effect of the registers on the pads.
 //!
 //! The input of a peripheral reads the pad of the pin in alternate mode whose selected function is that input. Where no
 //! pin is connected, each peripheral's module documents what the peripheral sees.
 //!
-//! **Left out.** `OSPEEDR` keeps what is written and has no effect. The two clocks of delay between a pad and `IDR` do
-//! not pass. A pin whose function belongs to a peripheral that is not modelled floats, and makes a finding.
+//! **Left out.** `OSPEEDR` keeps the written value and has no effect. The delay of two clocks between a pad and `IDR`
+//! does not exist here. A pin whose function belongs to a peripheral that is not modelled floats, and makes a finding.
 
 mod registers;
 
@@ -41,27 +41,28 @@ struct Port {
     pupdr: u32,
     odr: u16,
     afr: [u32; 2],
-    /// The state of LCKR: the pins of the sequence, the number of its steps so far, and whether it is complete.
+    /// The state of LCKR: the pins of the lock sequence. The next fields are the number of its steps so far, and
+    /// whether it is complete.
     lock: u16,
     lock_step: u8,
     locked: bool,
 
     /// The index of the signal to which each pin is connected.
     signal: [u8; 16],
-    /// Masks that follow from the configuration: the pins that ODR drives, the pins in analog mode, the open drains,
-    /// and the pulls.
+    /// Masks that follow from the configuration: the pins that ODR drives. The next fields are the pins in analog mode,
+    /// the open drains, and the pulls.
     output: u16,
     analog: u16,
     open_drain: u16,
     pull_up: u16,
     pull_down: u16,
-    /// The pins that a peripheral drives, and their levels.
+    /// The pins that a peripheral drives. The next field is their levels.
     driven_by_signal: u16,
     signal_level: u16,
-    /// The pins that something outside drives, and their levels.
+    /// The pins that the outside drives. The next field is their levels.
     outside: u16,
     outside_level: u16,
-    /// The pads that the port drives, those that it pulls, and their levels.
+    /// The pads that the port drives. The next fields are the pads that it pulls, and the levels of both.
     driven: u16,
     pulled: u16,
     level: u16,
@@ -130,7 +131,7 @@ impl Port {
 #[derive(Clone, Debug)]
 pub(crate) struct Gpio {
     ports: [Port; PORTS],
-    /// What its peripheral drives onto each signal: bit 1 says whether it drives, bit 0 is the level.
+    /// What its peripheral drives onto each signal: bit 1 says whether the peripheral drives, bit 0 is the level.
     signals: [u8; SIGNALS],
     pub(crate) pads: Pads,
     /// The pins whose [`Pad`] changed. The part takes them and reports them.
@@ -187,7 +188,7 @@ impl Gpio {
         gpio
     }
 
-    /// Carries out a system reset of the registers. What the outside drives stays.
+    /// Carries out a system reset of the registers. The outside goes on driving its pins.
     pub(crate) fn reset(&mut self) {
         self.signals = [0; SIGNALS];
         for port in 0..PORTS {
@@ -211,7 +212,7 @@ impl Gpio {
         self.configure(port);
     }
 
-    /// Finds the connections and masks again after a change of the configuration.
+    /// Computes the connections and masks again after a change of the configuration.
     fn configure(&mut self, port: usize) {
         let p = &mut self.ports[port];
         p.output = fields(p.moder, 1);
@@ -239,7 +240,7 @@ impl Gpio {
         self.drive_port(port);
     }
 
-    /// Finds the pins of `signal` again.
+    /// Computes the pins of `signal` again.
     fn connect(&mut self, signal: u8) {
         let mut pins = [None; 2];
         let mut count = 0;
@@ -261,7 +262,7 @@ impl Gpio {
         }
     }
 
-    /// Finds which of the port's pins peripherals drive.
+    /// Computes which of the port's pins peripherals drive.
     fn drive_port(&mut self, port: usize) {
         let p = &mut self.ports[port];
         (p.driven_by_signal, p.signal_level) = (0, 0);
@@ -402,7 +403,7 @@ impl Gpio {
         self.pads.level(pin)
     }
 
-    /// What the part does to `pin`, for a device that was just connected.
+    /// The state in which the part holds `pin`, for a device that was just connected.
     pub(crate) fn pad(&self, pin: Pin) -> Pad {
         self.ports.get(usize::from(pin.port)).map_or(Pad::Floating, |port| port.pad(pin.number & 15))
     }
@@ -414,7 +415,7 @@ impl Gpio {
         if signal == NONE { None } else { SIGNAL[usize::from(signal)] }
     }
 
-    /// Does [`Gpio::settle`] for every port, after a reset.
+    /// Settles every port as [`Gpio::settle`] does, after a reset.
     pub(crate) fn settle_all(&mut self, now: Cycle, out: &mut Effects) {
         for port in 0..PORTS {
             self.settle(port, now, None, out);

@@ -55,7 +55,7 @@ impl Gpio {
                 return;
             }
             6 => {
-                // Zeros do nothing, so lanes that are not written do nothing. Setting wins over clearing, 8.4.7.
+                // Zeros do nothing, so byte lanes that are not written do nothing. Setting wins over clearing, 8.4.7.
                 let bits = merge(0, offset, width, value);
                 p.odr = p.odr & !((bits >> 16) as u16) | bits as u16;
                 self.settle(port, now, pc, out);

@@ -1,4 +1,4 @@
-//! How the I2C reacts to what other devices do to its lines (RM0090 27.3.4 and 27.6.7).
+//! How the I2C reacts to other devices that pull its lines (RM0090 27.3.4 and 27.6.7).
 
 use super::*;
 
@@ -46,7 +46,7 @@ impl I2c {
         }
     }
 
-    /// Continues a held step, if no device holds it any more.
+    /// Continues a step that was held, if no device holds it any more.
     fn resume(&mut self, cx: &mut Cx) {
         let (scl, sda) = self.lines(cx);
         if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
@@ -96,8 +96,8 @@ impl I2c {
         }
     }
 
-    /// Suspends the step under way, so that no bit is sampled meanwhile. [`I2c::began`] then has the time that the step
-    /// has lasted.
+    /// Suspends the step under way, so that no bit is sampled until it continues. [`I2c::began`] then has the time that
+    /// the step has lasted.
     fn hold(&mut self, now: Cycle) {
         self.mark_low(now);
         self.held = Some(self.due.saturating_sub(now));
@@ -105,7 +105,7 @@ impl I2c {
         self.began = now.saturating_sub(self.began);
     }
 
-    /// Notes the bits that were sampled before `now` while SDA was held low.
+    /// Records the bits that were sampled before `now` while SDA was held low.
     pub(super) fn mark_low(&mut self, now: Cycle) {
         let (Some(since), Some(_), None) = (self.low_since, self.step, self.held) else { return };
         for number in 0..9 {
@@ -115,8 +115,8 @@ impl I2c {
         }
     }
 
-    /// Finds the bit at which this I2C will lose arbitration, while SDA is held low: the first bit not sampled before
-    /// `now` that is sent as a one.
+    /// Finds the bit at which this I2C will lose arbitration, while SDA is held low: the first bit that is sent as a
+    /// one and was not sampled before `now`.
     pub(super) fn expect_loss(&mut self, now: Cycle) {
         if self.low_since.is_none() {
             return;
@@ -147,7 +147,7 @@ impl I2c {
         self.goes_on = false;
     }
 
-    /// Begins a step with the lines as they are: a device that holds a line holds this step too.
+    /// Begins a step with the lines as they are: if a device holds a line, it holds this step too.
     pub(super) fn begun(&mut self, cx: &Cx) {
         let (scl, sda) = self.lines(cx);
         self.low = 0;

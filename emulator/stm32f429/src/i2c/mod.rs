@@ -21,12 +21,12 @@
 //!
 //! # Lines
 //!
-//! The pads do not have what this I2C itself drives, since the board gets a transfer in steps ([`I2cEvent`]). They have
-//! what the board drives and, while they are general purpose pins, what software drives; a pull-up belongs to the
-//! board. A line that is low while this I2C drives nothing is therefore held by another device, and `BUSY` follows. A
-//! low level of either line sets it; a stop (SDA rises while SCL is high) and `SWRST` clear it. The release of a held
-//! clock is no stop, and neither is the end of a transfer that `PE` or `ARLO` cut short: `BUSY` then stays until
-//! software resets the I2C.
+//! The levels that this I2C itself drives are not on the pads, since the board gets a transfer in steps ([`I2cEvent`]).
+//! The pads have the levels that the board drives and, while they are general purpose pins, those that software drives;
+//! a pull-up belongs to the board. A line that is low while this I2C drives nothing is therefore held by another
+//! device, and `BUSY` follows. A low level of either line sets `BUSY`; a stop (SDA rises while SCL is high) and `SWRST`
+//! clear it. The release of a held clock is no stop, and neither is the end of a transfer that `PE` or `ARLO` cut
+//! short: `BUSY` then stays set until software resets the I2C.
 //!
 //! Every step (start, address or data byte with its acknowledge, stop) is one event at its end.
 
@@ -101,14 +101,15 @@ pub(crate) struct I2c {
     shifted: u8,
     /// The step under way, and the bus's answer while it stretches the clock.
     step: Option<(Step, Option<I2cAnswer>)>,
-    /// The cycle at which the step under way began, and the cycle since which SDA has been held low in it.
+    /// The cycle at which the step under way began. The next field is the cycle since which SDA has been held low in
+    /// it.
     began: Cycle,
     low_since: Option<Cycle>,
     /// The bits of the step that were sampled while SDA was held low. The first bit of the step is bit 0.
     low: u16,
     /// Whether the arbitration is lost at [`I2c::due`], with the bit under way.
     loses: bool,
-    /// The cycles that remain of a step that another device holds by its clock or, for a stop, by SDA.
+    /// The cycles that remain of a step while another device holds it by the clock or, for a stop, by SDA.
     held: Option<u64>,
     due: Cycle,
     /// Whether the next byte is not acknowledged, since the DMA has signalled EOT_1.
@@ -119,7 +120,7 @@ pub(crate) struct I2c {
     status_read: bool,
     /// The acknowledge bit that POS delays by a byte.
     held_ack: bool,
-    /// Whether the receiver continues with another byte, since the last one was acknowledged.
+    /// Whether the receiver continues with another byte, because it acknowledged the last one.
     goes_on: bool,
     pclk: u32,
 }

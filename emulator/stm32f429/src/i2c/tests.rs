@@ -1,4 +1,4 @@
-//! Tests of transfers as the manual describes them, and of what disturbs them.
+//! Tests of transfers as the manual describes them, and of transfers that other devices disturb.
 
 use super::*;
 use crate::rig::Rig;

@@ -16,8 +16,8 @@
 //! A rate beyond a limit of the data sheet works in the part but makes a finding: HCLK over what the voltage scale and
 //! over-drive allow, and PCLK1 and PCLK2 over their limits (DS9405, general operating conditions).
 //!
-//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables keep what is written and have no effect. The MCO pins
-//! do not toggle, which is a finding when `CFGR` is written while one is connected. Accesses within the two clocks
+//! **Left out.** Spread spectrum (`SSCGR`) and low-power enables keep the written values and have no effect. The MCO
+//! pins do not toggle, which is a finding when `CFGR` is written while one is connected. Accesses within the two clocks
 //! after the enabling of a peripheral's clock (ES0206 2.2.7) work. The clock security system detects a failure in no
 //! time.
 
@@ -79,7 +79,7 @@ const PLLI2S: usize = 5;
 const PLLSAI: usize = 6;
 
 /// The start-up times in nanoseconds, DS9405: LSI at most 40 µs, LSE 2 s typical, HSI at most 4 µs, HSE with a crystal
-/// 2 ms typical. The PLLs need 75 µs to 300 µs, of which 200 µs are taken.
+/// 2 ms typical. The PLLs need 75 µs to 300 µs; the model takes 200 µs.
 const START_NS: [u64; 7] = [40_000, 2_000_000_000, 4_000, 2_000_000, 200_000, 200_000, 200_000];
 /// The cycles until HSE is ready in bypass. RM0090 says only that HSERDY falls after six cycles; the same number is
 /// taken for its rise.
@@ -105,7 +105,8 @@ const DCKCFGR: u32 = 0x8C / 4;
 const RESETS: [u32; 5] = [0x10 / 4, 0x14 / 4, 0x18 / 4, 0x20 / 4, 0x24 / 4];
 const ENABLES: [u32; 5] = [0x30 / 4, 0x34 / 4, 0x38 / 4, 0x40 / 4, 0x44 / 4];
 const LOW_POWER: [u32; 5] = [0x50 / 4, 0x54 / 4, 0x58 / 4, 0x60 / 4, 0x64 / 4];
-/// The bits that exist in these registers, 7.3.5 to 7.3.14.
+/// The bits that exist in the reset registers. The next constants are those of the enable and the low-power enable
+/// registers, 7.3.5 to 7.3.14.
 const RESET_BITS: [u32; 5] = [0x22E0_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7933];
 const ENABLE_BITS: [u32; 5] = [0x7EF4_17FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
 const LOW_POWER_BITS: [u32; 5] = [0x7EF7_97FF, 0x0000_00F1, 1, 0xF6FE_C9FF, 0x0477_7F33];
@@ -125,12 +126,12 @@ pub(crate) struct Gate {
 struct Rate {
     num: u128,
     den: u128,
-    /// The nominal rate, rounded down, and the error of the clock's source.
+    /// The nominal rate, rounded down. The next field is the error of the clock's source.
     hz: u64,
     ppb: i64,
 }
 
-/// The settings of the power controller that matter to the clocks.
+/// The settings of the power controller on which the clocks depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Supply {
     /// The field `PWR_CR.VOS`, 1 to 3.

@@ -120,7 +120,7 @@ impl Rcc {
         }
         self.hse_there = true;
         if self.stopped && self.system != 0 {
-            // A system that stood still goes on.
+            // A system that stood still for lack of HSE continues.
             self.cr |= HSERDY;
             if self.system == 2 {
                 self.cr |= PLLRDY;

@@ -41,7 +41,7 @@ fn gcd(mut a: u128, mut b: u128) -> u128 {
 }
 
 impl Rcc {
-    /// The rate of HSE (if `hse`) or HSI, `None` if HSE does not run.
+    /// The rate of HSE (if `hse` is true) or of HSI; `None` if HSE does not run.
     fn source(&self, hse: bool) -> Option<Rate> {
         if hse {
             let hz = self.oscillators.hse_hz?;

@@ -81,11 +81,12 @@ pub(crate) struct Rtc {
     backup: [u32; 20],
     /// The number of steps of the key that were written to WPR; 2 unlocks.
     key: u8,
-    /// The values of TR and DR that a read has locked.
+    /// The value of TR that a read has locked, and the value of DR.
     locked: (Option<u32>, Option<u32>),
 
     clock: Ratio,
-    /// The cycle from which RTC clocks are counted, and the number of those that are already accounted for.
+    /// The cycle from which RTC clocks are counted. The next field is the number of those that are already accounted
+    /// for.
     origin: Cycle,
     counted: u64,
     /// The number of RTC clocks since the reset.
@@ -160,7 +161,7 @@ impl Rtc {
         self.total += ticks;
         if self.total >= self.initialises_at {
             self.initialises_at = NEVER;
-            // The calendar stops at this RTC clock, so the clocks that ran past it do not count for it.
+            // The calendar stops at this RTC clock, so clocks that passed after it do not count for the calendar.
             self.isr |= INITF;
         } else if !self.is_initialising() {
             self.phase += ticks;
@@ -304,7 +305,7 @@ impl Rtc {
         }
         self.cr = value;
         if value & WUTE != 0 && before & WUTE == 0 {
-            // A wake-up timer on the calendar's clock counts the calendar's seconds.
+            // If the wake-up timer runs on the calendar's clock, it counts the calendar's seconds.
             let from = if value & 4 != 0 { self.total - self.phase.min(self.total) } else { self.total };
             self.wakes_at = from + self.wakeup_period();
         } else if value & WUTE == 0 {

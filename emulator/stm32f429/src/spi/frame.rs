@@ -34,7 +34,7 @@ impl Spi {
 
     /// The cycle of the next PCLK edge.
     pub(super) fn edge(&self, now: Cycle) -> Cycle {
-        // The ratio is a power of two.
+        // The number of core cycles of a PCLK cycle is a power of two.
         let step = u64::from(self.pclk);
         (now + step - 1) & !(step - 1)
     }

@@ -11,7 +11,7 @@
 //! **Left out, each a finding when it is used:** slave mode (nothing outside the part clocks it), I2S, the TI frame
 //! format, the CRC that the end of a DMA transfer sends.
 //!
-//! `frame` models the shift register, and this module the registers around it.
+//! `frame` models the shift register, and this module the registers around the shift register.
 //!
 //! # Time
 //!
@@ -135,7 +135,7 @@ impl Spi {
         if self.cr1 & DFF != 0 { 0xFFFF } else { 0xFF }
     }
 
-    /// Whether the mode clocks without anything to send.
+    /// Whether the SPI clocks without data to send, because its mode only receives.
     fn receives_only(&self) -> bool {
         if self.cr1 & BIDIMODE != 0 { self.cr1 & BIDIOE == 0 } else { self.cr1 & RXONLY != 0 }
     }
@@ -144,7 +144,7 @@ impl Spi {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
 
-    /// The level at the slave select input, see 28.3.1. An input without a connected pin is low.
+    /// The level at the slave select input, see 28.3.1. Without a connected pin the level is low.
     fn select_is_high(&self, cx: &Cx) -> bool {
         if self.cr1 & SSM != 0 { self.cr1 & SSI != 0 } else { cx.pads.input(self.signal(SpiPin::Nss)).unwrap_or(false) }
     }
@@ -180,7 +180,7 @@ impl Spi {
     fn write_cr1(&mut self, value: u32, cx: &mut Cx) {
         let mut value = value & 0xFFFF;
         if self.sr & MODF != 0 {
-            // Neither bit can be set until the clearing sequence is complete. This write is its last step.
+            // Neither bit can be set until the clearing sequence is complete. This write is the sequence's last step.
             value &= !(SPE | MSTR);
             if self.fault_read {
                 self.sr &= !MODF;
@@ -273,7 +273,7 @@ impl Peripheral for Spi {
                 self.check_mode_fault(cx);
                 self.drive((self.cr1, before), cx);
             }
-            // Only CRCERR can be written, and only to zero.
+            // Software can write only CRCERR in SR, and only to zero.
             0x08 => self.sr &= value | !CRCERR,
             0x0C => {
                 self.tx = value as u16 & self.mask();
@@ -332,7 +332,7 @@ impl Peripheral for Spi {
         let apb2 = matches!(self.number, 1 | 4 | 5 | 6);
         self.pclk = if apb2 { cx.clocks.pclk2 } else { cx.clocks.pclk1 };
         if let Some(flight) = &mut self.flight {
-            // The rest of the frame continues at the new rate.
+            // After a change of PCLK the rest of the frame continues at the new rate.
             let was = u64::from(if apb2 { old.pclk2 } else { old.pclk1 });
             let left = flight.ends.saturating_sub(cx.now).div_ceil(was);
             flight.ends = cx.now + left * u64::from(self.pclk);

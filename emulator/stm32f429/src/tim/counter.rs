@@ -1,13 +1,13 @@
 //! The counter: its value, its direction, the ends of its range, and updates (RM0090 17.3.1 to 17.3.4).
 //!
-//! [`Tim::sync`] brings the counter up to date and leaps from one count at which something happens to the next.
+//! [`Tim::sync`] brings the counter up to date: it moves from one count at which something happens to the next.
 //! [`Tim::plan`] decides when such a count has to be an event of its own.
 
 use super::*;
 
 impl Tim {
-    /// The number of counts to the next one at which something happens: a compare match or an end of the range. `None`
-    /// if the counter stands still.
+    /// The number of counts until something next happens: a compare match or an end of the range. `None` if the counter
+    /// stands still.
     fn to_next(&self) -> Option<u64> {
         let mut least = self.to_end()?;
         for channel in 0..self.channels() {
@@ -38,7 +38,7 @@ impl Tim {
         })
     }
 
-    /// The number of counts to a channel's match, if it comes before that end.
+    /// The number of counts to a channel's match, if the match comes before the end of the range.
     #[inline]
     fn to_match(&self, channel: usize) -> Option<u64> {
         let (cnt, at) = (self.cnt, self.ccr_now[channel]);
@@ -164,7 +164,7 @@ impl Tim {
         }
         let mut clocks = tick - self.tick + u64::from(self.prescale);
         self.tick = tick;
-        // The variable counts the ends of the range since the start. Once everything that repeats has happened, whole
+        // The variable is the number of range ends since the start. Once everything that repeats has happened, whole
         // periods are skipped.
         let mut ends = 0;
         loop {
@@ -207,7 +207,7 @@ impl Tim {
         if self.div == 1 { now } else { now / self.div }
     }
 
-    /// Finds when something visible happens next.
+    /// Computes when something that others can observe happens next.
     pub(super) fn plan(&mut self) {
         self.plan_counter();
         for end in self.dead_until {

@@ -15,15 +15,15 @@
 //!
 //! **Left out, each a finding when it is set up:** the commutation event (`CCPC`, `COMG`), the external clear of a
 //! reference (`OCxCE`), the option registers, the gated mode on another timer's trigger, `LOCK`. No dead time passes
-//! before the outputs take their idle levels. The input filters are taken as off.
+//! before the outputs take their idle levels. The input filters count as off.
 //!
 //! # Time
 //!
-//! The counter is not stepped: its value is computed from the timer clock cycles since the last access. Only what
-//! others can see (an interrupt, a DMA request, a pin, another timer) is an event at its own cycle. Flags that are only
-//! polled are brought up to date when they are read. A compare flag rises in the timer clock cycle in which the counter
-//! takes the compare value. If software writes a compare value that equals the counter, it matches when the counter
-//! next takes that value.
+//! The counter is not stepped: its value is computed from the timer clock cycles since the last access. Only effects
+//! that others can observe (an interrupt, a DMA request, a pin, another timer) are events at their own cycles. Flags
+//! that are only polled are brought up to date when they are read. A compare flag rises in the timer clock cycle in
+//! which the counter takes the compare value. If software writes a compare value that equals the counter, the value
+//! matches when the counter next takes it.
 
 mod capture;
 mod compare;
@@ -90,7 +90,7 @@ pub(crate) struct Kind {
     largest: u32,
     /// Whether the timer has repetition, break and complementary outputs, as TIM1 and TIM8 do.
     advanced: bool,
-    /// Whether the timer counts down and centre-aligned.
+    /// Whether the timer can count down and centre-aligned.
     downward: bool,
     /// Whether the timer has a slave mode controller.
     slave: bool,
@@ -130,7 +130,7 @@ pub(crate) struct Tim {
     bdtr: u32,
     dcr: u32,
     or: u32,
-    /// The register values as written. The values in force follow below.
+    /// The register values as written. The values in force follow below them.
     psc: u32,
     arr: u32,
     rcr: u32,
@@ -143,7 +143,7 @@ pub(crate) struct Tim {
 
     /// The core cycles of one timer clock cycle.
     div: u64,
-    /// The timer clock cycle for which the counter below is right.
+    /// The timer clock cycle for which the fields of the counter below are right.
     tick: u64,
     /// The number of timer clocks since the last count.
     prescale: u32,
@@ -155,21 +155,22 @@ pub(crate) struct Tim {
     inputs: [bool; 6],
     /// Whether the trigger input is high (gated mode).
     gate: bool,
-    /// The edges counted by the input prescalers, and by that of ETR.
+    /// The edges counted by the input prescalers of channels 1 to 4, and by that of ETR.
     edges: [u8; 5],
     requests: u32,
-    /// The number of transfers left in a DMA burst, and the next register of the burst.
+    /// The number of transfers left in a DMA burst. The next field is the next register of the burst.
     burst_left: u32,
     burst_next: u32,
-    /// Rising edges of the trigger output, or its level in the modes that have one, that were not reported yet.
+    /// The number of rising edges of the trigger output that were not reported yet. The next field is the output's
+    /// level, in the modes in which it has one.
     trigger_pulses: u8,
     trigger_level: bool,
-    /// The outputs, references and trigger level that were last reported.
+    /// The outputs that were last reported. The next fields are the references and the trigger level.
     told: Outputs,
     told_references: u8,
     told_level: bool,
-    /// The cycle at which the dead time of each complementary pair ends, `NEVER` where none runs; and the references
-    /// for which it was last computed.
+    /// The cycle at which the dead time of each complementary pair ends, `NEVER` where none runs. The next field is the
+    /// references for which it was last computed.
     dead_until: [Cycle; 3],
     dead_references: u8,
     due: Cycle,
@@ -275,7 +276,7 @@ impl Tim {
         !self.is_input(channel) && self.ccer >> (4 * channel) & 5 != 0
     }
 
-    /// Raises a DMA request, whose burst begins anew.
+    /// Raises a DMA request. If it has a burst, the burst begins anew.
     #[inline]
     fn request(&mut self, line: u32) {
         self.requests |= line;
@@ -342,7 +343,7 @@ impl Peripheral for Tim {
 
     fn clocks_changed(&mut self, _: &Clocks, cx: &mut Cx) {
         self.sync(cx.now);
-        // A counter that has just been enabled starts one clock later, which has to be preserved.
+        // A counter that has just been enabled starts one clock later; this delay has to be preserved.
         let ahead = self.tick - self.ticks(cx.now);
         self.div = u64::from(if matches!(self.kind.number, 1 | 8..=11) { cx.clocks.tim2 } else { cx.clocks.tim1 });
         self.tick = self.ticks(cx.now) + ahead;

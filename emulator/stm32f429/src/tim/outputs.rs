@@ -41,8 +41,8 @@ impl Tim {
         (steps << (self.cr1 >> 8 & 3).min(2)) * self.div
     }
 
-    /// Starts a dead time at each edge of a reference: the output that was on goes off at once, and the other one goes
-    /// on after the dead time.
+    /// Starts a dead time at each edge of a reference: the output that was on goes off at once, and the other output
+    /// goes on after the dead time.
     fn follow_dead_time(&mut self, now: Cycle) {
         let time = self.dead_time();
         for channel in 0..3 {

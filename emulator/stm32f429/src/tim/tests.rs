@@ -25,8 +25,8 @@ fn rig(number: u8) -> Rig<Tim> {
     Rig::new(Tim::new(number))
 }
 
-/// The cycles up to `to` at which the interrupt output was high, and the enabled flags that were set; each time all
-/// flags are cleared. (An unused channel has the compare value zero, so its flag rises too.)
+/// The cycles up to `to` at which the interrupt output was high, and the enabled flags that were set then; all flags
+/// are cleared each time. (An unused channel has the compare value zero, so its flag rises too.)
 fn interrupts(rig: &mut Rig<Tim>, to: Cycle) -> Vec<(Cycle, u32)> {
     let mut seen = Vec::new();
     while rig.instance.due() <= to {
@@ -225,7 +225,7 @@ fn an_advanced_timer_drives_nothing_without_its_main_output_enable() {
     assert!(rig.out.outputs.is_empty());
     rig.write(BDTR, MOE);
     let driven: Vec<_> = rig.out.outputs.iter().map(|&(_, signal, level)| (signal, level)).collect();
-    // 99 counts later the counter is at 9.
+    // After 99 counts the counter is at 9.
     let pins = [(TimPin::Ch1, false), (TimPin::Ch1N, true)];
     assert_eq!(driven, pins.map(|(pin, level)| (Signal::Tim(1, pin), Some(level))));
 }
@@ -364,7 +364,7 @@ proptest::proptest! {
         rig.write(SR, 0);
         rig.write(CR1, control & 0x7E | CEN);
         rig.run(later.2);
-        // Preloaded values of these registers may wait for an update.
+        // Preloaded values of PSC and ARR may have to wait for an update.
         rig.write(PSC, later.0);
         rig.write(ARR, later.1);
         let mut stepped = rig.clone();

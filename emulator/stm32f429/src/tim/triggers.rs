@@ -1,5 +1,5 @@
-//! How a timer follows anything but its own clock: the slave modes, the encoder, the external clocks (RM0090 17.3.16,
-//! 17.3.20, `TIMx_SMCR` in 17.4.3); and the trigger output.
+//! How a timer follows signals other than its own clock: the slave modes, the encoder, the external clocks (RM0090
+//! 17.3.16, 17.3.20, `TIMx_SMCR` in 17.4.3); and the trigger output.
 
 use super::*;
 

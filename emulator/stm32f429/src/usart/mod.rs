@@ -13,13 +13,13 @@
 //! # Reception
 //!
 //! A frame from outside is a waveform. The receiver samples each bit at its own rate, counted from the falling edge of
-//! the start bit: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). Another baud rate, parity or length on
-//! the line therefore gives the bytes and flags that it gives on silicon. A byte is available at the last sample of its
-//! stop bit. After that the receiver looks for the next falling edge. After the last frame that it got, it samples an
-//! idle line.
+//! the start bit: at the 8th, 9th and 10th sixteenth (OVER8: 4th to 6th eighth). So a sender with another baud rate,
+//! parity or length gives the same bytes and flags as on silicon. A byte is available at the last sample of its stop
+//! bit. After that the receiver looks for the next falling edge. After the last frame that it got, it samples an idle
+//! line.
 //!
-//! `IDLE` rises a whole frame and one bit after the end of the last stop bit. The extra bit is this model's, so that a
-//! frame that the receiver gets only at the frame's end comes in time.
+//! `IDLE` rises a whole frame and one bit after the end of the last stop bit. The extra bit is an addition of this
+//! model, so that a frame that the receiver gets only at the frame's end comes in time.
 
 mod receiver;
 #[cfg(test)]
@@ -107,7 +107,7 @@ pub(crate) struct Usart {
     rdr: u16,
     /// The flags that the last read of SR returned. The next read or write of DR clears these.
     shown: u32,
-    /// The core cycles of a PCLK cycle and of a bit; the latter is 0 if BRR gives no baud rate.
+    /// The core cycles of a PCLK cycle. The next field is those of a bit; it is 0 if BRR gives no baud rate.
     pclk: u32,
     bit: u64,
     /// The length of a bit in picoseconds, 0 while it is not known.
@@ -115,7 +115,7 @@ pub(crate) struct Usart {
     sending: Option<Sending>,
     /// The frames on the line, oldest first.
     waves: VecDeque<Wave>,
-    /// The bit length of the last wave, in picoseconds and in cycles. It is kept since the conversion is slow.
+    /// The bit length of the last waveform, in picoseconds and in cycles. It is kept since the conversion is slow.
     known_bit: (u64, u64),
     /// The cycle of the start bit's edge of the frame that is being received.
     receiving: Option<Cycle>,
@@ -158,7 +158,7 @@ impl Usart {
     }
 
     /// Whether a frame with data is being sent, during which M must not change (RM0090 30.6.4). The idle frame that
-    /// `TE` sends does not count, and settings made during it hold for the first frame after it.
+    /// `TE` sends does not count, and settings made during that idle frame hold for the first frame after it.
     fn sends_data(&self) -> bool {
         self.sending.is_some_and(|sending| sending.data.is_some())
     }
@@ -359,7 +359,7 @@ impl Peripheral for Usart {
         {
             sending.ends = cx.now + sending.ends.saturating_sub(cx.now) * self.bit / was;
         }
-        // The line keeps its timing in seconds, which is now another number of core cycles.
+        // The line keeps its timing in seconds, which is another number of core cycles after the change.
         let (new_hz, old_hz) = (u128::from(cx.clocks.hclk_hz), u128::from(old.hclk_hz.max(1)));
         let scaled = |cycles: u64| (u128::from(cycles) * new_hz / old_hz) as u64;
         let moved = |at: Cycle| {

@@ -11,7 +11,7 @@ impl Wave {
     /// The first falling edge at or after `from`.
     fn falling(&self, from: Cycle) -> Option<Cycle> {
         let mut edges = !self.levels & (self.levels << 1 | 1);
-        // Usually the first edge is wanted, or the frame is over.
+        // In most calls the first edge is wanted, or the frame is over.
         let at = |index: u32| self.begins + (u64::from(index) * self.bit).div_ceil(1 << FRACTION);
         if edges == 0 || at(31 - edges.leading_zeros()) < from {
             return None;
@@ -27,7 +27,7 @@ impl Wave {
 }
 
 impl Usart {
-    /// Receives a frame on the RX pin, whose start bit's edge is at `begins`.
+    /// Receives a frame on the RX pin. The falling edge of the frame's start bit is at `begins`.
     pub(crate) fn receive(&mut self, begins: Cycle, frame: &UartFrame, cx: &mut Cx) {
         if !self.is_on(RE) {
             return;
@@ -93,8 +93,8 @@ impl Usart {
         (ones >= 2, ones == 1 || ones == 2)
     }
 
-    /// The bits of the frame whose start bit began at `edge`: data with parity, the stop bit, and noise. `None` if it
-    /// was no start bit.
+    /// The bits of the frame whose start bit began at `edge`: data with parity, the stop bit, and noise. `None` if the
+    /// low level was no start bit.
     pub(super) fn sampled(&self, edge: Cycle) -> Option<(u16, bool, bool)> {
         let bits = self.data_bits();
         if let Some(wave) = self.waves.front()

@@ -164,8 +164,8 @@ fn the_first_byte_waits_for_the_transmitters_idle_frame() {
     assert_eq!(rig.lines.uart[0].0, 320);
 }
 
-/// Settings made during the idle frame that `TE` sends are in time, since that frame is no data. Settings made during a
-/// data frame are not.
+/// Settings made during the idle frame that `TE` sends are in time, since an idle frame is no data. Settings made
+/// during a data frame are too late.
 #[test]
 fn a_change_of_length_or_baud_rate_during_data_is_reported() {
     let changes = [(CR1, UE | TE | M), (CR1, UE | TE | OVER8), (BRR, 32)];
@@ -230,7 +230,7 @@ fn what_the_reference_sampling_gives_is_what_the_short_way_gives() {
             let mut rig = rig();
             tell(&mut rig, 2000, &UartFrame::eight_n_one(data, baud));
             let short = rig.instance.sampled(2000);
-            // A second wave near the last sample prevents the receiver's short way.
+            // A second waveform near the last sample keeps the receiver from its short computation.
             let blank = Wave { begins: 2000, ends: 2000, bit: 1, levels: u32::MAX };
             rig.instance.waves.push_back(blank);
             assert_eq!(rig.instance.sampled(2000), short, "{baud} {data:#x}");

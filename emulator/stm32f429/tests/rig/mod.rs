@@ -1,4 +1,4 @@
-//! A test rig with the whole part: register accesses as firmware makes them, without a core.
+//! A test bench with the whole part: register accesses as firmware makes them, without a core.
 #![allow(missing_docs, unreachable_pub, reason = "it is a part of the tests")]
 
 use cortex_m4::{Access, BusError, Purpose, Width};

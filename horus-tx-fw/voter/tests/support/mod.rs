@@ -1,12 +1,12 @@
-//! Decision 15 written a second time, to be read and not to be fast: float64, positions in space, lists of receivers,
-//! and the numbers as the decision has them.
+//! Implements decision 15 a second time, to be easily read and not to be fast: float64, positions in space, lists of
+//! receivers, and the numbers as the decision has them.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
 use std::cmp::Ordering;
 
 use horus_voter::{Fix, Input, Stated};
 
-/// What a receiver says, before it becomes the voter's own type.
+/// What a receiver sends, before it becomes the voter's own type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Report {
     pub(crate) valid: bool,
@@ -46,7 +46,7 @@ impl Report {
         }
     }
 
-    /// Returns the same report, `north` and `east` metres away.
+    /// Returns a copy of the report, `north` and `east` metres away.
     pub(crate) fn moved(self, north: f64, east: f64) -> Self {
         let here = Place::of(&self.stated, self.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
         let (latitude, longitude) = geodetic(here.at(north, east));
@@ -58,7 +58,7 @@ impl Report {
         Self { stated, ..self }
     }
 
-    /// Returns the same report, with an altitude that is `metres` higher.
+    /// Returns a copy of the report with an altitude that is `metres` higher.
     pub(crate) fn raised(mut self, metres: f64) -> Self {
         self.stated.altitude_mm = self.stated.altitude_mm.map(|mm| mm + (metres * 1e3) as i32);
         self
@@ -117,7 +117,7 @@ fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// A place in space, with its directions north and east.
+/// A place in space, with the directions north and east at it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: Vector,
@@ -131,7 +131,7 @@ const B: f64 = 6_356_752.314_245_179;
 impl Place {
     pub(crate) fn new(latitude: f64, longitude: f64, height: f64) -> Self {
         let ((sp, cp), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
-        // The radii are computed from both axes, not from the eccentricity.
+        // The radii are computed from both axes of the ellipsoid, not from its eccentricity as in the voter.
         let root = (A * A * cp * cp + B * B * sp * sp).sqrt();
         let (equator, axis) = (A * A / root + height, B * B / root + height);
         Self {
@@ -145,12 +145,12 @@ impl Place {
         Self::new(f64::from(stated.latitude_e7) / 1e7, f64::from(stated.longitude_e7) / 1e7, height)
     }
 
-    /// Returns the point that lies this many metres north and east.
+    /// Returns the point that lies `north` and `east` metres from this place.
     pub(crate) fn at(&self, north: f64, east: f64) -> Vector {
         [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
     }
 
-    /// Returns the metres north and east to a point, and the distance to it.
+    /// Returns the metres north and east from this place to a point, and the distance to it.
     pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
         let d = minus(point, self.at);
         (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
@@ -172,16 +172,16 @@ pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
     ((low + high) / 2.0, y.atan2(x).to_degrees())
 }
 
-/// The result of the second voter.
+/// The result of a vote of the second implementation.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Opinion {
     pub(crate) members: Vec<usize>,
     pub(crate) excluded: Vec<usize>,
-    /// The place in space at height 0, and the height.
+    /// The place of the result in space at height 0, and its height.
     pub(crate) position: Option<(Vector, Option<f64>)>,
     pub(crate) attitude: Option<[f64; 3]>,
     pub(crate) acceleration: Option<[f64; 3]>,
-    /// Whether some decision was so narrow that rounding may turn it.
+    /// Whether some decision of the vote was so narrow that rounding may turn it.
     pub(crate) narrow: bool,
 }
 
@@ -193,7 +193,7 @@ pub(crate) struct Oracle {
     heights: Jumps<Level>,
 }
 
-/// Where a result is, degrees, at the height of its first member; and the accuracy of its worst member, m.
+/// The place of a result, degrees, at the height of its first member; and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spot {
     degrees: (f64, f64),
@@ -201,7 +201,7 @@ struct Spot {
     accuracy: f64,
 }
 
-/// How high a result is, and the accuracy of its worst member, m.
+/// The altitude of a result, and the accuracy of its worst member, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     height: f64,
@@ -209,7 +209,7 @@ struct Level {
 }
 
 trait Moves: Copy {
-    /// Returns the distance from here to there, and how far two receivers that agree may be apart, m.
+    /// Returns the distance from this value to `next`, and how far two receivers that agree may be apart, m.
     fn way(&self, next: &Self) -> (f64, f64);
 }
 
@@ -227,7 +227,7 @@ impl Moves for Level {
     }
 }
 
-/// The result that was shown last, and every one since that was held back and led to the next, each with its tick.
+/// The result that was shown last, and each later one that was held back and led to the next, all with their ticks.
 #[derive(Clone, Debug)]
 struct Jumps<T> {
     shown: Option<(u32, T)>,
@@ -241,7 +241,7 @@ impl<T> Default for Jumps<T> {
 }
 
 impl<T: Moves> Jumps<T> {
-    /// Returns what of `found` is shown at `now`, if `may_show` allows it.
+    /// Returns the part of `found` that is shown at `now`, if `may_show` allows it.
     fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
         let Some(found) = found else {
             self.held.clear();
@@ -268,14 +268,14 @@ impl<T: Moves> Jumps<T> {
     }
 }
 
-/// Returns how far one angle is from another on the circle, rad.
+/// Returns the difference from one angle to another on the circle, rad.
 fn turn(from: f64, to: f64) -> f64 {
     let (sine, cosine) = (to - from).sin_cos();
     sine.atan2(cosine)
 }
 
-/// Returns the median of each of three numbers, if at least `least` receivers have them and no two differ by more than
-/// `limits`; `difference` is the difference from one number to the other.
+/// Returns the median of each of three numbers, if at least `least` receivers have them and no two receivers differ by
+/// more than `limits`; `difference` gives the difference from one number to another.
 fn agreed(
     of: &[[f32; 3]],
     least: usize,
@@ -388,7 +388,7 @@ impl Oracle {
             members.clear();
         }
 
-        // This is what the tick says of the receivers that were excluded.
+        // The verdict of a tick also names the receivers that were excluded before it.
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
         let mut next = Vec::new();
         for (who, since) in &self.excluded {
@@ -431,9 +431,9 @@ impl Oracle {
     }
 }
 
-/// Returns the age of each position at the tick, s: 50 ms for the candidate whose message came in the middle after its
-/// time of week, as much more or less for another as its message came later or sooner, and 50 ms again where the
-/// difference is above 50 ms.
+/// Returns the age of each position at the tick, s: 50 ms for the candidate whose message has the median delay after
+/// its time of week; as much more or less for another candidate as its message came later or sooner; and 50 ms again
+/// where the difference is above 50 ms.
 fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     const WEEK: f64 = 604_800.0;
     let lag = |i: usize| {
@@ -443,7 +443,7 @@ fn ages(report: &[Report], candidates: &[usize]) -> Vec<f64> {
     let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
     let latency = |i: usize| {
         let off = middle.map_or(0.0, |middle| lag(i) - middle);
-        // The ages are half milliseconds, for which float64 is exact enough.
+        // The ages are multiples of half a millisecond, for which float64 is exact enough.
         0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
     };
     report
@@ -459,12 +459,12 @@ fn middle(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[half] } else { f64::midpoint(values[half - 1], values[half]) }
 }
 
-/// Returns the receivers of a mask.
+/// Returns the numbers of the receivers in a mask.
 pub(crate) fn listed(mask: u8) -> Vec<usize> {
     (0..8).filter(|i| mask >> i & 1 == 1).collect()
 }
 
-/// Returns how far apart two results are over ground, m; each is given in degrees.
+/// Returns the distance of two results over ground, m; each is given in degrees.
 pub(crate) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
     Place::new(a.0, a.1, 0.0).to(Place::new(b.0, b.1, 0.0).at).2
 }

@@ -3,7 +3,7 @@
 //! The host computes the expected values. Its `f32` operation rounds to nearest, and `f64` arithmetic that is exact for
 //! these operands tells on which side of the rounded result the exact one lies. The result and the flags in each
 //! rounding mode, with or without flush-to-zero, follow from these two. Both ways in `arith`, the host's arithmetic and
-//! the integer one, must give exactly those.
+//! the integer arithmetic, must give exactly those.
 
 use std::cmp::Ordering;
 
@@ -32,8 +32,8 @@ impl Random {
         (self.next() >> 32) % limit
     }
 
-    /// Draws an operand: any bits, or a number with an exponent close to others and few or many bits set, or an edge
-    /// case with a bit or two changed.
+    /// Draws an operand: any bits; a number with an exponent close to others and few or many bits set; or an edge case
+    /// with a bit or two changed.
     fn operand(&mut self) -> u32 {
         const EDGES: [u32; 14] = [
             0,
@@ -78,7 +78,7 @@ impl Random {
 /// What the host computes about an exact result.
 struct Truth {
     nearest: f32,
-    /// How the exact result compares with `nearest`.
+    /// How the exact result compares with the rounded one, `nearest`.
     order: Ordering,
     /// Whether the exact magnitude is below the least normal number and not zero.
     tiny: bool,

@@ -171,7 +171,7 @@ fn bus_faults_are_ignored_in_hard_fault_with_bfhfnmign() {
     assert!(core.locked_up);
 }
 
-/// Firmware finds out in this way whether anything answers at an address: it sets FAULTMASK and BFHFNMIGN, loads from
+/// Firmware finds out whether anything answers at an address in this way: it sets FAULTMASK and BFHFNMIGN, loads from
 /// the address, and checks BFARVALID.
 #[test]
 fn an_ignored_bus_fault_is_told_by_cfsr_and_bfar() {

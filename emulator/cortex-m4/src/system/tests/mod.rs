@@ -1,4 +1,5 @@
-//! Tests of exceptions and of the system control space. They execute no instructions and call what the run loop calls.
+//! Tests of exceptions and of the system control space. They execute no instructions, but call the functions that the
+//! run loop calls.
 
 mod debug;
 mod entry;
