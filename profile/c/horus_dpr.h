@@ -349,14 +349,20 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 #define HORUS_DPR_LINK_RESET_SHIFT       12U     /* how far to shift that code down */
 
 /* Port-Status. */
-#define HORUS_DPR_PORT_BASE_STATION_FRESH      0x0001U /* its uplink is shown */
-#define HORUS_DPR_PORT_FLIGHT_CONTROLLER_FRESH 0x0002U /* its uplink is shown */
-#define HORUS_DPR_PORT_LAST_REFUSED            0x0004U /* the last uplink or command was refused */
-#define HORUS_DPR_PORT_SELF_TEST_RUNNING       0x0008U /* a self-test is under way */
-#define HORUS_DPR_PORT_SELF_TEST_PASSED        0x0010U /* the last one found nothing */
-#define HORUS_DPR_PORT_SELF_TEST_FAILED        0x0020U /* the last one found a fault */
-#define HORUS_DPR_PORT_BUFFERS_OUT_OF_USE      0x0040U /* a buffer or image is out of use */
-#define HORUS_DPR_PORT_USED                    0x007FU /* the bits that have a meaning */
+#define HORUS_DPR_PORT_BASE_STATION_FRESH        0x0001U /* its uplink is shown */
+#define HORUS_DPR_PORT_FLIGHT_CONTROLLER_FRESH   0x0002U /* its uplink is shown */
+#define HORUS_DPR_PORT_LAST_REFUSED              0x0004U /* the last uplink or command was refused */
+#define HORUS_DPR_PORT_SELF_TEST_RUNNING         0x0008U /* a self-test is under way */
+#define HORUS_DPR_PORT_SELF_TEST_PASSED          0x0010U /* the last one found nothing */
+#define HORUS_DPR_PORT_SELF_TEST_FAILED          0x0020U /* the last one found a fault */
+#define HORUS_DPR_PORT_BUFFERS_OUT_OF_USE        0x0040U /* a buffer or image is out of use */
+#define HORUS_DPR_PORT_HOLD_HEARD                0x0080U /* a frame of the hold came in the last 300 ms */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED             0x0100U /* the last one was accepted */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED_COUNT_MASK  0x1E00U /* objects of the hold accepted, mod 16 */
+#define HORUS_DPR_PORT_HOLD_REJECTED_COUNT_MASK  0xE000U /* frames of the hold rejected, mod 8 */
+#define HORUS_DPR_PORT_USED                      0xFFFFU /* the bits that have a meaning */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED_COUNT_SHIFT 9U      /* how far to shift that code down */
+#define HORUS_DPR_PORT_HOLD_REJECTED_COUNT_SHIFT 13U     /* how far to shift that code down */
 
 /* What HORUS is doing. Other codes are reserved. */
 typedef enum {

@@ -88,6 +88,14 @@ pub(super) fn words() -> Result<String> {
                 ("SELF_TEST_PASSED", port.with_self_test_passed(true).bits(), "the last one found nothing"),
                 ("SELF_TEST_FAILED", port.with_self_test_failed(true).bits(), "the last one found a fault"),
                 ("BUFFERS_OUT_OF_USE", port.with_buffers_out_of_use(true).bits(), "a buffer or image is out of use"),
+                ("HOLD_HEARD", port.with_hold_heard(true).bits(), "a frame of the hold came in the last 300 ms"),
+                ("HOLD_ACCEPTED", port.with_hold_accepted(true).bits(), "the last one was accepted"),
+                (
+                    "HOLD_ACCEPTED_COUNT_MASK",
+                    port.with_hold_counts(15, 0).bits(),
+                    "objects of the hold accepted, mod 16",
+                ),
+                ("HOLD_REJECTED_COUNT_MASK", port.with_hold_counts(0, 7).bits(), "frames of the hold rejected, mod 8"),
             ],
         )?,
     ];
