@@ -3,8 +3,7 @@ use profile::criticality::{ActiveLoad, BaseStation, FlightController, Writer};
 use profile::hold::{self, Acknowledged, Answer, HoldObjectValues, Outcome};
 use profile::map::{self, Map};
 use profile::{
-    HoldObject, HoldStatus, HoldStatusBits, HoldValues, Identifier, Layout, Rejection, ResetReason, Uplink,
-    UplinkStatus, air,
+    HoldObject, HoldStatus, HoldStatusBits, HoldValues, Identifier, Layout, Rejection, Uplink, UplinkStatus, air,
 };
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
@@ -19,7 +18,7 @@ const HOLD: Writer<ActiveLoad> = Writer::claim();
 const HOLD_STATUS: [u8; 60] = [
     0x10, 0x27, 0x00, 0x00, // 10 000 ms
     0x00, 0x41,             // 0x4100: Hold-Status
-    0x87, 0x00,             // values valid, within limits, locked; watchdog reset
+    0x83, 0x00,             // values valid, within limits; watchdog reset
     0x00, 0x00, 0x90, 0x40, // 4.5 °C
     0x00, 0x00, 0x2A, 0x42, // 42.5 %
     0x00, 0x00, 0xA0, 0x40, // set-point 5 °C
@@ -36,23 +35,7 @@ const HOLD_STATUS: [u8; 60] = [
 ];
 
 fn values() -> HoldValues {
-    HoldValues {
-        timestamp: 10_000,
-        status: HoldStatusBits::new()
-            .with_values_valid(true)
-            .with_within_limits(true)
-            .with_locked(true)
-            .with_reset_reason(ResetReason::Watchdog),
-        temperature: 4.5,
-        humidity: 42.5,
-        set_point: 5.0,
-        vibration: [0.25, 0.5, profile::ABSENT_F32],
-        greatest_shock: 38.5,
-        supply: 12.125,
-        output: -0.75,
-        acknowledged: [Acknowledged::new(0x1234, Outcome::Done), Acknowledged::new(0x5678, Outcome::TooOld)],
-        seconds: 10,
-    }
+    seeds::hold_values(10_000)
 }
 
 #[test]
@@ -273,4 +256,32 @@ fn the_holds_object_follows_both_uplinks_in_the_map() {
     of::<3>();
     of::<5>();
     assert!(Layout::ALL.iter().all(|layout| layout.hold().is_none()));
+}
+
+#[test]
+fn the_design_states_the_numbers_of_the_hold() {
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let page = words(include_str!("../../docs/design.md"));
+    let ms = |ns: u64| format!("{:.3}", ns as f64 / 1e6);
+    let window_ms = hold::ANSWER_WINDOW_US / 1_000;
+    for number in [
+        format!("with a period of {} ms", hold::PERIOD_MS),
+        format!("{{Hold-Status}}, of {} bytes", HoldObject::SIZE),
+        format!("of {} bytes, which begins within {window_ms} ms of", Answer::SIZE),
+        format!("none that is intact and at most {} s old", hold::COMMAND_AGE_MS / 1_000),
+        format!("{} ms of air time for the frame, {} ms for", ms(hold::FRAME_NS), ms(hold::ANSWER_NS)),
+        format!("one exchange takes {} ms at most", ms(hold::EXCHANGE_NS)),
+        format!("| offset | Hold-Status, {} bytes, identifier 0x{:04X} |", HoldStatus::SIZE, Identifier::HOLD_STATUS.0),
+        format!("first {} of an uplink's {} payload bytes", hold::COMMAND_SIZE, Uplink::PAYLOAD),
+        format!("**expires** {} ms after it came", hold::EXPIRY_MS),
+        format!("stayed the same for more than {} s of the hold's time", hold::COMMAND_AGE_MS / 1_000),
+        format!("stayed the same for more than {} ms since", hold::EXPIRY_MS),
+        format!(
+            "| 288 + 60 n | object of the [active hold](#the-hold-in-the-dpr), where there is one | {}",
+            HoldObject::SIZE
+        ),
+    ] {
+        assert_eq!(page.matches(&words(&number)).count(), 1, "docs/design.md does not have once: {number}");
+    }
+    assert_eq!(Map::<1>::hold().start, 288 + 60);
 }

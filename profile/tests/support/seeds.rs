@@ -1,10 +1,12 @@
 //! The committed corpus: for each parser, valid inputs and inputs that are nearly valid. `cargo run -p profile
 //! --example corpus` writes it.
 use profile::{
-    Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Layout, LinkStatus,
-    LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus,
-    ReportedValues, ResetReason, Uplink, UplinkStatus, UplinkValues, Violation, air,
+    ABSENT_F32, Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HoldStatusBits, HoldValues,
+    HorusState, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues,
+    Profile, ReportedPosition, ReportedStatus, ReportedValues, ResetReason, Uplink, UplinkStatus, UplinkValues,
+    Violation, air,
     criticality::{BaseStation, Dpr, FlightController, Writer},
+    hold::{Acknowledged, Outcome},
     image::Image,
     map::{Map, PortArea},
     ssi::{self, Request, client::Config},
@@ -102,6 +104,23 @@ pub(crate) fn port_values() -> PortValues {
         values.violations.count(kind, times);
     }
     values
+}
+
+/// Hold-Status with every field in use.
+pub(crate) fn hold_values(timestamp: u32) -> HoldValues {
+    HoldValues {
+        timestamp,
+        status: HoldStatusBits::from_bits(0x0083),
+        temperature: 4.5,
+        humidity: 42.5,
+        set_point: 5.0,
+        vibration: [0.25, 0.5, ABSENT_F32],
+        greatest_shock: 38.5,
+        supply: 12.125,
+        output: -0.75,
+        acknowledged: [Acknowledged::new(0x1234, Outcome::Done), Acknowledged::new(0x5678, Outcome::TooOld)],
+        seconds: timestamp / 1_000,
+    }
 }
 
 /// An uplink with every field in use.
