@@ -198,7 +198,7 @@ fn a_hold_whose_clock_is_set_back_does_not_panic() {
 }
 
 #[test]
-fn each_writer_has_numbers_of_its_own_and_the_base_station_is_first() {
+fn each_writer_has_its_own_numbers_and_the_base_station_is_first() {
     let mut hold = Hold::default();
     let both = |timestamp, number| {
         let mut both = answer::<FlightController>(timestamp, payload(number, 3, 0.0, 0));
@@ -243,20 +243,23 @@ struct Period {
     writes: bool,
     /// Whether the writer gives up.
     gives_up: bool,
+    /// Whether the hold restarts, with its acknowledgements kept.
+    restarts: bool,
 }
 
 fn periods() -> impl Strategy<Value = Vec<Period>> {
     let past = || prop_oneof![3 => Just(None), 4 => Just(Some(0)), 2 => (0_usize..12).prop_map(Some)];
-    let period = (past(), past(), prop::bool::weighted(0.7), prop::bool::weighted(0.05));
-    prop::collection::vec(
-        period.prop_map(|(uplink, object, writes, gives_up)| Period { uplink, object, writes, gives_up }),
-        1..120,
-    )
+    let chance = prop::bool::weighted;
+    let period = (past(), past(), chance(0.7), chance(0.05), chance(0.03))
+        .prop_map(|(uplink, object, writes, gives_up, restarts)| Period { uplink, object, writes, gives_up, restarts });
+    prop::collection::vec(period, 1..120)
 }
 
 /// A base station that sends one command after another, and what became of them.
 struct Flight {
     hold: Hold,
+    /// The period in which the hold started.
+    started: u32,
     sender: Sender<BaseStation>,
     uplinks: Vec<Answer>,
     objects: Vec<HoldStatus>,
@@ -270,6 +273,7 @@ impl Flight {
         let resumed = [Acknowledged::new(first, Outcome::Done), NONE];
         Self {
             hold: Hold { commands: Commands::resume(resumed), ..Hold::default() },
+            started: 0,
             sender: Sender::new(),
             uplinks: vec![Answer::EMPTY],
             objects: vec![],
@@ -279,15 +283,20 @@ impl Flight {
     }
 
     fn step(&mut self, n: u32, period: Period) {
+        if period.restarts {
+            self.hold.commands = Commands::resume(self.hold.commands.acknowledged());
+            self.started = n;
+        }
+        let now_ms = 100 * (n - self.started);
         if period.writes {
             let mut values = UplinkValues { timestamp: 7_000 + 90 * n, ..UplinkValues::default() };
             self.sender.fill(&mut values.payload);
             self.uplinks.push(answer::<BaseStation>(values.timestamp, values.payload));
         }
         if let Some(answer) = period.uplink.and_then(|ago| self.uplinks.iter().rev().nth(ago)) {
-            self.hold.take(answer, 100 * u64::from(n));
+            self.hold.take(answer, now_ms.into());
         }
-        let values = HoldValues { acknowledged: self.hold.commands.acknowledged(), ..HoldValues::absent(100 * n) };
+        let values = HoldValues { acknowledged: self.hold.commands.acknowledged(), ..HoldValues::absent(now_ms) };
         self.objects.push(HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values));
         if let Some(object) = period.object.and_then(|ago| self.objects.iter().rev().nth(ago)) {
             self.sender.observe(object.as_object());
@@ -374,7 +383,7 @@ proptest! {
         }
         let (before, answered) = (flight.sent.len(), flight.answered.len());
         for _ in 0..4 {
-            flight.step(n, Period { uplink: Some(0), object: Some(0), writes: true, gives_up: false });
+            flight.step(n, Period { uplink: Some(0), object: Some(0), writes: true, gives_up: false, restarts: false });
             n += 1;
         }
         prop_assert!(flight.answered.len() > answered && flight.sent.len() > before, "{:?}", flight.sender);

@@ -109,7 +109,7 @@ fn a_command_that_was_given_up_can_still_be_answered() {
 }
 
 #[test]
-fn a_command_after_one_that_was_given_up_has_a_number_of_its_own() {
+fn the_command_after_a_lost_one_has_another_number() {
     let mut sender = waiting();
     sender.give_up();
     assert_eq!(sender.send(&HoldCommand::Unlock), Some(10));
