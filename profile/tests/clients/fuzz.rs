@@ -1,5 +1,7 @@
 //! Runs both clients over transactions that are mutated at random, from a seed: the C client under the sanitizers, with
 //! the Rust client as its oracle.
+use std::collections::BTreeMap;
+
 use profile::criticality::{ActiveLoad, BaseStation, Dpr, Writer};
 use profile::hold::{Acknowledged, Outcome};
 use profile::map::PortArea;
@@ -330,18 +332,27 @@ const TRANSACTIONS: usize = 4_000;
 #[test]
 fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
     let mut seen = [0_u32; Verdict::ALL.len() + 1];
+    let mut holds = BTreeMap::<String, u32>::new();
     for seed in 0..TAPES {
         let tape = drawn(seed, TRANSACTIONS);
         let said = play(&tape, |told| {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
+        // Absent, old or valid; and what became of the last command.
+        for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
+            let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
+            *holds.entry(shown.to_owned()).or_default() += 1;
+            *holds.entry(format!("sent {}", &sent[..1])).or_default() += 1;
+        }
         let c = Build::Sanitised.play(&tape);
         assert_same(&format!("tape {seed}, in Rust and in C"), &said, &c);
     }
     println!("{seen:?}");
     assert_eq!(seen.iter().sum::<u32>(), 200_000);
     assert!(seen[1..].iter().all(|count| *count > 1_000), "each verdict is met often: {seen:?}");
+    println!("{holds:?}");
+    assert!(holds.len() == 7 && holds.values().all(|count| *count > 1_000), "so is each case of the hold: {holds:?}");
 }
 
 #[test]
