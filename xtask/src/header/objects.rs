@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, Result, ensure};
-use profile::criticality::{Dpr, FlightController, Writer};
+use profile::criticality::{ActiveLoad, Dpr, FlightController, Writer};
+use profile::hold::{Acknowledged, Outcome};
 use profile::{
-    Command, CommandObject, GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues,
-    PortStatus, PortStatusBits, PortValues, ReportedPosition, ReportedStatus, ReportedValues, Uplink, UplinkStatus,
-    UplinkValues, Violation, Violations,
+    Command, CommandObject, GpsObject, GpsStatus, GpsValues, HoldStatus, HoldStatusBits, HoldValues, Identifier,
+    LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, ReportedPosition, ReportedStatus,
+    ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations,
 };
 
 /// The number of bytes that a command reserves, between its word and its CRC.
@@ -84,7 +85,7 @@ impl Object {
 
 /// Returns the C structures of all objects.
 pub(super) fn structs() -> Result<String> {
-    [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?]
+    [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?, hold_status()?]
         .into_iter()
         .map(Object::structure)
         .collect()
@@ -235,4 +236,40 @@ fn command() -> Result<Object> {
         .field("word", "u32, HORUS_DPR_COMMAND_...", &word.word().to_le_bytes(), bytes)?
         .rest("reserved", "zero", COMMAND_RESERVED);
     object.field("crc", "u32, big-endian, over all before", &sealed.crc().to_be_bytes(), bytes)
+}
+
+fn hold_status() -> Result<Object> {
+    let object = Object::new("hold_status", "Hold-Status, identifier HORUS_DPR_ID_HOLD_STATUS", HoldStatus::SIZE);
+    let blank = HoldValues::absent(0);
+    let all = HoldStatusBits::from_bits(u16::MAX);
+    let seal = |values: &HoldValues| HoldStatus::seal(Writer::<ActiveLoad>::claim(), values);
+    let status = seal(&HoldValues { status: all, ..blank });
+    let axes = [F32, -F32, F32 + 1.0];
+    let vibrating = seal(&HoldValues { vibration: axes, ..blank });
+    let numbers = [Acknowledged::new(U16, Outcome::TooOld), Acknowledged::new(U16 + 1, Outcome::Refused)];
+    let acknowledged = seal(&HoldValues { acknowledged: numbers, ..blank });
+    let numbers: Vec<_> =
+        numbers.iter().flat_map(|one| [one.number().to_le_bytes(), one.code().to_le_bytes()]).collect();
+    let object = fields!(object, blank, seal;
+        timestamp: U32, "u32, ms since the hold's start";
+        temperature: F32, "binary32, degrees Celsius";
+        humidity: F32, "binary32, relative, %";
+        set_point: F32, "binary32, degrees Celsius";
+        greatest_shock: F32, "binary32, m/s2";
+        supply: F32, "binary32, V";
+        output: F32, "binary32, -1 to 1";
+        seconds: U32, "u32, s since the hold's start";
+    );
+    object
+        .rest("reserved", "zero", 4)
+        .field("vibration", "3 x binary32, m/s2", axes.map(f32::to_le_bytes).as_flattened(), vibrating.as_bytes())?
+        .field(
+            "acknowledged",
+            "u16 number, u16 outcome: base station's, own",
+            numbers.as_flattened(),
+            acknowledged.as_bytes(),
+        )?
+        .field("identifier", "u16", &Identifier::HOLD_STATUS.0.to_le_bytes(), status.as_bytes())?
+        .field("status", "u16, HORUS_DPR_HOLD_STATUS_...", &all.bits().to_le_bytes(), status.as_bytes())?
+        .field("crc", "u32, big-endian, over all before", &status.crc().to_be_bytes(), status.as_bytes())
 }
