@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_selects_a_package_or_a_binary_or_a_file_of_tests() {
+    fn a_name_selects_a_package_a_binary_or_a_file() {
         let metadata = metadata().unwrap();
         let args = |name| {
             let selected = selected(&metadata, name).unwrap();

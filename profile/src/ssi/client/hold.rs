@@ -38,8 +38,8 @@ pub struct HoldReport {
     pub shown: HoldShown,
     /// The last Hold-Status, if it is [valid](HoldShown::Valid). Its values that are not known are NaN.
     pub values: Option<HoldValues>,
-    /// The age of the last Hold-Status when the transaction began, µs, from the first bit of its frame: at least the true
-    /// one. [`AGE_UNKNOWN`] without one.
+    /// The age of the last Hold-Status when the transaction began, µs, from the first bit of its frame: at least the
+    /// true one. [`AGE_UNKNOWN`] without one.
     pub age_us: u32,
 }
 
