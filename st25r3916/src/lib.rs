@@ -250,6 +250,7 @@ pub mod listener;
 mod machine;
 pub mod poller;
 pub mod register;
+mod sender;
 mod status;
 
 pub use bring_up::ReceiverMode;
@@ -257,7 +258,8 @@ pub use listener::{
     Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
 };
 pub use machine::{Fault, Input, Short, Step, Transfer};
-pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState, SendError};
+pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState};
+pub use sender::{SendError, SendState};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
