@@ -242,9 +242,11 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod answerer;
 pub mod blocking;
 mod bring_up;
 pub mod command;
+pub mod exchange;
 pub mod executor;
 pub mod listener;
 mod machine;
@@ -253,7 +255,9 @@ pub mod register;
 mod sender;
 mod status;
 
+pub use answerer::{Answerer, AnswererCounters, AnswererEvent, AnswererState, Unanswered};
 pub use bring_up::ReceiverMode;
+pub use exchange::{Exchange, ExchangeCounters, ExchangeEvent, ExchangeState, NoAnswer};
 pub use listener::{
     Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
 };

@@ -115,6 +115,18 @@ pub enum Step<E> {
     Event(E),
 }
 
+impl<E> Step<E> {
+    /// The same step of a machine with other events: `event` takes what this one reports.
+    pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
+        match self {
+            Self::Transfer(transfer) => Step::Transfer(transfer),
+            Self::Wait { us } => Step::Wait { us },
+            Self::Delay { us } => Step::Delay { us },
+            Self::Event(happened) => event(happened),
+        }
+    }
+}
+
 /// The reason why a machine gave up its operation. Every fault is followed by a recovery that the machine carries out
 /// by itself after [`Input::Start`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
