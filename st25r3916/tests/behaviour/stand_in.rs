@@ -639,19 +639,23 @@ impl Rig {
 
     /// Runs a poller from `step` to its next event.
     pub(crate) fn poller(&mut self, machine: &mut Poller, step: Step<PollerEvent>) -> PollerEvent {
-        self.run(machine, step)
+        self.run_within(machine, step, 200)
     }
 
-    /// Runs a machine from `step` to its next event.
-    pub(crate) fn run<M: Machine>(&mut self, machine: &mut M, mut step: Step<M::Event>) -> M::Event {
-        for _ in 0..600 {
+    /// Runs a machine from `step` to its next event, which may be a listener's that has heard nothing for a second.
+    pub(crate) fn run<M: Machine>(&mut self, machine: &mut M, step: Step<M::Event>) -> M::Event {
+        self.run_within(machine, step, 600)
+    }
+
+    fn run_within<M: Machine>(&mut self, machine: &mut M, mut step: Step<M::Event>, steps: u32) -> M::Event {
+        for _ in 0..steps {
             let given = self.carry_out(step);
             step = machine.step(self.input(given));
             if let Step::Event(event) = step {
                 return event;
             }
         }
-        panic!("no event within 600 steps");
+        panic!("no event within {steps} steps");
     }
 
     /// Runs a poller from one event to its next.
