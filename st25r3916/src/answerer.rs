@@ -29,12 +29,12 @@
 //!
 //! # An answer
 //!
-//! After [`AnswererEvent::Frame`] the owner calls [`Answerer::answer`], with the answer ready in its buffer. The machine
-//! clears the FIFO, sets the length, checks that neither the field has gone nor another frame has begun, and loads the
-//! first bytes. At [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at its own instant, counted from
-//! the end of the frame (the edge of I_rxe, 5 µs after the last bit), then gives [`Input::Done`]. As with a poller, a
-//! timer may start that one byte with no code in between, so that the instant does not depend on the data. The instant
-//! must be at least [`EARLIEST_US`] after the end of the frame; the bound of the other side is
+//! After [`AnswererEvent::Frame`] the owner calls [`Answerer::answer`], with the answer ready in its buffer. The
+//! machine clears the FIFO, sets the length, checks that neither the field has gone nor another frame has begun, and
+//! loads the first bytes. At [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at its own instant,
+//! counted from the end of the frame (the edge of I_rxe, 5 µs after the last bit), then gives [`Input::Done`]. As with
+//! a poller, a timer may start that one byte with no code in between, so that the instant does not depend on the data.
+//! The instant must be at least [`EARLIEST_US`] after the end of the frame; the bound of the other side is
 //! [`crate::exchange::WINDOW_US`].
 //!
 //! # Bounds
@@ -53,7 +53,7 @@
 //! | the field goes before the answer is loaded | [`Unanswered::FieldLost`], re-arm |
 //! | another frame begins before that | [`Unanswered::Overtaken`]; it is received |
 //! | the owner misses its instant | it gives [`Input::Start`] instead; re-arm |
-//! | the transmitter takes nothing, runs dry or leaves bytes | [`AnswererEvent::Fault`]; stop and re-arm, at the second in a row bring-up |
+//! | the transmitter takes nothing, or runs dry | [`AnswererEvent::Fault`]; stop, re-arm; again in a row: bring-up |
 //! | all others | as a [`Listener`] |
 //!
 //! No answer is repeated, and no frame is answered twice.

@@ -30,13 +30,13 @@
 //! The receiver is masked (D0) outside the window, so that no signal at the antenna can disturb the FIFO while a frame
 //! is being loaded: the chip empties it at each I_rxs. After the frame the machine waits until the guard time is nearly
 //! over ([`OPENS_US`]), within which no listener may answer and the chip's mask-receive timer and squelch run, and
-//! unmasks (D1). The chip's no-response timer, which starts by itself at the end of the frame, raises I_nre when no sync
-//! has come [`WINDOW_US`] and the length of an answer's preamble and sync after it. The driver does not depend on I_nre:
-//! its own wait ends a little later.
+//! unmasks (D1). The chip's no-response timer, which starts by itself at the end of the frame, raises I_nre when no
+//! sync has come [`WINDOW_US`] and the length of an answer's preamble and sync after it. The driver does not depend on
+//! I_nre: its own wait ends a little later.
 //!
-//! An answer is read at its end, because nothing waits for it: LEN and the payload, at most 255 bytes. Then the receiver
-//! is masked again. If another answer has begun meanwhile, it may have emptied the FIFO during the read, and neither is
-//! delivered.
+//! An answer is read at its end, because nothing waits for it: LEN and the payload, at most 255 bytes. Then the
+//! receiver is masked again. If another answer has begun meanwhile, it may have emptied the FIFO during the read, and
+//! neither is delivered.
 //!
 //! # Bounds
 //!
@@ -63,8 +63,8 @@
 //! | from a foreign card | [`ExchangeEvent::Answer`]: only the payload's own checks tell it |
 //! | a fault of the chip or the bus | [`ExchangeEvent::Fault`], recovered from as by a [`Poller`] |
 //!
-//! Nothing is repeated. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`], whatever the other
-//! side does.
+//! Nothing is repeated. After each event the next [`Input::Start`] leads to [`ExchangeEvent::Ready`], whatever the
+//! other side does.
 //!
 //! ```compile_fail
 //! // HORUS's poller has no receive path: there is no event with an answer.
@@ -92,8 +92,8 @@ pub const WINDOW_US: u32 = 3_000;
 /// The wait from I_txe until the receiver is opened, in microseconds: the mask-receive timer, 189 µs, has run out, and
 /// the sync of the earliest answer, which begins 197 + 113 µs after the frame, is still to come.
 pub const OPENS_US: u32 = 190;
-/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one step
-/// of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
+/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one
+/// step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
 pub(crate) const NO_RESPONSE_STEPS: u16 = {
     let cycles = (WINDOW_US * 1_356).div_ceil(100) + HEADER_FC + 64;
     cycles.div_ceil(64) as u16
@@ -345,8 +345,8 @@ impl Exchange {
         })
     }
 
-    /// The status that the poller awaits, if it shows an answer: then its frame has been sent, the executor was late, and
-    /// the FIFO holds the answer.
+    /// The status that the poller awaits, if it shows an answer: then its frame has been sent, the executor was late,
+    /// and the FIFO holds the answer.
     fn answer_before(&self, input: Input<'_>) -> Option<Status> {
         let PollerState::Sending(SendState::ReadingIrqs { .. }) = self.poller.state() else { return None };
         let Input::Done(response) = input else { return None };

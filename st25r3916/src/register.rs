@@ -155,8 +155,8 @@ pub const MASK_RECEIVE_SHORT: u8 = 0x02;
 /// [`RECEIVER_2`] of a poller with an ST25R3916 that receives answers in NFC-F: as [`RECEIVER_2_NFC_F`], and
 /// `pulz_61`. (*RFAL*, *Guyot*; *TM* recommends `pulz_61` = 0 for FeliCa.)
 pub const RECEIVER_2_ANSWER_A: u8 = 0x3D;
-/// The same of a poller with an ST25R3916B: its I/Q demodulator (`demod_mode`) with the mixer (`amd_sel`), which compare
-/// with the poller's own carrier. (*RFAL* alone.)
+/// The same of a poller with an ST25R3916B: its I/Q demodulator (`demod_mode`) with the mixer (`amd_sel`), which
+/// compare with the poller's own carrier. (*RFAL* alone.)
 pub const RECEIVER_2_ANSWER_B: u8 = 0xFD;
 /// [`MASK_RECEIVE_TIMER`] of a poller that receives answers: 40 steps of 64/fc = 189 µs after its own frame, within
 /// which no listener may answer, less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)

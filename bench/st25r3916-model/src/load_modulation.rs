@@ -1,12 +1,12 @@
 //! Checks a listener's load modulation: whether its settings can answer in NFC-F.
 //!
 //! The air is digital. A setting that cannot answer is a finding ([`crate::Kind::Modulation`]) or, where
-//! [`crate::Config::unsuited_modulation_reaches`] is false, the answer does not leave the antenna. Without any modulator
-//! (B28 bits 5 and 4 clear) it never does.
+//! [`crate::Config::unsuited_modulation_reaches`] is false, the answer does not leave the antenna. Without any
+//! modulator (B28 bits 5 and 4 clear) it never does.
 //!
 //! | covered | source |
 //! |---|---|
-//! | the driver modulates the field (B28 bit 4, `lm_dri`); boards here have no external modulator (`lm_ext`) | \[1\], \[2\] |
+//! | the driver modulates the field (B28 bit 4, `lm_dri`); no external one (`lm_ext`) | \[1\], \[2\] |
 //! | its resistance, lower when modulated (29 bits 7:4) than otherwise (29 bits 3:0) | \[2\] to \[4\] |
 //! | B: rgs_am (B28 bit 2) clear in card mode | \[1\] and \[2\] |
 //! | B: dis_reg_am (B28 bit 7) and act_amsink (01 bit 0) as for a poller; vddrf_cont (B2E bit 3) set | \[1\] |

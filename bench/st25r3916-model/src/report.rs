@@ -130,8 +130,8 @@ pub enum Kind {
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
     AutomaticAnswersEnabled,
-    /// The part answered though it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation was, or
-    /// would have been, on the air.
+    /// The part answered though it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation was,
+    /// or would have been, on the air.
     LoadModulation,
     /// The part answered without a frame since its last answer.
     AnswerUnasked,

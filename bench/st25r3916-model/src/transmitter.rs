@@ -11,7 +11,7 @@
 //! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, | the same; register 05 |
 //! | CRC_A |  |
 //! | FIFO: sending while loading, water level on the way down (below 200), underflow breaks the frame off | FIFO |
-//! | automatic SENSF_RES, slot 0; load modulation by C4 of a target, whose frame is built as a poller's | Passive target |
+//! | automatic SENSF_RES, slot 0; load modulation by C4 of a target: frame and start as a poller's | Passive target |
 //! | scatter of the start of transmission around its mean | recorded, see `Config::transmit_scatter_ns` |
 //! | FIFO cleared or read in mid-frame: the transmission | FIFO; silicon sends what is loaded in time |
 //! | underflows at its next byte | the remaining bytes instead, if any |

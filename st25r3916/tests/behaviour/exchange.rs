@@ -86,7 +86,8 @@ fn an_exchange_is_these_transfers() {
         assert_eq!(machine.state(), ExchangeState::Over);
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // Clear, length, status, head; command, rest, status; unmask, two statuses, LEN and payload, mask, gain, status.
+        // Clear, length, status, head; command, rest, status; unmask, two statuses, LEN and payload, mask, gain,
+        // status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 49, 8, 1, 8, 8, 130, 1, 1, 8]);
         assert_eq!([&log[4], &log[7], &log[11], &log[12]], ["C4", "D1", "D0", "D5"]);
         assert_eq!(rig.buffer[..=128], [&[129][..], &payload].concat());

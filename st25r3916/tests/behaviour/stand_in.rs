@@ -214,8 +214,8 @@ impl Chip {
         self.a[0x31] & 0x10 != 0
     }
 
-    /// Whether the receiver is on, unmasked, and has the filter, the demodulator, the gain and the correlator that NFC-F
-    /// needs in its role: a target's, or a poller's with its field on.
+    /// Whether the receiver is on, unmasked, and has the filter, the demodulator, the gain and the correlator that
+    /// NFC-F needs in its role: a target's, or a poller's with its field on.
     fn receiver_listens(&self) -> bool {
         let demodulator = match (self.a[3] & 0x80 != 0, self.identity & 0xF8) {
             (true, _) => 0x2D,

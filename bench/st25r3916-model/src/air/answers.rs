@@ -11,14 +11,14 @@
 //! | strength of the modulation, coupling, noise | the air is digital |
 //! | what a collision looks like | the receiver cannot follow it; both answers are lost or break off |
 //!
-//! An answer is carried by an [`Air`] of its own, in which the listener has the place of the sender. The owner passes it
-//! what either chip emits; a link without answers needs none.
+//! An answer is carried by an [`Air`] of its own, in which the listener has the place of the sender. The owner passes
+//! it what either chip emits; a link without answers needs none.
 //!
 //! # A foreign card
 //!
 //! It answers a frame of the poller with random bytes in a whole frame of NFC-F: LEN and CRC-16 are right. If it begins
-//! while the listener answers, or the other way round, the answer on the air breaks off at that instant, and the other's
-//! sync is masked.
+//! while the listener answers, or the other way round, the answer on the air breaks off at that instant, and the
+//! other's sync is masked.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard};
@@ -96,8 +96,8 @@ impl AnswerPath {
         self.air.set_faults(at, faults.way, frames(&mut hears));
     }
 
-    /// Takes what the poller emitted: the carrier that answers need, and the frames that a foreign card answers. `hears`
-    /// gets what the poller receives.
+    /// Takes what the poller emitted: the carrier that answers need, and the frames that a foreign card answers.
+    /// `hears` gets what the poller receives.
     pub fn from_poller(&mut self, at: u64, event: &AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         match event {
@@ -141,8 +141,8 @@ impl AnswerPath {
         [self.air.next_event(), self.due, self.foreign_ends.map(|(at, _)| at)].into_iter().flatten().min()
     }
 
-    /// Passes its events up to and including `to` (virtual ns) to the poller. Both chips must have emitted everything up
-    /// to that instant.
+    /// Passes its events up to and including `to` (virtual ns) to the poller. Both chips must have emitted everything
+    /// up to that instant.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
