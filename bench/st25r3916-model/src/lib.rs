@@ -46,7 +46,7 @@
 //! Each module's documentation starts with what it covers, by data sheet section, and what it leaves out and why. A
 //! module does not use those above it:
 //!
-//! - `air`: two chips and what is between them.
+//! - `air`: two chips and what is between them; [`AnswerPath`] is the way back, of a link that has answers.
 //! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
 //! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
 //!   state); `receive_chain`, `modulation`, `load_modulation` and `supply` (settings that the board or the technology

@@ -15,7 +15,10 @@ fn listening(chip: Chip) -> (Rig, Answerer) {
     let mut rig = Rig::new(chip);
     rig.chip.senses_field(true);
     let mut answerer = Answerer::new(ListenerConfig::new());
+    assert_eq!((answerer.variant(), answerer.supply_mv()), (None, None));
     assert_eq!(next(&mut rig, &mut answerer), AnswererEvent::Listening);
+    let variant = if rig.chip.identity == 0x2A { Variant::A } else { Variant::B };
+    assert_eq!((answerer.variant(), answerer.supply_mv()), (Some(variant), Some(5_008)));
     assert_eq!(next(&mut rig, &mut answerer), AnswererEvent::FieldOn);
     rig.assert_no_misuse();
     rig.log();

@@ -16,8 +16,11 @@ const FRAME_US: u64 = 1_416;
 
 fn ready(chip: Chip) -> (Rig, Exchange) {
     let mut rig = Rig::new(chip);
-    let mut exchange = Exchange::new();
+    let mut exchange = Exchange::default();
+    assert_eq!((exchange.variant(), exchange.supply_mv()), (None, None));
     assert_eq!(rig.run(&mut exchange, Step::Event(SILENT)), ExchangeEvent::Ready);
+    let variant = if rig.chip.identity == 0x2A { Variant::A } else { Variant::B };
+    assert_eq!((exchange.variant(), exchange.supply_mv()), (Some(variant), Some(5_008)));
     rig.assert_no_misuse();
     rig.log();
     (rig, exchange)
