@@ -364,7 +364,9 @@ fn a_frame_is_prepared_only_between_exchanges() {
     let (mut rig, mut machine) = ready(Chip::new(Variant::A));
     assert_eq!(machine.prepare(0), Err(SendError::Length));
     assert_eq!(machine.prepare(255), Err(SendError::Length));
+    assert!(machine.is_ready());
     load(&mut rig, &mut machine);
+    assert!(!machine.is_ready());
     assert_eq!(machine.prepare(64), Err(SendError::NotReady));
     // The frame may be given up instead.
     assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Loaded)), ExchangeEvent::Ready);
