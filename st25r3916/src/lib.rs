@@ -6,8 +6,8 @@
 //! no retry: a lost frame stays lost, and both ends recover by themselves.
 //!
 //! Where something has to come back, an [`Exchange`] takes the poller's place and an [`Answerer`] the listener's: each
-//! frame has at most one answer, within a fixed window. They are types of their own, so that a poller that never listens
-//! and a listener that never answers stay what they are.
+//! frame has at most one answer, within a fixed window. They are types of their own, so that a poller that never
+//! listens and a listener that never answers stay what they are.
 //!
 //! # Simple use
 //!
