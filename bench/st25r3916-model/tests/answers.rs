@@ -435,9 +435,13 @@ fn a_carrier_that_goes_off_breaks_an_answer_off_and_stops_a_foreign_card() {
 #[test]
 fn a_foreign_card_answers_after_a_frame_with_a_whole_frame_of_its_own() {
     let mut back = Back::new(foreign_at(400_000));
+    assert_eq!(back.path.next_event(), None);
     back.poller(1_000_000, &AirEvent::FrameEnd { bits: 8 });
+    assert_eq!(back.path.next_event(), Some(1_400_000));
+    back.run_to(1_400_000);
+    assert_eq!(back.path.next_event(), Some(1_400_000 + bits_ns_424(64 + 88)));
     back.run_to(5_000_000);
-    assert_eq!(back.frames(), (vec![1_400_000], vec![88]));
+    assert_eq!((back.frames(), back.path.next_event()), ((vec![1_400_000], vec![88]), None));
     let heard = back.path.take_heard().pop().expect("one");
     assert_eq!((heard.bytes[0], heard.bytes.len(), heard.whole), (9, 11, true));
     let (body, crc) = heard.bytes.split_at(9);
