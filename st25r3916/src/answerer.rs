@@ -84,9 +84,10 @@ pub const EARLIEST_US: u32 = (reg::GUARD_FC * 100).div_ceil(1_356);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AnswererEvent {
-    /// As [`ListenerEvent::Listening`].
+    /// The chip listens, see [`ListenerEvent::Listening`].
     Listening,
-    /// As [`ListenerEvent::Frame`]. [`Answerer::answer`] is possible; [`Input::Start`] listens again without an answer.
+    /// A frame was received, see [`ListenerEvent::Frame`]. [`Answerer::answer`] is possible; [`Input::Start`] listens
+    /// again without an answer.
     Frame {
         /// Payload length in bytes, 1..=254.
         len: usize,
@@ -103,11 +104,11 @@ pub enum AnswererEvent {
     },
     /// The answer was given up before its command; [`Input::Start`] listens again.
     Unanswered(Unanswered),
-    /// As [`ListenerEvent::Dropped`].
+    /// A frame was dropped, see [`ListenerEvent::Dropped`].
     Dropped(Dropped),
-    /// As [`ListenerEvent::FieldOn`].
+    /// A field has come on, see [`ListenerEvent::FieldOn`].
     FieldOn,
-    /// As [`ListenerEvent::FieldOff`].
+    /// The field has gone, see [`ListenerEvent::FieldOff`].
     FieldOff,
     /// The answer, or the chip, is lost; [`Input::Start`] recovers.
     Fault(Fault),

@@ -110,9 +110,10 @@ const AWAIT_US: u32 = WINDOW_US + 152 + 50 - OPENS_US;
 pub enum ExchangeEvent {
     /// The chip is configured, checked, and its field is on: [`Exchange::prepare`] is possible.
     Ready,
-    /// As [`PollerEvent::Prepared`].
+    /// The chip is prepared for the next frame, see [`PollerEvent::Prepared`].
     Prepared,
-    /// As [`PollerEvent::Loaded`]: perform [`Exchange::transmit`], then give [`Input::Done`].
+    /// The FIFO holds the frame's beginning, see [`PollerEvent::Loaded`]: perform [`Exchange::transmit`], then give
+    /// [`Input::Done`].
     Loaded,
     /// An answer is in the buffer: `buffer[1..1 + len]` is its payload, as of [`crate::ListenerEvent::Frame`].
     Answer {
@@ -265,13 +266,13 @@ impl Exchange {
         matches!(self.state, ExchangeState::Polling) && self.poller.is_ready()
     }
 
-    /// As [`Poller::transmit`].
+    /// Returns the transmit command, see [`Poller::transmit`].
     #[must_use]
     pub const fn transmit() -> Short {
         Poller::transmit()
     }
 
-    /// As [`Poller::prepare`].
+    /// Prepares the chip for a frame, see [`Poller::prepare`].
     ///
     /// # Errors
     /// [`SendError`]; the machine is unchanged.

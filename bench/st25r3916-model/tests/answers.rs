@@ -131,7 +131,7 @@ fn an_answer_begins_after_its_command_and_takes_its_air_time() {
 }
 
 #[test]
-fn the_no_response_timer_runs_from_the_frames_end_and_an_answer_stops_it() {
+fn an_answer_stops_the_no_response_timer() {
     let mut pair = exact_pair();
     let end = ask(&mut pair);
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
@@ -146,7 +146,7 @@ fn the_no_response_timer_runs_from_the_frames_end_and_an_answer_stops_it() {
 }
 
 #[test]
-fn an_answer_under_the_mask_receive_timer_is_not_heard_and_an_early_one_is_found() {
+fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
     // The timer's 188.8 us must be over when the sync begins, 113.3 us into the answer.
     for (after, heard) in [(50_000, false), (120_000, true), (GUARD_NS - 2_000, true), (GUARD_NS + 2_000, true)] {
         let mut pair = exact_pair();
@@ -172,7 +172,7 @@ fn an_answer_under_the_mask_receive_timer_is_not_heard_and_an_early_one_is_found
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // As HORUS's listener is set up: no resistance that differs, no driver.
+    // HORUS's listener is set up like this: no resistance that differs, no driver.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);
     pair.spi(Side::Listener, &[0xFB, 0x28, 0x00]);
@@ -186,7 +186,7 @@ fn a_listener_without_load_modulation_stays_mute() {
 }
 
 #[test]
-fn an_answer_of_a_chip_that_is_not_meant_to_is_a_finding() {
+fn an_answer_of_a_listener_that_may_not_answer_is_a_finding() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.spi(Side::Listener, &[0x29, 0x2E]);
     pair.spi(Side::Listener, &[0xFB, 0x28, 0x90]);
@@ -324,7 +324,7 @@ fn a_poller_that_sends_or_is_switched_off_drops_the_answer() {
 }
 
 #[test]
-fn the_end_of_a_transmission_and_the_unmask_command_do_what_their_switches_say() {
+fn the_switches_decide_whether_transmission_and_unmasking_change_the_receiver() {
     for transmit_unmasks in [false, true] {
         let mut pair = answering(Config { transmit_unmasks, ..exact() }, exact());
         pair.spi(Side::Poller, &[0xD0]);
@@ -417,7 +417,7 @@ fn the_way_back_passes_answers_and_no_carrier() {
 }
 
 #[test]
-fn a_carrier_that_goes_off_breaks_an_answer_off_and_stops_a_foreign_card() {
+fn a_carrier_that_goes_off_breaks_every_answer_off() {
     let mut back = Back::new(foreign_at(3_000_000));
     let bytes = common::antenna::frame(8, 3);
     let start = common::antenna::start(st25r3916_model::Technology::NfcF, &bytes);
@@ -433,7 +433,7 @@ fn a_carrier_that_goes_off_breaks_an_answer_off_and_stops_a_foreign_card() {
 }
 
 #[test]
-fn a_foreign_card_answers_after_a_frame_with_a_whole_frame_of_its_own() {
+fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
     let mut back = Back::new(foreign_at(400_000));
     assert_eq!(back.path.next_event(), None);
     back.poller(1_000_000, &AirEvent::FrameEnd { bits: 8 });

@@ -103,7 +103,7 @@ fn an_answer_leaves_at_a_fixed_instant_whatever_it_says() {
 }
 
 #[test]
-fn an_answer_of_the_whole_window_is_received_and_a_later_one_is_not() {
+fn only_an_answer_within_the_window_is_received() {
     for (after, heard) in [(200, true), (376, true), (1_500, true), (2_990, true), (3_060, false), (5_000, false)] {
         let mut world = World::started(configs(Config::default(), Config::default()));
         world.answers_after_ns = after * 1_000;
@@ -215,7 +215,7 @@ fn a_frame_that_is_lost_is_not_answered() {
 }
 
 #[test]
-fn a_carrier_that_goes_off_under_an_answer_breaks_it_off_and_comes_back() {
+fn an_exchange_recovers_from_a_carrier_lost_during_an_answer() {
     // An exchange takes 4.9 ms.
     for after_us in (0..4_850).step_by(150) {
         let mut world = World::started(configs(Config::default(), Config::default()));
@@ -254,7 +254,7 @@ fn an_answerer_that_loses_its_supply_is_missed_and_answers_again() {
 }
 
 #[test]
-fn the_bound_of_an_exchange_holds_for_silence_and_for_the_longest_answer() {
+fn an_exchange_ends_within_its_bound() {
     let mut world = World::started(configs(Config::default(), Config::default()));
     world.answer = payload(254, 1);
     world.answers_after_ns = 2_980_000;
@@ -309,7 +309,7 @@ proptest! {
     })]
 
     #[test]
-    fn whatever_the_air_does_each_exchange_ends_in_time_and_the_next_works(
+    fn any_fault_on_the_air_leaves_the_next_exchange_intact(
         hold_is_b in any::<bool>(),
         port_is_b in any::<bool>(),
         there in air_faults(),

@@ -220,7 +220,7 @@ fn a_late_executor_finds_the_next_frame_behind_its_answer() {
 }
 
 #[test]
-fn a_transmitter_that_takes_nothing_is_stopped_and_at_the_second_time_brought_up() {
+fn a_chip_that_transmits_nothing_twice_is_brought_up_again() {
     let (mut rig, mut answerer) = listening(Chip::new(Variant::B));
     for (bring_ups, state) in [(1, AnswererState::Lost), (1, AnswererState::Listening)] {
         receive(&mut rig, &mut answerer);
@@ -266,7 +266,7 @@ fn an_answer_without_its_transmit_interrupt_counts_as_sent() {
 }
 
 #[test]
-fn faults_of_bus_and_chip_in_an_answer_lead_to_a_bring_up() {
+fn a_fault_during_an_answer_leads_to_a_bring_up() {
     for at in 0..8 {
         for (fault, break_it) in [
             (Fault::Bus, (|rig: &mut Rig| rig.chip.miso = Miso::StuckHigh) as fn(&mut Rig)),

@@ -139,7 +139,7 @@ fn silence_ends_the_exchange_with_and_without_its_interrupt() {
 }
 
 #[test]
-fn an_answer_at_the_end_of_the_window_is_received_and_one_after_it_is_not() {
+fn only_an_answer_within_the_window_is_received() {
     for (sync, heard) in [(3_140, true), (3_400, false)] {
         let (mut rig, mut machine) = ready(Chip::new(Variant::B));
         let event = exchange(&mut rig, &mut machine, |chip, end| chip.frame(end + sync, &[7; 128]));
@@ -433,7 +433,7 @@ fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
 }
 
 #[test]
-fn the_way_to_the_command_is_the_same_whatever_the_last_exchange_was() {
+fn the_steps_to_the_transmit_command_are_always_the_same() {
     // Steps and bytes from the preparation to the command, after silence, an answer, a damaged one and an endless one.
     let mut ways = vec![];
     for kind in 0..4 {
