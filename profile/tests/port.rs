@@ -8,7 +8,7 @@ use profile::{
     uplink::Written,
 };
 
-mod support;
+use crate::support;
 
 use support::{reference, seeds};
 

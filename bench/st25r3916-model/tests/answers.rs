@@ -1,6 +1,6 @@
 //! Tests answers by load modulation, and the way back, driven over SPI as public drivers do.
 
-mod common;
+use crate::common;
 
 use common::{Pair, Side, bits_ns_424, exact, payload};
 use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Config, ForeignCard, Kind, Space, Variant};

@@ -1,7 +1,7 @@
 //! Tests the driver's exchange and answerer, each on its chip, against each other. Driver and model are written
 //! independently of each other, from the data sheet and public drivers.
 
-mod common;
+use crate::common;
 
 use common::two_way::{World, configs};
 use common::{Side, payload};

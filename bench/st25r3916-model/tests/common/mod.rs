@@ -1,5 +1,4 @@
 //! A simple controller: transfers at 8 MHz, and the two bring-ups of the data sheet.
-#![allow(dead_code, reason = "each test file uses its share")]
 
 pub(crate) mod antenna;
 pub(crate) mod two_way;
