@@ -26,12 +26,22 @@
 //! measurement's.
 
 use crate::command;
-use crate::exchange::NO_RESPONSE_STEPS;
 use crate::machine::{Fault, Input, Short};
 use crate::register as reg;
 use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
+
+/// The latest first bit of an answer, in microseconds after the end of the frame.
+pub const WINDOW_US: u32 = 3_000;
+/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one
+/// step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
+pub(crate) const NO_RESPONSE_STEPS: u16 = {
+    let cycles = (WINDOW_US * 1_356).div_ceil(100) + HEADER_FC + 64;
+    cycles.div_ceil(64) as u16
+};
+/// Preamble and sync at 424 kbit/s, in carrier periods.
+const HEADER_FC: u32 = 64 * 32;
 
 /// A read of only the interrupt registers, for the time before the masks are set.
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);

@@ -78,6 +78,7 @@
 //! let config = st25r3916::PollerConfig { receiver: st25r3916::ReceiverMode::On, ..st25r3916::PollerConfig::new() };
 //! ```
 
+pub use crate::bring_up::WINDOW_US;
 use crate::bring_up::{IDLE_IRQS, Role};
 use crate::listener::{Dropped, Frame, FrameFlags, ReadMode};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
@@ -87,19 +88,9 @@ use crate::sender::{SendError, SendState};
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant, command};
 
-/// The latest first bit of an answer, in microseconds after the end of the frame.
-pub const WINDOW_US: u32 = 3_000;
 /// The wait from I_txe until the receiver is opened, in microseconds: the mask-receive timer, 189 µs, has run out, and
 /// the sync of the earliest answer, which begins 197 + 113 µs after the frame, is still to come.
 pub const OPENS_US: u32 = 190;
-/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one
-/// step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
-pub(crate) const NO_RESPONSE_STEPS: u16 = {
-    let cycles = (WINDOW_US * 1_356).div_ceil(100) + HEADER_FC + 64;
-    cycles.div_ceil(64) as u16
-};
-/// Preamble and sync at 424 kbit/s, in carrier periods.
-const HEADER_FC: u32 = 64 * 32;
 /// The driver's own limit for I_rxs, from the opening of the receiver: window, preamble and sync (152 µs), and a margin
 /// within which I_nre comes.
 const AWAIT_US: u32 = WINDOW_US + 152 + 50 - OPENS_US;
@@ -472,6 +463,7 @@ impl Default for Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bring_up::NO_RESPONSE_STEPS;
 
     #[test]
     fn the_no_response_timer_covers_window_preamble_and_sync() {

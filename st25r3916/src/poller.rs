@@ -77,20 +77,12 @@
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, Progress, ReceiverMode, Role};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
-pub use crate::sender::{SendError, SendState};
+pub use crate::sender::{HEAD, SendError, SendState, TRANSMIT_MARGIN_US};
 use crate::sender::{Sender, Sending, is_light};
 use crate::{Variant, command};
 
-/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
-/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
-/// between two frames.
-pub const TRANSMIT_MARGIN_US: u32 = 100;
-
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
-
-/// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
-pub const HEAD: usize = 16;
 
 /// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
