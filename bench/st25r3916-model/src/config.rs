@@ -39,15 +39,15 @@ pub struct Config {
     /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
     pub oscillator_startup_ns: u64,
 
-    /// Whether DB (clear FIFO) also clears the interrupt registers: the data sheet contradicts itself.
+    /// Whether DB (clear FIFO) also clears the interrupt registers. The data sheet contradicts itself about this.
     pub db_clears_irqs: bool,
-    /// Whether C2 (stop) clears the interrupt registers: in a recording, an I_gpe that was due before a C2 was gone
-    /// after it.
+    /// Whether C2 (stop) clears the interrupt registers. In a recording of silicon, an I_gpe that had been due before a
+    /// C2 was no longer set after it.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: the data sheet implies it,
-    /// but it was not observed.
+    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe. The data sheet implies that
+    /// it does, but this was not observed.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious choice.
+    /// Whether a target must be unmasked (D1) before its first frame and after each frame. The cautious choice is true.
     pub target_rearms_by_command: bool,
     /// The handling of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
@@ -83,13 +83,13 @@ pub struct Config {
     pub seed: u64,
     /// Measured on one chip: mean time from the end of the command byte to the start of the frame on the air, ns. Seven
     /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length
-    /// of the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred,
-    /// and so is that for an answer.
+    /// of the frame; half a clock less from the byte's end); the default is the middle of this range. The values for
+    /// NFC-F and for an answer are inferred from it.
     pub transmit_latency_ns: u64,
     /// Measured on one chip: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for
     /// none. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
-    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. It is limited to
-    /// twice the mean.
+    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs). The default of 2.3 µs, which is a bit at 424 kbit/s,
+    /// covers these differences. The scatter is limited to twice the mean.
     pub transmit_scatter_ns: u64,
     /// Measured on one chip: time from the first rising clock edge of the byte that carries an interrupt register to
     /// the fall of the IRQ pin, ns (recorded: 30 to 32 ns).
@@ -117,15 +117,17 @@ pub struct Config {
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Measured on one chip: regulator display (B2C) after D6.
+    /// Measured on one chip: value of the regulator display (B2C) after Adjust regulators (D6).
     pub regulator_display: u8,
-    /// Measured on one chip: TX driver timing display (B2B).
+    /// Measured on one chip: value of the TX driver timing display (B2B).
     pub driver_timing_display: u8,
-    /// Measured on one chip: RC calibration display (B39) after EA.
+    /// Measured on one chip: value of the RC calibration display (B39) after an RC calibration (EA).
     pub rc_calibration_display: u8,
-    /// Measured on one chip: result of Measure amplitude (D3), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure amplitude (D3), A/D steps. The model returns this constant, which is
+    /// reported.
     pub amplitude: u8,
-    /// Measured on one chip: result of Measure phase (D9), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure phase (D9), A/D steps. The model returns this constant, which is
+    /// reported.
     pub phase: u8,
     /// Measured on one chip: results of Measure power supply (DF) for the regulated supplies VDD_A, VDD_D, VDD_RF and
     /// VDD_AM, mV.

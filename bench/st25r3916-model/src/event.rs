@@ -8,7 +8,7 @@ use crate::clock::{bits_in, bits_ns};
 /// The coding and modulation of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technology {
-    /// ISO 14443-A.
+    /// NFC-A, which is ISO 14443-A.
     NfcA,
     /// NFC-F (FeliCa).
     NfcF,

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | external field detector, own field, NFC initial field on (C8) with its guard time | External field detector, 4.4 |
 //! | | NFC field on |
-//! | the detector's thresholds for peer detection (2A, 2B bits 6:4) against the field's voltage | the same; steps:
-//! \[1\] |
+//! | the detector's thresholds for peer detection (2A, 2B bits 6:4) against the | the same sections; steps: |
+//! | field's voltage | \[1\] |
 //!
 //! | left out | why |
 //! |---|---|
@@ -13,7 +13,6 @@
 //! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.9 µs); 75.5 µs per step is assumed |
 //! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
 //! | sees a field or when its time is up | a field at any instant of the window |
-
 //!
 //! \[1\] stm32duino/ST25R3916 `src/st25r3916_com.h`: 75, 105, 150, 205, 290, 400, 560 and 800 mV, in either register.
 

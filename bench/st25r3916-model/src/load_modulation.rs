@@ -7,7 +7,7 @@
 //! | covered | source |
 //! |---|---|
 //! | the driver modulates the field (B28 bit 4, `lm_dri`); no external one (`lm_ext`) | \[1\], \[2\] |
-//! | its resistance, lower when modulated (29 bits 7:4) than otherwise (29 bits 3:0) | \[2\] to \[4\] |
+//! | the driver's resistance, lower when modulated (29 bits 7:4) than otherwise (29 bits 3:0) | \[2\] to \[4\] |
 //! | B: rgs_am (B28 bit 2) clear in card mode | \[1\] and \[2\] |
 //! | B: dis_reg_am (B28 bit 7) and act_amsink (01 bit 0) as for a poller; vddrf_cont (B2E bit 3) set | \[1\] |
 //!

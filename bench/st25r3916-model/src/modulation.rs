@@ -7,7 +7,8 @@
 //! | covered | source |
 //! |---|---|
 //! | NFC-F is sent by amplitude modulation (03 tr_am), 8 to 30 % deep | ISO/IEC 18092, 212 and 424 kbit/s |
-//! | its depth, 28 bits 7:4, coded differently in either part | \[1\] for the B, \[2\] for the ST25R3916 |
+//! | the depth of the modulation, 28 bits 7:4, coded differently in either part | \[1\] for the B, \[2\] for the
+//! ST25R3916 |
 //! | the driver's resistance, 28 bits 3:0: 15 is high impedance | \[1\] |
 //! | B: dis_reg_am (B28 bit 7) set goes with act_amsink (01 bit 0) clear and the other way round | \[1\] |
 //! | B: vddrf_cont (B2E bit 3) must be set | \[1\] |
@@ -50,7 +51,8 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     all(core, looks) & supply_suits(core)
 }
 
-/// Whether an ST25R3916B's settings for the supply of its driver suit its board and each other. The ST25R3916 has none.
+/// Whether an ST25R3916B's settings for the supply of its driver suit its board and each other. The result is true for
+/// an ST25R3916, which has no such settings.
 pub(crate) fn supply_suits(core: &mut Core) -> bool {
     let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));

@@ -70,8 +70,8 @@ impl Outgoing {
         frame
     }
 
-    /// Returns the frame that the registers describe, for C4 and C5. An unmodelled setting is reported, and there is no
-    /// frame.
+    /// Returns the frame that the registers describe, for the transmit commands C4 and C5. An unmodelled setting is
+    /// reported, and there is no frame.
     pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
         let length = core.registers().a16(reg::TRANSMIT_LENGTH);
         let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
@@ -117,8 +117,8 @@ impl Outgoing {
         Some(frame)
     }
 
-    /// Returns a short frame of seven bits, for C6 and C7. In another mode than NFC-A's there is no frame, and the mode
-    /// is reported.
+    /// Returns a short frame of seven bits, for the transmit commands C6 and C7. In another mode than NFC-A's there is
+    /// no frame, and the mode is reported.
     pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
         if core.target() || core.operation_mode() != 1 {
             core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
@@ -133,8 +133,8 @@ impl Outgoing {
             0 => core.a(reg::BIT_RATE) & 0x03,
             detected => detected,
         };
-        // The NFC-F part of the memory has two bytes of system code, then the 19 bytes of the answer with its request
-        // data.
+        // The NFC-F part of the passive target memory has two bytes of system code, then the 19 bytes of the answer
+        // with its request data.
         let body = &core.registers().target_memory()[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);

@@ -14,8 +14,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | NFC-A target with its anticollision, TSN slots other than 0 | the listener never answers |
-//! | collisions of two answers | one listener |
+//! | NFC-A target with its anticollision, TSN slots other than 0 | the link uses neither |
+//! | collisions of two answers | the path of answers models them ([`crate::AnswerPath`]) |
 //! | signal strength, noise, gain, squelch | the air is digital; errors come from its fault model |
 
 use crate::clock::{bit_cycles, rate_of};
@@ -246,7 +246,8 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // Bit rate detection finds the rate itself, of NFC-A with om0 and of NFC-F with om2.
+            // With bit rate detection the chip finds the bit rate by itself, for NFC-A if om0 is set and for NFC-F if
+            // om2 is set.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };

@@ -9,7 +9,7 @@ use crate::report::Space;
 
 /// The part's highest SPI clock, Hz, which is assumed where the controller's rate is unknown.
 pub(crate) const MAX_HZ: u32 = 10_000_000;
-/// Periods of the SPI clock from a byte's first rising edge to its end.
+/// The number of SPI clock periods from a byte's first rising edge to its end.
 const PERIODS: u64 = 8;
 
 /// The meaning of the next byte of a transfer.

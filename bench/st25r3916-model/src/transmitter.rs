@@ -59,7 +59,7 @@ impl Transmitter {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Removes from the FIFO the bytes that have left it for the air.
+    /// Removes from the FIFO the bytes that the transmitter has put on the air.
     pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
         if let Some(frame) = &mut self.frame {
             fifo.drop_front(frame.take_due(core.now()));

@@ -245,7 +245,7 @@ fn a_field_fault_is_reported_only_where_it_changes_the_listeners_field() {
     antenna.set(9 * MS, clean());
     assert_eq!(antenna.told[2..], [(6 * MS, AirEvent::FieldOn), (7 * MS, AirEvent::FieldOff)]);
     assert_eq!(antenna.injected("field off"), [2 * MS, 4 * MS, 7 * MS]);
-    // In this part the field is off from the start.
+    // In this part of the test the field is off from the start.
     let mut antenna = Antenna::new(1, off);
     antenna.set(MS, clean());
     assert_eq!(antenna.told, [(MS, AirEvent::FieldOn)]);

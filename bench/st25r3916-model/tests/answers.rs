@@ -455,7 +455,8 @@ fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
 
 #[test]
 fn answers_that_meet_are_both_lost_or_broken_off() {
-    // First the foreign card begins and the listener follows; in the second part the listener begins.
+    // In the first part of the test the foreign card begins its answer before the listener; in the second part the
+    // listener begins first.
     let mut back = Back::new(foreign_at(400_000));
     back.poller(0, &AirEvent::FrameEnd { bits: 8 });
     back.answer(400_000 + bits_ns_424(64 + 16));

@@ -183,8 +183,8 @@ impl Tag {
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x9F => {
                     let (_, data) = answers.last_mut().expect("data after a start");
                     data.extend_from_slice(&miso[1..]);
-                    // Of the SAK's three bytes in the FIFO the recorded firmware read only the first. The two bytes of
-                    // CRC_A are added by the standard.
+                    // The recorded firmware read only the first of the SAK's three bytes in the FIFO. The two bytes of
+                    // CRC_A are added here as the standard defines them.
                     if data.len() == 1 {
                         let crc = crc_a(data);
                         data.extend_from_slice(&crc);

@@ -189,7 +189,7 @@ fn a_foreign_card_alone_is_delivered_as_what_it_says() {
     let foreign = ForeignCard { answers: 1.0, after_ns: (400_000, 2_900_000), payload: 128 };
     let faults = AnswerFaults { foreign, ..AnswerFaults::default() };
     world.back.set_faults(world.now, faults, |_, _| {});
-    // The DPR's own answer comes long after the window has closed.
+    // The DPR's own answer comes long after the time in which the poller accepts an answer.
     world.answers_after_ns = 20 * MS;
     for cycle in 0..20 {
         let (event, _) = world.cycle(&payload(64, cycle)).expect("it ends");

@@ -183,8 +183,8 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // The sync is bits 48 to 63 of the frame: a listener armed before it receives the frame, one armed within it does
-    // not.
+    // The sync is bits 48 to 63 of the frame. A listener that is armed before the sync receives the frame; a listener
+    // that is armed within the sync does not.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);

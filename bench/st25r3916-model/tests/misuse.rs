@@ -184,8 +184,8 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is cleared at different bytes of the frame, and is loaded again or not. In no case are the rest of the
-    // frame's bytes sent.
+    // The FIFO is cleared at different bytes of the frame, and is loaded again or not. The rest of the frame's bytes is
+    // never sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));

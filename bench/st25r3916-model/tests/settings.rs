@@ -144,7 +144,7 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
-    // In this part the chip becomes a target after its antenna has been tuned.
+    // In this part of the test the chip becomes a target after its antenna has been tuned.
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Listener);
     pair.spi(Side::Listener, &[0x01, 0x1C]);

@@ -40,7 +40,7 @@ pub struct ForeignCard {
     pub payload: u8,
 }
 
-/// What goes wrong with answers. The default has no faults.
+/// The faults of a link's answers. The default has no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerFaults {
     /// The faults of the answers' path, which apply to the answers of the listener and of a foreign card. A delayed

@@ -10,11 +10,11 @@ const SHORTEST_BURST: u32 = 2;
 
 /// The air's effect on the poller's frames. The default has no faults.
 ///
-/// Every probability lies between 0 (never) and 1 (always); a value outside is clamped. A range of times is (shortest,
-/// longest) in ns, both ends included and every instant equally likely; a longest below the shortest counts as the
-/// shortest.
+/// Every probability lies between 0 (never) and 1 (always); a value outside these limits is clamped. A range of times
+/// is (shortest, longest) in ns, both ends included and every time equally likely; a longest time below the shortest
+/// counts as the shortest.
 ///
-/// The fate of a frame is decided when its first bit leaves the poller.
+/// What happens to a frame is determined when its first bit leaves the poller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AirFaults {
     /// Probability that a bit, of the sync or of the data, is inverted, independently of the others. A frame with a
@@ -26,9 +26,9 @@ pub struct AirFaults {
     pub truncated: f64,
     /// Probability that a frame is hit by one burst of errors, anywhere from LEN to the end of the CRC-16.
     pub burst: f64,
-    /// The longest burst, bits. A burst is 2 to this many bits long, each length equally likely: its first and last bit
-    /// are inverted, those between them each with probability one half. A value below 2 counts as 2; a burst longer
-    /// than the frame is as long as the frame.
+    /// The length of the longest burst of errors, bits. Each burst has a random length from 2 to this value, every
+    /// length equally likely. Its first and last bits are inverted, and each bit between them is inverted with
+    /// probability one half. A value below 2 counts as 2; a burst longer than the frame is as long as the frame.
     pub burst_bits: u32,
     /// Probability that a frame that was received whole is received once more.
     pub repeated: f64,

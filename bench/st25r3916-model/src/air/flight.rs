@@ -7,7 +7,7 @@ use super::account::{Fault, Heard, Origin, SentFrame};
 use super::faults::AirFaults;
 use crate::event::{Chunk, FrameStart, Technology};
 
-/// Bits of NFC-A's end of communication: a logic 0 and a bit without modulation.
+/// The number of bits in NFC-A's end of communication: a logic 0 and a bit without modulation.
 const NFC_A_TRAILER_BITS: u32 = 2;
 /// The number of bytes of an NFC-F frame that its LEN does not count, which are those of the CRC-16.
 const CRC_BYTES: usize = 2;

@@ -28,9 +28,10 @@
 //!
 //! # Time
 //!
-//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time; the instants may lie
-//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Later events wait in the air: the owner of
-//! the time calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever waits.
+//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time. The instants may lie
+//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Events that are due later wait in the air,
+//! and the caller, which advances the time, calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever
+//! waits.
 
 mod account;
 mod answers;

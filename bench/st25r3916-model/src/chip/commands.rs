@@ -1,4 +1,4 @@
-//! Direct commands.
+//! The chip's direct commands.
 //!
 //! | covered | DS13541 |
 //! |---|---|

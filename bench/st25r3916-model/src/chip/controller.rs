@@ -9,13 +9,13 @@ use crate::report::Kind;
 /// An SPI mode: the polarity and phase of the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpiMode {
-    /// Idle low, sampled on the first edge.
+    /// The clock is idle low, and bits are sampled on its first edge.
     Mode0,
-    /// Idle low, sampled on the second edge, which is the chip's own mode.
+    /// The clock is idle low, and bits are sampled on its second edge; this is the chip's own mode.
     Mode1,
-    /// Idle high, sampled on the first edge.
+    /// The clock is idle high, and bits are sampled on its first edge.
     Mode2,
-    /// Idle high, sampled on the second edge.
+    /// The clock is idle high, and bits are sampled on its second edge.
     Mode3,
 }
 
@@ -30,7 +30,7 @@ pub struct SpiFrame {
     pub mode: SpiMode,
     /// The number of bits in the frame, 1 to 32.
     pub bits: u8,
-    /// The bits on MOSI in their order: the first bit is the most significant of the `bits` low ones.
+    /// The bits on MOSI in the low `bits` bits of this value, the most significant of them first.
     pub mosi: u32,
 }
 

@@ -9,8 +9,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none; they are stored, and reported
-//! when set |
+//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are stored and reported
+//! |
 //! | test registers | test register 04 is stored for the bring-up, the others are reported |
 
 use super::Chip;

@@ -207,7 +207,7 @@ impl Chip {
         self.core.statistics()
     }
 
-    // --- in order of time ---
+    // --- deadlines and events on the air ---
 
     fn plan_hearing(&mut self) {
         match self.inbox.front() {
