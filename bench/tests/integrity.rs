@@ -156,8 +156,8 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is the last of a CRC's table, which the firmware does not need to continue, so
-            // it runs on with the damage.
+            // The word before `__ehot` is the last one of a CRC's table. Damage to that word does not keep the firmware
+            // from running.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };

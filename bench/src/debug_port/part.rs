@@ -72,7 +72,6 @@ impl Debugged for Nrf52840 {
 
     /// Every reset of the nRF52840 resets the debug registers, except a soft reset and the reset by a lock-up (PS
     /// 5.3.7.8, *Reset behavior*: "Debug").
-    /// behavior*: "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }

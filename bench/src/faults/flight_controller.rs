@@ -23,7 +23,6 @@ pub enum Conduct {
     RunsAway,
     /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms. It begins a transaction in each
     /// control cycle in which the transaction before is over.
-    /// that allows.
     TenThousand,
     /// Chip select falls for 1 µs and rises for 1 µs without a clock, 500 000 times a second.
     TogglesCsn,

@@ -42,7 +42,6 @@ pub struct Flip {
     pub back_after: Option<u64>,
     /// The numbers of readings without valid and new data, by what Link-Status reported in them: that the link was
     /// down, that the front end was faulty, and neither.
-    /// faulty, and neither.
     pub said: [u32; 3],
     /// Invalid data that were shown as valid, described as text.
     pub dangerous: Vec<String>,

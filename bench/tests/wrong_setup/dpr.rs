@@ -23,7 +23,6 @@ const READ_EVERY: u64 = 2 * MS;
 struct Shows {
     /// Numbers of transactions: those in which every byte read 0xFF, those with an intact Link-Status, and those with a
     /// valid object.
-    /// with a valid object.
     silent: usize,
     intact: usize,
     valid: usize,

@@ -26,7 +26,6 @@ pub struct ReadBytes {
 pub(super) struct Crossings {
     /// The bytes of the transaction under way. Each has the instants of its beginning and end (ns), its value, and the
     /// instant since which it has waited (ns).
-    /// which it has waited (ns).
     open: Vec<(u64, u64, u8, u64)>,
     /// Whether the part need not interpret the transaction: a byte of it differs from what the receiver sent.
     spoilt: bool,

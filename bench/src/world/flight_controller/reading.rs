@@ -11,7 +11,6 @@ pub enum Outcome {
     Fresh,
     /// Everything is intact, but there is no new profile: the profile is the one that was forwarded last, the image
     /// holds no profile yet, or the requested window contains none.
-    /// has none.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,

@@ -14,7 +14,6 @@ const COMMAND_EVERY: u64 = 250;
 
 /// The number, within each [`UPLINK_EVERY`] control cycles, of the control cycle in which nothing is written and the
 /// whole map is read, with Port-Status and the uplinks.
-/// and the uplinks.
 const MAP_READ: u64 = 8;
 
 /// One millisecond, ns.
