@@ -194,7 +194,7 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// The findings of the idle loop, which the commit task and the port task take from here.
+/// The findings of the idle loop, which the commit task and the port task read.
 #[derive(Debug)]
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if none was.
