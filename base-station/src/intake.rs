@@ -71,7 +71,7 @@ pub struct Judged {
     pub verdict: Verdict,
 }
 
-/// What is kept of a line from one message to the next.
+/// The state of a line that is kept from one message to the next.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),

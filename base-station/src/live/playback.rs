@@ -24,7 +24,7 @@ pub struct Contents {
     pub first_us: u64,
     /// The instant of the last arrival, µs since 1970.
     pub last_us: u64,
-    /// The parts that are damaged or cut off, and where, as text.
+    /// The parts that are damaged or cut off, as text that says at which position.
     pub torn: Vec<String>,
 }
 
@@ -170,12 +170,12 @@ impl Player {
     }
 
     fn at(&self, pace: &Pace) -> u64 {
-        // A recording that is played for a century at a hundredfold pace is still exact to a µs here.
+        // The product is exact to a µs even if a recording is played for a century at a hundredfold pace.
         let passed = pace.since.elapsed().as_secs_f64() * pace.speed * 1e6;
         pace.at_us.saturating_add(passed as u64).min(self.last_us)
     }
 
-    /// Waits until the time within the recording is `at_us`. Returns false if a jump ended the wait.
+    /// Waits until the time within the recording reaches `at_us`. Returns false if a jump ended the wait.
     fn wait(&self, at_us: u64) -> bool {
         let mut pace = self.pace();
         loop {
@@ -200,8 +200,8 @@ impl Player {
     /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // The records before the place to which the player jumps are judged as well, without waiting, because the
-            // state there depends on them.
+            // The records before the position to which the player jumps are judged too, but without waiting: the state
+            // at that position depends on them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -249,8 +249,8 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file. With `killed`, the recorder is not finished, like that of a process that was
-    /// killed.
+    /// Records these cycles into a file. With `killed`, the recorder is not finished, so the file is like that of a
+    /// process that was killed.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();

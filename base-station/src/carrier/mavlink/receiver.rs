@@ -37,7 +37,7 @@ impl Received {
         Who::System(self.system)
     }
 
-    /// Returns the MAVLink system for which the message is; 0 is all.
+    /// Returns the MAVLink system for which the message is; 0 means all systems.
     #[must_use]
     pub const fn target(&self) -> u8 {
         self.tunnel.target_system
@@ -96,7 +96,8 @@ impl Receiver {
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram ends here, so an incomplete message at its end is none.
+            // An incomplete message at the end of a datagram is not a message, so the search continues behind its first
+            // byte.
             at += 1;
         }
         received
@@ -114,7 +115,8 @@ impl Receiver {
         received
     }
 
-    /// Processes every whole message in `bytes` from `at` on. Returns the position from which on more bytes are needed.
+    /// Processes every whole message in `bytes` from `at` on. Returns the position in `bytes` of the first message that
+    /// is still incomplete, or the end of `bytes`.
     fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
         while let Some(candidate) = bytes.get(at..) {
             let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };

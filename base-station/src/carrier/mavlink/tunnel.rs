@@ -28,9 +28,9 @@ pub fn payload_type(first: Place) -> Option<u16> {
 pub struct Tunnel {
     /// The type of the payload.
     pub payload_type: u16,
-    /// The MAVLink system for which the message is; 0 is all.
+    /// The MAVLink system for which the message is; 0 means all systems.
     pub target_system: u8,
-    /// The MAVLink component for which the message is; 0 is all.
+    /// The MAVLink component for which the message is; 0 means all components.
     pub target_component: u8,
     /// The number of bytes of `payload` that are used.
     pub length: u8,
