@@ -79,7 +79,7 @@ impl fmt::Display for DroneId {
     }
 }
 
-/// The place from which a sender's messages come.
+/// The source of a sender's messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Source {
     /// The number of the line over which the messages come.
@@ -206,7 +206,7 @@ impl Fleet {
         self.drones.get(&id).map(|sender| &sender.drone)
     }
 
-    /// Returns the place from which a drone's messages come.
+    /// Returns the source of a drone's messages.
     #[must_use]
     pub fn source(&self, id: DroneId) -> Option<Source> {
         self.drones.get(&id).map(|sender| sender.source)

@@ -95,7 +95,7 @@ pub struct Intake {
 pub struct Refused {
     /// The number of messages that are not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,

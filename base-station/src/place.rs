@@ -131,7 +131,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// An object that [`Place::judge`] found intact and in its place.
+/// An intact object, as [`Place::judge`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intact<'a> {
     /// Link-Status.

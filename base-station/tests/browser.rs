@@ -1086,7 +1086,8 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display equals the recording at that place. The test finds the place by reading the whole recording.
+    // The display equals the recording at the displayed instant. The test finds that instant in the recording by
+    // reading all of it.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 

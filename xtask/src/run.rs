@@ -319,7 +319,7 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// The place to which the firmware's log is written.
+/// The output to which the firmware's log is written.
 struct Output<W> {
     stdout: W,
     /// Whether the reader of the output has closed it, as `head` at the end of a pipe does. The run continues, because

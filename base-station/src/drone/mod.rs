@@ -2,23 +2,27 @@
 //!
 //! # Design
 //!
-//! **Each object is judged separately.** Its CRCs and its identifier determine whether it is intact ([`Place::judge`]).
-//! It is shown if it is newer than the object of its kind that is shown. So if two messages arrive in the wrong order,
-//! the older one has no effect, unless an object is missing in the newer one that is in the older one: that object is
-//! then shown, with its age.
+//! **Each object is judged separately.** The object's CRCs and its identifier determine whether it is intact
+//! ([`Place::judge`]). The object is shown if it is newer than the displayed object of its kind. So if two messages
+//! arrive in the wrong order, the objects of the older message have no effect. The exception is an object that is
+//! missing in the newer message: it is shown, with its age.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
 //! after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may be older
 //! than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been running
 //! for an hour since its restart. The displayed data are then dropped. A single message that was repeated, delayed,
-//! reordered or inserted is never taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US)
-//! three delayed messages in a row can be; the next newer one ends that. Other messages belong to another sender
-//! ([`order`], [`fleet`](crate::fleet)). If the data of a restarted HORUS come again only after it has run for longer
-//! than before, its timestamps continue as if it had not restarted, and the time for which it did not run looks like
-//! delay. Such a restart shows only by a changed reason of HORUS's last reset, which stays the same as long as HORUS
-//! runs. The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that
-//! the DPR shows has the time of the base station that sent it, which cannot be compared with anything here: the last
-//! uplink is kept, is no sign of life, and is meaningful only to its sender ([`uplink`](Drone::uplink)).
+//! reordered or inserted is never taken for a restart. Three delayed messages in a row may be taken for one in HORUS's
+//! first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
+//! another sender ([`order`], [`fleet`](crate::fleet)).
+//!
+//! The data of a restarted HORUS may arrive only after it has run for longer than before its restart. Its timestamps
+//! then continue as if it had not restarted, and the time for which it did not run looks like delay. Such a restart is
+//! detected only by a changed reason of HORUS's last reset, which stays the same as long as HORUS runs.
+//!
+//! The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR
+//! shows has the time of the base station that sent it, which cannot be compared with any other time here. So the last
+//! uplink is always kept. It is not a sign of life of the drone, and only its sender can evaluate it
+//! ([`uplink`](Drone::uplink)).
 //!
 //! **Everything that is kept can be shown.** Values that contradict the status of their own object are removed before
 //! they are kept ([`profile::range`]), so no display has to check again.

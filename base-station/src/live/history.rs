@@ -40,9 +40,9 @@ type Place = [i32; 2];
 pub struct Sample {
     /// The instant of the sample, µs of the station's clock.
     pub at_us: u64,
-    /// The place of Reported-Position, if it was valid and not stale.
+    /// The latitude and longitude of Reported-Position, if its position was valid and not stale.
     voted: Option<Place>,
-    /// The places of the receivers, where their positions were valid and not old.
+    /// The latitude and longitude of each receiver, if its position was valid and not old.
     gps: [Option<Place>; MAX_RECEIVERS],
     /// The reported height, m, if it was valid and not stale; otherwise NaN.
     height: f32,

@@ -1,4 +1,4 @@
-//! Plays a recording back, at any pace and from any place in it.
+//! Plays a recording back, at any pace and from any instant in it.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -88,7 +88,7 @@ impl Recording {
     }
 }
 
-/// The place and the pace of a playback.
+/// The instant in the recording, and the pace, of a playback.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     /// The time within the recording at the instant `since`, µs.
@@ -98,7 +98,7 @@ struct Pace {
     speed: f64,
     /// The instant in the recording to which a user has jumped, µs.
     jump_us: Option<u64>,
-    /// The number of changes of pace or place that users have made.
+    /// The number of changes of pace or instant that users have made.
     changes: u64,
 }
 
@@ -143,7 +143,8 @@ impl Player {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or place, which shows whether a change has taken effect.
+    /// Returns the number of changes of pace or instant that users have made, which shows whether a change has taken
+    /// effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
@@ -214,7 +215,7 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the end of the recording, and after a jump, the player waits for the next change of place.
+            // At the end of the recording, and after a jump, the player waits for the next jump.
             if !self.wait(u64::MAX) {
                 continue;
             }

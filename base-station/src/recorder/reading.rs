@@ -46,7 +46,7 @@ pub struct Record {
 enum Stop {
     /// The file cannot be read.
     Io(io::Error),
-    /// The file was cut or damaged at this place; the text has the details.
+    /// The file was cut or damaged; the text says where and how.
     Torn(String),
 }
 
@@ -106,7 +106,8 @@ impl<R: Read> Reader<R> {
         self.torn.as_deref()
     }
 
-    /// Returns the damaged chunks found so far, which are left out, as text: the places and the reasons.
+    /// Returns the damaged chunks found so far, which are left out, as text: where they are in the file, and what is
+    /// wrong.
     pub fn lost(&self) -> &[String] {
         &self.lost
     }

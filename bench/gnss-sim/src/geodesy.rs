@@ -59,7 +59,7 @@ impl Geodetic {
     }
 }
 
-/// Radius of curvature in the prime vertical, m.
+/// The radius of curvature in the prime vertical, m.
 fn prime_vertical_radius(sin_lat: f64) -> f64 {
     SEMI_MAJOR_AXIS / sqrt(1.0 - E2 * sin_lat * sin_lat)
 }

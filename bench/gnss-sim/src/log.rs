@@ -8,8 +8,8 @@
 //! # The timing
 //!
 //! A receiver sends one burst for each navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of
-//! week in ms). The file is divided where a message begins a new epoch, and the parts are sent at the intervals of
-//! their `iTOW`:
+//! week in ms). The file is divided where a message begins a new epoch. The pieces are sent at the intervals of their
+//! `iTOW`:
 //!
 //! - The bytes before the first epoch are sent [`FIRST_BURST_NS`] after reset, followed by the first epoch.
 //! - A NAV message with a right checksum whose `iTOW` is later than the current epoch's begins the next epoch. The

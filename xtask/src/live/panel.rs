@@ -11,8 +11,8 @@
 //! and checks the link's recovery from it; the report counts each episode. A recovery is complete within one episode. A
 //! supply that is switched off has a fixed end instead, because two such episodes would not join without a gap.
 //!
-//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
-//! would hang for ever. So if a board has just been restarted from the panel, or already hangs, its next hang is
+//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start. A board that hung before that
+//! would hang for ever. So if a board has just been restarted from the panel, or hangs already, its next hang is
 //! delayed until the watchdog certainly runs. A board without a supply is not made to hang.
 //!
 //! **Access.** The panel is a server on this machine, to which any page in a browser on this machine can send requests.

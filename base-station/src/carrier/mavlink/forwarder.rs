@@ -11,10 +11,10 @@
 //!   split over two messages. An object that is missing is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice for that, Reported-Position is sent before
 //!   every one of the other messages, which take turns: the position is then updated twice as often as any receiver.
-//! - An object that is in the image again is not sent again.
+//! - An object that is unchanged in the next image is not sent again.
 //!
-//! The budget is a bucket that fills by the bytes per second and holds what comes in a tenth of a second, or one
-//! message. So the radio's own queue stays short, and the data in it stay recent.
+//! The budget is a bucket. It fills by the permitted bytes per second, and holds at most the bytes of a tenth of a
+//! second or, if that is more, of one message. So the radio's own queue stays short, and the data in it stay recent.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;

@@ -1,10 +1,10 @@
 //! Runs in the base station: it finds the objects in arriving MAVLink.
 //!
-//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, bytes that are no MAVLink
-//! at all. After a frame with a wrong checksum, the search for the next frame begins at its second byte. After a frame
-//! without a signature that is known to be good, the search begins at the place of its signature: if the message was
-//! cut off there, the beginning of the next message is in that place, and the checksum, which comes before it, does not
-//! show that.
+//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, and bytes that are no
+//! MAVLink. After a frame with a wrong checksum, the search for the next frame begins at the second byte of that frame.
+//! After a frame whose signature is missing or not verified, the search begins at the position of the signature. The
+//! reason is that the message may have been cut off there: then the next message begins at that position. The checksum
+//! does not show this, because it comes before the signature.
 
 use std::fmt;
 
@@ -59,7 +59,7 @@ pub struct Counts {
     pub foreign: u64,
     /// The number of messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong checksum.
     pub bad_crc: u64,

@@ -52,8 +52,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// Returns the objects that the message carries; `None` if it has another payload type. The carrier does not judge
-    /// whether the objects are intact.
+    /// Returns the objects that the message carries; `None` if no message with objects has this payload type or this
+    /// length. The carrier does not judge whether the objects are intact.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);

@@ -277,7 +277,7 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
     names.into_iter().map(asked).collect()
 }
 
-/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Returns the number of such
+/// Sets the pace (`speed=2`) or the instant (`at=SECONDS` from the start) of a playback. Returns the number of such
 /// changes so far: a state with this number, or a greater one, reflects the change.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };

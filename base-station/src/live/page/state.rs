@@ -45,7 +45,7 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of speed or place so far. The answer to a change states this number too, so the page can
+    /// The number of changes of pace or instant so far. The answer to a change states this number too, so the page can
     /// tell which states include the change.
     changes: u64,
 }
@@ -279,8 +279,8 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
             // The number of changes is read first, so that the state reflects all changes that are counted in it.
             let changes = player.changes();
-            // The place is read from the player, because the station is behind the player while a jump back is carried
-            // out.
+            // The instant is read from the player, because the station is behind the player while a jump back is
+            // carried out.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
