@@ -293,7 +293,7 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs the same command line again in a binary with the probe library, which this one lacks.
+/// Runs the same command line again in a binary that has the probe library, which this binary lacks.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -304,7 +304,7 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs the same command line again in a binary with the page, which this one lacks.
+/// Runs the same command line again in a binary that has the page, which this binary lacks.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")
