@@ -1,4 +1,4 @@
-//! Bring-up of either role: one list of operations, carried out one at a time.
+//! Bring-up of a chip in any role: one list of operations, carried out one at a time.
 //!
 //! # The list
 //!
@@ -41,7 +41,7 @@ pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OP
 pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
 /// The number of interrupts without the awaited bit after which the pin counts as stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
-/// The shortest back-off before a bring-up, in microseconds; doubled by each failure.
+/// The shortest back-off before a bring-up, in microseconds; each fault doubles it.
 const BACK_OFF_US: u32 = 1_000;
 /// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
@@ -61,13 +61,13 @@ pub enum ReceiverMode {
 /// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
-    /// Sends and never listens.
+    /// A poller, which sends frames and never listens.
     Poller(ReceiverMode),
-    /// Sends, and receives one answer.
+    /// A poller that sends frames and receives at most one answer to each.
     Exchange,
-    /// Receives and cannot answer.
+    /// A listener, which receives frames and cannot answer.
     Listener,
-    /// Receives and answers.
+    /// A listener that receives frames and answers them.
     Answerer,
 }
 
@@ -98,7 +98,7 @@ impl Role {
         }
     }
 
-    /// The role's settings before it goes on air, in order.
+    /// The settings that are written in this role before the chip goes on air, in order.
     const fn settings(self, variant: Variant) -> &'static [Setting] {
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
@@ -122,17 +122,17 @@ struct Setting {
 }
 
 impl Setting {
-    /// Registers of space A from `address` on.
+    /// A setting of registers of space A, from `address` on.
     const fn a(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: false, address, values }
     }
 
-    /// Registers of space B from `address` on.
+    /// A setting of registers of space B, from `address` on.
     const fn b(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: true, address, values }
     }
 
-    /// The first bytes of an access in the given operation mode.
+    /// The first bytes of a transfer that accesses this setting's registers in the given operation mode.
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
@@ -196,9 +196,9 @@ const RECEIVER: Setting = Setting::a(
         reg::MASK_RECEIVE_SHORT,
     ],
 );
-/// The same registers for a poller that receives answers, with an ST25R3916.
+/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916.
 const ANSWER_RECEIVER_A: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_A));
-/// The same with an ST25R3916B.
+/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916B.
 const ANSWER_RECEIVER_B: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_B));
 const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
 
@@ -213,14 +213,14 @@ const fn answer_receiver(demodulator: u8) -> [u8; 6] {
     ]
 }
 
-/// The B's active wave shaping, which shapes and limits its amplitude modulation.
+/// Active wave shaping of the ST25R3916B, which shapes and limits its amplitude modulation.
 const WAVE_SHAPING: Setting = Setting::b(reg::B_WAVE_SHAPING, &reg::WAVE_SHAPING_NFC_F);
 const WAVE_SHAPING_TIMES: Setting = Setting::b(reg::B_WAVE_SHAPING_TIMES, &reg::WAVE_SHAPING_TIMES_NFC_F);
 const DRIVER_NON_OVERLAP: Setting = Setting::b(reg::B_DRIVER_NON_OVERLAP, &[reg::DRIVER_NON_OVERLAP_LEAST]);
 const NFC_F_MODE: Setting = Setting::a(reg::MODE, &POLLER_MODE);
 const PREAMBLE: Setting = Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]);
 
-/// What differs between a poller that never listens and one that receives answers.
+/// The settings that differ between a poller that never listens and one that receives answers.
 #[derive(Clone, Copy)]
 struct Polling {
     receiver: Setting,
@@ -240,7 +240,7 @@ const ANSWERED_A: Polling = Polling {
 };
 const ANSWERED_B: Polling = Polling { receiver: ANSWER_RECEIVER_B, ..ANSWERED_A };
 
-/// No-response timer and timer control, registers 10 to 12: the window for an answer.
+/// Values of the no-response timer and of the timer control, registers 10 to 12: the window for an answer.
 const ANSWER_WINDOW: [u8; 3] = {
     let [high, low] = NO_RESPONSE_STEPS.to_be_bytes();
     [high, low, reg::TIMERS_64_FC]
@@ -283,7 +283,7 @@ const fn poller_b(polling: Polling) -> [Setting; 12] {
     ]
 }
 
-/// What differs between a listener that cannot answer and one that does.
+/// The settings that differ between a listener that cannot answer and one that answers.
 #[derive(Clone, Copy)]
 struct Listening {
     load_modulation: Setting,
@@ -310,7 +310,7 @@ const ANSWERING_B: Listening = Listening {
 const LISTENER_A: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_A);
 const LISTENER_B: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_B);
 const ANSWERER_A: [Setting; 9] = listener(ANSWERING_A, &reg::ANTENNA_TUNING_LISTENER_A);
-/// The B's supply of its driver is set as a poller's (ST's library sets it for every role).
+/// The settings of an ST25R3916B that answers. Its driver's supply is set as a poller's, as in ST's library.
 const ANSWERER_B: [Setting; 10] = {
     let [silent, modulation, driver, antenna, field, receiver, correlator, masks, mode] =
         listener(ANSWERING_B, &reg::ANTENNA_TUNING_LISTENER_B);
@@ -318,7 +318,7 @@ const ANSWERER_B: [Setting; 10] = {
     [silent, modulation, driver, supply, antenna, field, receiver, correlator, masks, mode]
 };
 
-/// The settings against automatic answers and of load modulation come before the mode.
+/// The settings of a listener. Automatic answers are disabled and load modulation is set before the mode is set.
 const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] {
     [
         Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
@@ -333,7 +333,7 @@ const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] 
     ]
 }
 
-/// A part of the list.
+/// A part of the list of bring-up operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Power,
@@ -342,11 +342,11 @@ enum Part {
     Operate,
 }
 
-/// One entry of the list.
+/// One entry of the list of bring-up operations.
 enum Operation {
     /// A command or a write; the response is ignored.
     Send(Short),
-    /// A command or a write, followed by the wait for its end's interrupt.
+    /// A command or a write, followed by a wait for the interrupt at its end.
     Run(Short, Awaited),
     /// Read the identity.
     Identify,
@@ -356,9 +356,9 @@ enum Operation {
     ReadBack(Setting),
     /// Read operation control, mode and bit rate back.
     Verify,
-    /// No operation for this part or configuration.
+    /// This chip type needs no operation here.
     Skip,
-    /// This part of the list is over.
+    /// This part of the list has no further operation.
     End,
 }
 
@@ -371,7 +371,7 @@ enum Awaited {
 }
 
 impl Awaited {
-    /// The longest wait, in microseconds.
+    /// The longest wait for the interrupt, in microseconds.
     const fn limit_us(self) -> u32 {
         match self {
             Self::Oscillator => OSCILLATOR_US,
@@ -381,7 +381,7 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt has not come by then. The calibration falls back on its default.
+    /// The fault if the interrupt does not come in time. Without the calibration the chip uses its default, so `None`.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),
@@ -423,16 +423,16 @@ pub(crate) enum Progress {
 pub(crate) struct BringUp {
     role: Role,
     variant: Option<Variant>,
-    /// The measured supply, mV.
+    /// The measured supply voltage, mV.
     supply_mv: Option<u16>,
     part: Part,
-    /// The operation under way within `part`.
+    /// The index of the present operation within `part`.
     index: u8,
     phase: Phase,
-    /// The number of interrupts in a row that were not the awaited one.
+    /// The number of interrupts in a row without the awaited bit.
     idle_irqs: u8,
     failures: u8,
-    /// The setting that is read back next while the chip runs.
+    /// The index of the setting that is read back next while the chip runs.
     rotation: u8,
 }
 
@@ -581,8 +581,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the next one that this part of the list needs. At most one entry in a row is
-    /// skipped and each part has an entry, so the loop runs at most three times.
+    /// Issues the operation at `index`, or the next one if this chip type needs none there. At most one operation in a
+    /// row is skipped and each part has an operation, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {
@@ -610,7 +610,7 @@ impl BringUp {
         }
     }
 
-    /// The IO configuration for the measured supply; before the measurement for 5 V, as after a reset.
+    /// The IO configuration for the measured supply, or, before the measurement, for 5 V as after a reset.
     fn io(&self) -> Setting {
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
@@ -619,7 +619,7 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // Every operation after the identity has a variant: without one, bring-up has failed.
+        // Bring-up fails where no chip type is identified, so every operation after the identity's has a type.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -635,8 +635,8 @@ impl BringUp {
         }
     }
 
-    /// The settings that remain after bring-up, in the order of reading back, without operation control, which
-    /// [`CONFIGURATION_READ`] covers.
+    /// The setting at `index` among those that stay as they are after bring-up, in the order in which they are read
+    /// back. [`CONFIGURATION_READ`] covers operation control.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),
@@ -645,13 +645,13 @@ impl BringUp {
         }
     }
 
-    /// The setting to read back next; operation control, mode and bit rate come last.
+    /// The setting to read back next; `None` means operation control, mode and bit rate, which come last.
     fn turn(&self) -> Option<Setting> {
         self.in_force(self.rotation)
     }
 
-    /// Reads the next setting back. It is called once a frame, so that every setting is read within as many frames as
-    /// there are settings.
+    /// The transfer that reads the next setting back. It is made once for each frame, so that every setting is read
+    /// within as many frames as there are settings.
     pub(crate) fn read_next(&self) -> Short {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }

@@ -52,14 +52,14 @@
 //! on, and one of the settings of bring-up, in turn) and leads to [`PollerEvent::Ready`]. The field stays on from
 //! bring-up on.
 //!
-//! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends that way,
-//! and it was never observed. So the driver does not depend on it: if I_txe has not come when its time is over, and the
-//! FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
+//! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends with the
+//! receiver off, and this was never observed. So the driver does not depend on I_txe: if it has not come within its
+//! time, and the FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
 //! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
-//! If a chip reports it anyway, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is sent. The number
-//! of bytes needs no check of its own before the frame is sent: one too few is an underflow, one too many is left over
-//! ([`Fault::FifoCount`]), and the listener rejects what the frame's own checks do not cover.
+//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next frame is sent.
+//! The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, a byte
+//! too many is left over ([`Fault::FifoCount`]), and the listener rejects other damage by the payload's own checks.
 //!
 //! # Recovery
 //!
@@ -81,8 +81,8 @@ pub use crate::sender::{SendError, SendState};
 use crate::sender::{Sender, Sending, is_light};
 use crate::{Variant, command};
 
-/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
-/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
+/// The time, in microseconds, after a frame's air time at which its end counts as missing. Recordings show the first
+/// bit 3 to 5 µs after the command. Where I_txe never comes, this margin and the preparation of the next frame must fit
 /// between two frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
 
@@ -92,7 +92,7 @@ pub const MAX_PAYLOAD: usize = 254;
 /// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
 pub const HEAD: usize = 16;
 
-/// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
+/// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
 /// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
@@ -114,7 +114,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
-    /// Receiver off, or on and masked.
+    /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: more were loaded than the frame
     /// has.
@@ -138,7 +138,7 @@ impl Default for PollerConfig {
     }
 }
 
-/// A poller's event.
+/// An event of a poller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerEvent {
@@ -153,11 +153,11 @@ pub enum PollerEvent {
     Loaded,
     /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
     Sent {
-        /// Whether I_txe confirmed it. If not, its time is over and the FIFO empty.
+        /// Whether the interrupt I_txe confirmed the end. If not, the frame's time is over and the FIFO is empty.
         confirmed: bool,
     },
-    /// The frame, or the chip, is lost; [`Input::Start`] recovers, to [`PollerEvent::Ready`] or
-    /// to the next fault.
+    /// The frame is lost, or the chip has failed; [`Input::Start`] begins the recovery, which leads to
+    /// [`PollerEvent::Ready`] or to the next fault.
     Fault(Fault),
 }
 
@@ -165,7 +165,7 @@ pub enum PollerEvent {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerState {
-    /// The initial state.
+    /// The chip needs its first bring-up, which the next step begins.
     New,
     /// A fault was reported; the chip needs a bring-up.
     Faulted,
@@ -189,11 +189,11 @@ pub enum PollerState {
     Ready,
     /// A frame is being prepared, loaded, or is on air.
     Sending(SendState),
-    /// The frame was sent and reported.
+    /// The frame was sent, and the owner has got the event about it.
     Sent,
 }
 
-/// Counts since the machine was made; each wraps.
+/// Counts since the poller was made; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerCounters {
@@ -216,7 +216,7 @@ pub struct Poller {
     bring_up: BringUp,
     state: PollerState,
     sender: Sender,
-    /// Whether the last frame was lost, without a bring-up since.
+    /// Whether the last frame was lost, and the chip has not been brought up since.
     lost: bool,
     counters: PollerCounters,
 }
@@ -228,7 +228,7 @@ impl Poller {
         Self::with_role(Role::Poller(config.receiver), config)
     }
 
-    /// The same in a role that sends as a poller does.
+    /// A poller in `role`, which sends as [`Role::Poller`] does.
     pub(crate) const fn with_role(role: Role, config: PollerConfig) -> Self {
         Self {
             config,
@@ -240,7 +240,7 @@ impl Poller {
         }
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
@@ -259,7 +259,7 @@ impl Poller {
         self.state
     }
 
-    /// Counts since the machine was made.
+    /// Counts since the poller was made.
     #[must_use]
     pub const fn counters(&self) -> PollerCounters {
         self.counters
@@ -272,8 +272,8 @@ impl Poller {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))
     }
 
-    /// The transfer that starts transmission (C4, one byte): the executor makes it at its own instant after
-    /// [`PollerEvent::Loaded`], then gives [`Input::Done`].
+    /// The transfer that starts the transmission (C4, one byte). The executor makes it after [`PollerEvent::Loaded`],
+    /// at an instant that it chooses, and then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         command::TRANSMIT_WITH_CRC
