@@ -1,11 +1,11 @@
-//! A whole profile: Reported-Position and the GPS objects it derives from.
+//! A whole profile: Reported-Position and the GPS objects from which HORUS derives it.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, ReportedValues, crc};
 
-/// The most receivers that a profile has room for (3oo5 redundancy; paper, section 2.3).
+/// The greatest number of receivers of a profile (3oo5 redundancy; paper, section 2.3).
 pub const MAX_RECEIVERS: usize = 5;
 
 /// The size of the largest profile, bytes.
@@ -13,14 +13,14 @@ pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 
 /// A profile of `N` receivers: Reported-Position, GPS1, … GPS`N`, contiguous.
 ///
-/// `N` is 1 (no redundancy), 2 (1oo2), 3 (triple modular redundancy) or 5 (3oo5); another does not compile:
+/// `N` is 1 (no redundancy), 2 (1oo2), 3 (triple modular redundancy) or 5 (3oo5); any other `N` does not compile:
 ///
 /// ```compile_fail,E0080
 /// let four = profile::Profile::<4>::EMPTY;
 /// ```
 ///
 /// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
-// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
+// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -56,14 +56,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::zeroed()
     };
 
-    /// The profile of these sealed objects, GPS1 first.
+    /// The profile that consists of these sealed objects; the GPS objects are in order, GPS1 first.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// Seals these values in a profile with all CRCs, GPS1's first.
+    /// Seals these values in a profile with all CRCs; `gps` begins with the values of GPS1.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
         let mut profile = Self::EMPTY;
@@ -132,7 +132,7 @@ impl<const N: usize> Profile<N> {
         Ok(profile.verify())
     }
 
-    /// Its objects, each accepted or rejected separately. All are judged, whatever the result for the first of them.
+    /// The objects of the profile, each accepted or rejected separately. All are verified, whatever the results are.
     #[must_use]
     pub fn verify(&self) -> Reading<'_, N> {
         let mut gps = [Err(Rejection::Length); N];
@@ -181,9 +181,9 @@ impl<const N: usize> Reading<'_, N> {
     }
 }
 
-/// An accepted object of a profile of any kind.
+/// An accepted object of a profile, of either kind.
 ///
-/// [`Object::verify`] makes one of bytes that it accepts; one made in another way implies no verification.
+/// [`Object::verify`] makes an `Object` of bytes that it accepts; one made in another way implies no verification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
@@ -220,8 +220,8 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Its number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if its identifier is another
-    /// one.
+    /// The object's number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if the object's
+    /// identifier is another one.
     #[must_use]
     pub const fn index(self) -> Option<usize> {
         match (self, self.identifier().object()) {
