@@ -282,8 +282,8 @@ bit_set! {
     attitude_valid, with_attitude_valid = 4;
     /// Bit 5: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 5;
-    /// Bit 6: fewer receivers agree than are configured, or no majority of the configured receivers reports an altitude
-    /// on which that majority agrees.
+    /// Bit 6: fewer receivers agree than are configured, or Reported-Position has no altitude, which takes a quorum of
+    /// agreeing receivers that have one.
     degraded, with_degraded = 6;
     /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. The internal oscillator is
     /// trimmed to 1 % at 25 °C and deviates more over temperature (DS9405), and so does the length of HORUS's cycle;

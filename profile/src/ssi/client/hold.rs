@@ -76,7 +76,7 @@ impl HoldTrack {
             Some(Shown::Intact(status))
                 if self.last.is_some_and(|last| last.values.timestamp == status.timestamp()) => {}
             Some(Shown::Intact(status)) => {
-                // The reading before bounds its arrival, and the DPR shows none for longer than its expiry.
+                // Hold-Status arrived after the reading before this one, and at most [`EXPIRY_US`] ago.
                 let since_us = self.looked_us.and_then(|looked_us| began_us.checked_sub(looked_us));
                 let shown_us = since_us.map_or(u64::from(EXPIRY_US), |since_us| since_us.min(EXPIRY_US.into()));
                 let age_us = sum_us(HOLD_FRAME_US, shown_us);
