@@ -185,7 +185,7 @@ pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = 
     })
 }
 
-/// The place in a profile of `N` receivers of the frame with `payload`, determined by the payload's length alone.
+/// The objects of a profile of `N` receivers that a frame with `payload` carries, by the payload's length alone.
 ///
 /// # Errors
 ///

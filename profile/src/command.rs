@@ -18,8 +18,8 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Command {
-    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; then counts itself as the first
-    /// command carried out. Link-Status's total of access violations and the counters of faults continue.
+    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; this command is then the only one
+    /// that is counted as carried out. Link-Status's total of access violations and the counters of faults continue.
     ClearCounters,
     /// Begins one whole pass over the flash and over the RAM in use, in spare processor time. While a pass is under
     /// way, the command is refused, and the pass is finished.

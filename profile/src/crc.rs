@@ -93,7 +93,7 @@ impl FourTables {
         Self(tables)
     }
 
-    /// The register after `bytes`, if it was `register` before them.
+    /// The register after `bytes`, which begins as `register`.
     fn update(&self, mut register: u32, bytes: &[u8]) -> u32 {
         let [behind_0, behind_1, behind_2, behind_3] = &self.0;
         let (words, rest) = bytes.as_chunks();

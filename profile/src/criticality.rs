@@ -224,7 +224,7 @@ mod sealed {
 
 /// A function of the system that writes objects, as a type. Only this module defines roles.
 pub trait Role: sealed::Sealed + Copy + fmt::Debug + 'static {
-    /// The function as a value.
+    /// The role as a value of [`Function`].
     const FUNCTION: Function;
 }
 
@@ -255,7 +255,7 @@ roles! {
 
 /// The role sends to the role `To`: a cell of the [table](self) that is not empty.
 pub trait Sends<To: Role>: Role {
-    /// The criticality in the cell.
+    /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;
 }
 
@@ -338,7 +338,7 @@ pub mod object {
         Hold by ActiveLoad;
     }
 
-    /// The uplink that `W` writes.
+    /// The uplink that the role `W` writes.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct UplinkFrom<W>(PhantomData<W>);
 
@@ -355,7 +355,7 @@ impl<W: Role, O: MapObject<Writer = W>> MayWrite<O> for W {}
 
 /// The role reads the object `O`, because the [table](self) lets the object's writer send to the role.
 pub trait MayRead<O: MapObject>: Role {
-    /// The criticality of the object to the role.
+    /// The criticality of the object for the role that reads it.
     const CRITICALITY: Criticality;
 }
 

@@ -43,7 +43,7 @@ pub struct Image<const N: usize> {
 }
 
 impl<const N: usize> Image<N> {
-    /// The size in bytes: 156, 216, 276 or 396.
+    /// The size of the image in bytes: 156, 216, 276 or 396.
     pub const LEN: usize = LinkStatus::SIZE + Profile::<N>::SIZE;
 
     /// An image of zeros, in which no object verifies.
@@ -99,13 +99,13 @@ impl<const N: usize> Image<N> {
         }
     }
 
-    /// The [`Image::LEN`] bytes in their order on the wire.
+    /// The [`Image::LEN`] bytes of the image in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
     }
 
-    /// The [`Image::LEN`] bytes in their order on the wire.
+    /// The [`Image::LEN`] bytes of the image in their order on the wire.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         bytemuck::bytes_of_mut(self)
@@ -145,8 +145,8 @@ impl<const N: usize> fmt::Debug for Image<N> {
 /// The results of verifying an image, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageReading<'a, const N: usize> {
-    /// Link-Status.
+    /// The result for Link-Status.
     pub link: Result<&'a LinkStatus, Rejection>,
-    /// The profile.
+    /// The results for the objects of the profile.
     pub profile: Reading<'a, N>,
 }

@@ -50,8 +50,8 @@
 //! not stored. [`criticality`] defines which role may write which object.
 //!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
-//! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, which is used
-//! here. This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
+//! Rotorcraft*, Tables 2 and 3. The paper's text gives Reported-Position 60 bytes; its Table 2 adds up to 64, as here.
+//! This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
 //!
 //! # Example
 //!
@@ -130,17 +130,17 @@ pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
 /// The value of a binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
 pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 
-/// This compiles and runs the README's example.
+/// A test that compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// This compiles and runs the profile of another maker's hold.
+/// A test that compiles and runs the profile of another maker's hold.
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/profiles.md")]
 struct ProfilesGuide;
 
-/// This compiles and runs the Rust of the guide for developers of flight controllers.
+/// A test that compiles and runs the Rust code of the guide for developers of flight controllers.
 #[cfg(all(doctest, feature = "embedded-hal"))]
 #[doc = include_str!("../../docs/flight-controller.md")]
 struct FlightControllerGuide;

@@ -16,11 +16,11 @@ pub struct LinkValues {
     pub timestamp: u32,
     /// The state of the link.
     pub status: LinkStatusBits,
-    /// Objects accepted.
+    /// Objects of HORUS that the DPR accepted.
     pub objects_accepted: u32,
-    /// Objects rejected.
+    /// Objects of HORUS that the DPR rejected.
     pub objects_rejected: u32,
-    /// Frames received, accepted or not.
+    /// Frames of HORUS that the DPR received, whether their objects were accepted or not.
     pub frames_received: u32,
     /// Frames of HORUS that were due and did not arrive.
     pub frames_missed: u32,

@@ -37,7 +37,7 @@ pub struct PortArea {
 }
 
 impl PortArea {
-    /// The size in bytes.
+    /// The size of this part of the map in bytes.
     pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
 
     /// Zeros, in which no object verifies.
@@ -67,7 +67,7 @@ impl PortArea {
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes in their order on the wire.
+    /// The bytes of this part of the map in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
@@ -109,13 +109,13 @@ const _: () = {
 };
 
 impl<const N: usize> Map<N> {
-    /// The size in bytes: 348, 408, 468 or 588.
+    /// The size of the map in bytes, without a hold: 348, 408, 468 or 588.
     pub const LEN: usize = Image::<N>::LEN + PortArea::SIZE;
 
-    /// The size in bytes with the object of a [hold](crate::hold): 412, 472, 532 or 652.
+    /// The size of the map in bytes with the object of a [hold](crate::hold): 412, 472, 532 or 652.
     pub const LEN_WITH_HOLD: usize = Self::LEN + HoldObject::SIZE;
 
-    /// Offset of Port-Status.
+    /// The offset of Port-Status in the map.
     pub const PORT_STATUS: usize = Image::<N>::LEN;
 
     /// Zeros, in which no object verifies.
@@ -165,7 +165,7 @@ impl<const N: usize> Map<N> {
         Self::LEN..Self::LEN_WITH_HOLD
     }
 
-    /// The [`Map::LEN`] bytes in their order on the wire.
+    /// The [`Map::LEN`] bytes of the map in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
@@ -248,19 +248,19 @@ pub fn hold_mut<W: MayWrite<object::Hold>, const N: usize>(
 /// The results of verifying Port-Status and both uplinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortReading<'a> {
-    /// Port-Status.
+    /// The result for Port-Status.
     pub status: Result<&'a PortStatus, Rejection>,
-    /// The uplink of the base station.
+    /// The result for the uplink of the base station.
     pub base_station: Result<&'a Uplink, Rejection>,
-    /// The uplink of the flight controller.
+    /// The result for the uplink of the flight controller.
     pub flight_controller: Result<&'a Uplink, Rejection>,
 }
 
 /// The results of verifying a map, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapReading<'a, const N: usize> {
-    /// The image.
+    /// The results for the objects of the image.
     pub image: ImageReading<'a, N>,
-    /// Port-Status and uplinks.
+    /// The results for Port-Status and both uplinks.
     pub port: PortReading<'a>,
 }

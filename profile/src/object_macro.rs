@@ -19,7 +19,7 @@ macro_rules! object {
         };
 
         impl $object {
-            /// The size in bytes.
+            /// The size of the object in bytes.
             pub const SIZE: usize = $size;
 
             /// Zeros, the contents of a slot before the first write. They do not verify.
@@ -49,7 +49,7 @@ macro_rules! object {
                 self.crc.get()
             }
 
-            /// The bytes in their order on the wire.
+            /// The bytes of the object in their order on the wire.
             #[must_use]
             pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
                 bytemuck::must_cast_ref(self)

@@ -38,13 +38,13 @@ const _: () = {
 impl<const N: usize> Profile<N> {
     const SUPPORTED: () = assert!(matches!(N, 1 | 2 | 3 | 5), "a profile has 1, 2, 3 or 5 receivers");
 
-    /// The size in bytes: 124, 184, 244 or 364.
+    /// The size of the profile in bytes: 124, 184, 244 or 364.
     pub const SIZE: usize = {
         let () = Self::SUPPORTED;
         ReportedPosition::SIZE + N * GpsObject::SIZE
     };
 
-    /// The number of objects: 2, 3, 4 or 6.
+    /// The number of objects of the profile: 2, 3, 4 or 6.
     pub const OBJECTS: usize = {
         let () = Self::SUPPORTED;
         1 + N
@@ -93,14 +93,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::from_bytes_mut(gps)
     }
 
-    /// The [`Profile::SIZE`] bytes in their order on the wire.
+    /// The [`Profile::SIZE`] bytes of the profile in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         let () = Self::SUPPORTED;
         bytemuck::bytes_of(self)
     }
 
-    /// The [`Profile::SIZE`] bytes in their order on the wire, for reception.
+    /// The [`Profile::SIZE`] bytes of the profile in their order on the wire, for reception.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         let () = Self::SUPPORTED;
@@ -160,9 +160,9 @@ impl<const N: usize> fmt::Debug for Profile<N> {
 /// The results of verifying a profile, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<'a, const N: usize> {
-    /// Reported-Position.
+    /// The result for Reported-Position.
     pub reported: Result<&'a ReportedPosition, Rejection>,
-    /// GPS1 to GPS`N`.
+    /// The results for GPS1 to GPS`N`.
     pub gps: [Result<&'a GpsObject, Rejection>; N],
 }
 
@@ -188,7 +188,7 @@ impl<const N: usize> Reading<'_, N> {
 pub enum Object<'a> {
     /// Reported-Position.
     Reported(&'a ReportedPosition),
-    /// One of GPS1 to GPS5, by its identifier.
+    /// One of the objects GPS1 to GPS5; its identifier says which.
     Gps(&'a GpsObject),
 }
 
@@ -249,7 +249,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// The 64 or 60 bytes in their order on the wire.
+    /// The 64 or 60 bytes of the object in their order on the wire.
     #[must_use]
     pub const fn as_bytes(self) -> &'a [u8] {
         match self {

@@ -48,7 +48,7 @@ impl FixType {
     }
 }
 
-/// The state of HORUS, as it reports it.
+/// The state that HORUS reports about itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HorusState {
@@ -342,7 +342,7 @@ impl ReportedStatus {
 bit_set! {
     /// The status of Link-Status.
     LinkStatusBits, used 0xF7FF;
-    /// Bit 0: frames arrive within their deadline.
+    /// Bit 0: frames of HORUS arrive within their deadline.
     link_up, with_link_up = 0;
     /// Bit 1: every object of the last cycle was accepted.
     all_accepted, with_all_accepted = 1;

@@ -31,9 +31,9 @@ impl UplinkStatus {
 /// The contents of an uplink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UplinkValues {
-    /// The timestamp, ms on the writer's clock, wraps. Each uplink of a writer must have a later one than its last.
+    /// The timestamp, ms on the writer's clock, wraps; later than that of the same writer's uplink before.
     pub timestamp: u32,
-    /// The writer's status.
+    /// The status bits, which the writer and the readers define.
     pub status: UplinkStatus,
     /// The writer's data; the DPR passes them on unchanged.
     pub payload: [u8; Uplink::PAYLOAD],

@@ -14,8 +14,8 @@ fn held(timestamp: u32, at_us: u64) -> Sequence {
     sequence
 }
 
-/// The judgement of a cycle, with the sequence found, whose timestamp is `step_ms` later and whose sample is
-/// `passed_us` later on the receiver's clock.
+/// With the sequence found, the judgement of a cycle whose timestamp is `step_ms` later than the last one, and whose
+/// sample is `passed_us` later on the receiver's clock.
 fn step(step_ms: u32, passed_us: i64) -> Judgement {
     let start_us = 1_000_000_u64;
     held(5_000, start_us).judge(5_000_u32.wrapping_add(step_ms), start_us.wrapping_add_signed(passed_us))

@@ -150,7 +150,7 @@ pub struct AnswererCounters {
     pub listener: ListenerCounters,
     /// Answers sent.
     pub answered: u32,
-    /// Answers sent without I_txe.
+    /// Answers that were sent without a confirmation by I_txe.
     pub unconfirmed: u32,
     /// Frames whose answer was given up or lost.
     pub unanswered: u32,

@@ -1,8 +1,8 @@
 //! Runs the machines of this crate in the [`Executor`] with polling, on an [`SpiDevice`], an [`InputPin`] for the IRQ
 //! pin, and a [`DelayNs`].
 //!
-//! It is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every call returns
-//! after a bounded time.
+//! This module is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every
+//! call returns after a bounded time.
 //!
 //! ```no_run
 //! # fn demo<S, P, D>(spi: S, irq: P, delay: D) -> Result<(), st25r3916::blocking::Error<S::Error, P::Error>>

@@ -11,19 +11,19 @@
 //! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
 //!    rate read back.
 //!
-//! The order of the first part is the data sheet's power-up sequence. Two steps are only needed by a chip in an unknown
-//! state: the IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
-//! it is first relied on; and the interrupt registers are read once before the first wait, because the IRQ pin may have
+//! The order of the first part is the data sheet's power-up sequence. Two steps are needed only by a chip in an unknown
+//! state. The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
+//! it is first relied on. The interrupt registers are read once before the first wait, because the IRQ pin may have
 //! been high since before the host's reset. The field stays off until every register has been read back.
 //!
 //! # Sources of the supply sequence
 //!
 //! The order (oscillator, calibration, measurement, `sup3V`, regulators), the source `mpsv` = VDD, the step of 23.4 mV
-//! and the threshold of 3.6 V are those of ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), of Flipper Zero
-//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and of embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`), which agree. The first
-//! and the last of them toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and
-//! continues without it if it does not come. So does this driver, because the next I_dct must not be taken for the
-//! measurement's.
+//! and the threshold of 3.6 V are the same in ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), in Flipper Zero
+//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and in embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`). ST's library and rnfc
+//! toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and continues if I_dct
+//! does not come. This driver does the same, because it must not take a late I_dct of the calibration for the end of
+//! the measurement.
 
 use crate::command;
 use crate::exchange::NO_RESPONSE_STEPS;
@@ -381,7 +381,7 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt does not come in time. Without the calibration the chip uses its default, so `None`.
+    /// The fault if the interrupt does not come in time; `None` for the calibration, for which the chip has a default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),

@@ -335,14 +335,14 @@ pub enum Variant {
 /// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: the time for
 /// which a poller waits for the end of its own frame.
 ///
-/// It consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of
-/// 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
+/// A frame consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier
+/// periods of 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
 const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
 }
 
-/// This runs the README's example as a test.
+/// A test that compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -43,27 +43,27 @@
 //! 2. [`BODY`] bytes before that end: the bytes present, most of the frame;
 //! 3. [`TAIL`] bytes before that end: the bytes present,
 //!
-//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The part of the
-//! CRC-16 that has not been read by then stays in the FIFO: the chip has compared it, and re-arming clears it. The FIFO
-//! is never read empty while the chip fills it: an early read takes one byte less than the level, which can only have
-//! grown since, or takes so long that another byte has come by its end. An executor that is late at any of these
-//! instants finds more bytes, or the end; the result is the same, only later. A LEN damaged on air only puts the second
-//! read at a wrong instant.
+//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). Bytes of the CRC-16
+//! that have not been read by then stay in the FIFO: the chip has compared the CRC-16, and re-arming clears the FIFO.
+//! The machine never empties the FIFO while the chip fills it: an early read takes one byte less than the level, which
+//! can only have grown since, or takes so long that another byte has come by its end. An executor that is late for one
+//! of the reads finds more bytes, or the end of the frame; the result is the same, only later. A LEN that was damaged
+//! on air only puts the second read at a wrong instant.
 //!
 //! # Delivery before re-arming
 //!
 //! [`ListenerEvent::Frame`] is returned as soon as the last byte is in the buffer; the transfers that re-arm the
-//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. The next frame's
-//! first byte comes at least its preamble and sync (151 µs) after its beginning. If it has begun before the executor
-//! returns, the status read shows its I_rxs, and the machine leaves the FIFO alone (the chip resets it at I_rxs) and
-//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next one is far away; it does
-//! not clear that of an idle chip. After a frame, one case cannot be detected: a sync in the few microseconds between
-//! that read and the clear. If the clear also discards the interrupt (the data sheet contradicts itself), the frame is
-//! recognised only by its I_rxe.
+//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. A frame's first
+//! byte comes only after its preamble and sync (151 µs). If the next frame has begun before the executor continues,
+//! the status read shows its I_rxs. The machine then does not clear the FIFO (the chip resets it at I_rxs) and
+//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next frame is far away, and
+//! not that of an idle chip. One case cannot be detected: a sync in the few microseconds between the status read and
+//! the clear. If the clear also discards the interrupt (the data sheet contradicts itself), that frame is recognised
+//! only by its I_rxe.
 //!
-//! Therefore I_eon and I_eof can also be lost. After a bring-up, and [`ListenerConfig::supervision_us`] after the last
-//! interrupt, the field detector's output is read, and reported if it differs from the last report. (ST's RFAL reads
-//! the same bit before it relies on these interrupts.)
+//! The clear may discard I_eon and I_eof as well. So the field detector's output is read after a bring-up, and
+//! [`ListenerConfig::supervision_us`] after the last interrupt. It is reported if it differs from the last report.
+//! (ST's RFAL reads the same bit before it relies on these interrupts.)
 //!
 //! # Recovery
 //!
@@ -79,14 +79,14 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms. Silence is none of
-//! these: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each one up to 64 ms. Silence causes
+//! none: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
 //!
 //! # Settings read back while the chip runs
 //!
-//! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each is read
-//! within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a frame which
-//! begins meanwhile is received, and takes at most 8 bytes.
+//! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each setting is
+//! read within 0.12 s; an idle listener re-arms every 20 ms. The read-back is the last transfer before the wait, so
+//! that a frame which begins meanwhile is received, and it takes at most 8 bytes.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -222,7 +222,7 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// The union of both sets.
+    /// The flags that are set in this set, in `other`, or in both.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -289,9 +289,9 @@ pub struct ListenerCounters {
     pub flow: u32,
     /// Delivered frames with [`FrameFlags::LENGTH`].
     pub length: u32,
-    /// Frames dropped for [`Dropped::NoEnd`].
+    /// Frames that were dropped because of [`Dropped::NoEnd`].
     pub no_end: u32,
-    /// Frames dropped for every other [`Dropped`].
+    /// Frames that were dropped for any other reason of [`Dropped`].
     pub dropped: u32,
     /// Times the field went off.
     pub field_losses: u32,

@@ -71,8 +71,8 @@
 //! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when it is read back.
 //!
 //! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to 5 ms)
-//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause one and
-//! leaves the field on.
+//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause a bring-up,
+//! and the field stays on.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, Progress, ReceiverMode, Role};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
@@ -95,9 +95,9 @@ pub const HEAD: usize = 16;
 /// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
-/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
-/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded it after `n - HEAD + 2` bytes, the first of which is
-/// the FIFO load command. Because the SPI is faster, the first byte of the rest decides.
+/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: `64 + 8 · (n
+/// + 1)` bits of 32 / 13.56 MHz. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of which is the FIFO
+/// load command. The SPI is faster than the air, so if the first byte of the rest is in time, all later bytes are.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
@@ -185,7 +185,7 @@ pub enum PollerState {
     CheckingField,
     /// Between frames: one of the settings of bring-up is being read back.
     CheckingSetting,
-    /// [`Poller::prepare`] is possible.
+    /// The chip is configured and checked, so that [`Poller::prepare`] is possible.
     Ready,
     /// A frame is being prepared, loaded, or is on air.
     Sending(SendState),
@@ -199,7 +199,7 @@ pub enum PollerState {
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Frames sent without I_txe.
+    /// Frames that were sent without a confirmation by I_txe.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,

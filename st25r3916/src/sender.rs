@@ -18,7 +18,7 @@ pub enum SendState {
     PreparingClear,
     /// The frame's length is being written.
     PreparingLength,
-    /// Earlier interrupts and the FIFO level are being read.
+    /// The status is being read: interrupts from before the frame, which the read clears, and the FIFO level.
     CheckingFifo,
     /// The FIFO is empty and the length is set; the payload is loaded next.
     Prepared,

@@ -22,7 +22,7 @@ pub(crate) struct Status {
     pub(crate) target: u8,
     /// The number of bytes in the FIFO.
     pub(crate) count: u16,
-    /// The bits of FIFO status 2 without those of the number of bytes.
+    /// The bits of FIFO status 2 that do not belong to the number of bytes.
     pub(crate) fifo: u8,
 }
 

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// The payload of the answer: the uplink of the base station and that of the flight controller, each as it was written.
-/// An uplink is 0x00 throughout where none is intact and at most [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) old.
+/// An uplink that is missing, damaged or older than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) is replaced by zeros.
 ///
 /// Any 128 bytes can be read as an answer; [`Answer::uplink`] checks whether an uplink in it is valid.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
@@ -19,7 +19,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// The size in bytes.
+    /// The size of the answer in bytes.
     pub const SIZE: usize = 2 * Uplink::SIZE;
 
     /// The answer without an uplink: zeros.
@@ -50,7 +50,7 @@ impl Answer {
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes in their order on the wire.
+    /// The bytes of the answer in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)

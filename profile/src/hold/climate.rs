@@ -209,7 +209,7 @@ impl HoldStatus {
         findings.check(object.identifier() == Identifier::HOLD_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// The same object in the layout that all makers share.
+    /// This Hold-Status as an object in the layout that all makers share.
     #[must_use]
     pub const fn as_object(&self) -> &HoldObject {
         bytemuck::must_cast_ref(self)

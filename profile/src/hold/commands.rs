@@ -92,7 +92,7 @@ struct Seen {
     is_later: bool,
 }
 
-/// What is known of the age of an uplink.
+/// The age of an uplink, as far as the hold can judge it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Age {
     Fresh,

@@ -34,7 +34,7 @@ pub(crate) enum Event {
     Line(u8),
     /// The flight controller clocks only this number of bytes.
     Cut(usize),
-    /// The first bytes, of this number, are those of the image before.
+    /// This number of bytes at the beginning is from the image before.
     Torn(usize),
     /// The bytes of MISO are shifted by one bit, as after an extra clock edge.
     Slipped,

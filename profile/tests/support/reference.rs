@@ -46,7 +46,8 @@ pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection>
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
 }
 
-/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have its size.
+/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have that object's
+/// size.
 pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     let identifier = 0x4800 + u16::try_from(index).unwrap();
     bytes[4..6].copy_from_slice(&identifier.to_le_bytes());

@@ -14,7 +14,7 @@ pub struct Dpr<Spi> {
     spi: Spi,
     client: Client,
     buffer: [u8; MAX_MAP],
-    /// The number of bytes of the last transaction.
+    /// The number of bytes that the last transaction read.
     brought: usize,
 }
 

@@ -126,7 +126,7 @@ pub struct Client {
     asked: Option<Request>,
     /// The object to write in the next transaction, until it is known to have reached the DPR.
     object: Option<[u8; Uplink::SIZE]>,
-    /// Whether the present transaction writes the object in `object`.
+    /// Whether the present transaction writes the object that waits in `object`.
     object_under_way: bool,
     /// The request of the present transaction, until it is known to have reached the DPR.
     sent: Option<Request>,

@@ -12,8 +12,8 @@ pub const AGE_UNKNOWN: u32 = u32::MAX;
 pub enum Verdict {
     /// A new sample that is in sequence, valid, and not too old. [`Report::position`] is its position.
     Fresh = 1,
-    /// The same sample as before, intact: it is not new, only older. This is normal for a flight controller that reads
-    /// more often than every 10 ms.
+    /// The same sample as in the transaction before, intact: it is only older. A flight controller that reads more
+    /// often than every 10 ms gets this result regularly.
     Same = 2,
     /// A new, intact sample, but the sequence is not found yet: the timestamp must advance [three
     /// times](super::SEARCH_CYCLES) in a row. The sample is not shown.

@@ -17,7 +17,7 @@ pub enum Shown<T> {
 }
 
 impl<T> Shown<T> {
-    /// The object, if it is intact.
+    /// The object in the place, if it is intact.
     pub fn intact(self) -> Option<T> {
         match self {
             Self::Intact(object) => Some(object),
@@ -25,7 +25,7 @@ impl<T> Shown<T> {
         }
     }
 
-    /// Makes the result for a place with `bytes` of `verified`; reads all bytes, whatever they are.
+    /// The content of a place: `bytes` are its bytes, `verified` is the result of verifying them. All bytes are read.
     fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
         let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
         match verified {
