@@ -7,8 +7,8 @@
 //! reports is that of the most severe input that is not inactive.
 //!
 //! If a pair changes while HORUS may be sampling it, every outcome is allowed. After an irregular tick it is not known
-//! how often HORUS has sampled, so the judge requires nothing of a pair until the pair has been constant for long
-//! enough to be judged again.
+//! how often HORUS has sampled, so the judge requires nothing of a pair until enough later samples determine
+//! the reading of that pair.
 
 use std::collections::VecDeque;
 

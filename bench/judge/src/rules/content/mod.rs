@@ -54,7 +54,7 @@ use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Ram, Seen, Vote};
 
-/// The status bit that says that HORUS receives from the receiver.
+/// The status bit which says that a message from the receiver arrived within the last 250 ms.
 const HEARD: u16 = 1 << 7;
 /// The status bit by which the voter marks a receiver as excluded; `vote` judges it.
 const EXCLUDED: u16 = 1 << 9;

@@ -2,11 +2,11 @@
 //! judge determines both only as far as the log shows them.
 //!
 //! A voted place or altitude jumps if its distance from the one that HORUS showed last is greater than the sum of two
-//! distances: what the aircraft flies at 200 m/s in the time between the two, and the two accuracies. HORUS must not
-//! show a place or altitude that jumps until, for one second, the vote had a result at every tick and no result jumped
-//! from the one before. HORUS must show a place or altitude that does not jump, or that has lasted for that second.
-//! Close to these limits, and where it is not known what HORUS had to show, HORUS may show the place or altitude or
-//! not.
+//! distances: what the aircraft flies at 200 m/s in the time between the two, and the distance within which two
+//! receivers of these accuracies agree. HORUS must not show a place or altitude that jumps until, for one second, the
+//! vote had a result at every tick and no result jumped from the one before. HORUS must show a place or altitude that
+//! does not jump, or that has lasted for that second. Close to these limits, and where it is not known what HORUS had
+//! to show, HORUS may show the place or altitude or not.
 
 use gnss_sim::{Geodetic, TangentPlane};
 

@@ -25,18 +25,15 @@
 //! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
 //! | `ReportedWrong` | the values are not the members' medians, or a status bit or an invalid value is wrong |
 //!
-//! A receiver must not be excluded in any of these cases:
+//! A receiver must not become excluded in any of these cases:
 //!
 //! - It has no position.
-//!
 //! - The vote has no result.
-//!
 //! - The receiver agrees with a member of the result.
 //!
-//! - The receiver began to agree with all members more than 1.1 s ago.
-//!
-//! A receiver must be excluded if it agrees with no member, or if it cannot have agreed for a second since it was
-//! excluded. Where M members have an altitude, a receiver with an altitude has to agree with a member that has one.
+//! A receiver must not stay excluded if it began to agree with all members more than 1.1 s ago. A receiver must be
+//! excluded if it agrees with no member, or if it cannot have agreed for a second since it was excluded. Where M
+//! members have an altitude, a receiver with an altitude has to agree with a member that has one.
 //!
 //! After a restart of HORUS that leaves RAM as it was, a receiver must be excluded if it was excluded in the last cycle
 //! before the restart and cannot have returned since. After such a restart a receiver must not be excluded if it was
