@@ -193,7 +193,7 @@ impl Service {
         if !self.powered {
             return;
         }
-        // As long as a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready.
+        // While a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready.
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;
