@@ -87,9 +87,9 @@ pub const MAX_PAYLOAD: usize = 254;
 /// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
-/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: `64 + 8 · (n
-/// + 1)` bits of 32 / 13.56 MHz. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of which is the FIFO
-/// load command. The SPI is faster than the air, so if the first byte of the rest is in time, all later bytes are.
+/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: they are
+/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of them
+/// the FIFO load command. The SPI is faster than the air: if the first byte of the rest is in time, all later ones are.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
@@ -286,6 +286,11 @@ impl Poller {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
+        // The slot's way comes first: its transmit command is followed by the load of the rest of the frame.
+        if let (PollerState::Sending(SendState::Loaded), Input::Done(_)) = (self.state, input) {
+            let sending = self.sender.loaded();
+            return self.sending(sending);
+        }
         match (self.state, input) {
             // An event was returned: the next input continues from it.
             (PollerState::New, _) => self.begin_bring_up(),
@@ -367,6 +372,8 @@ impl Poller {
         Step::Event(PollerEvent::Ready)
     }
 
+    #[cold]
+    #[inline(never)]
     pub(crate) fn fault(&mut self, fault: Fault) -> Step<PollerEvent> {
         self.state = if is_light(fault) && !self.lost {
             self.lost = true;
@@ -380,6 +387,7 @@ impl Poller {
         Step::Event(PollerEvent::Fault(fault))
     }
 
+    #[inline(always)]
     fn sending(&mut self, sending: Sending) -> Step<PollerEvent> {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (state, Step::Transfer(transfer)),

@@ -101,6 +101,7 @@ impl Sender {
     }
 
     /// Takes one input in state `state`. After [`SendState::Prepared`] any input continues.
+    #[inline(always)]
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
         match (state, input) {
             (SendState::PreparingClear, Input::Done(_)) => {
@@ -118,15 +119,21 @@ impl Sender {
                 self.idle_irqs = 0;
                 Sending::Loaded
             }
-            (SendState::Loaded, Input::Done(_)) => match usize::from(self.len).checked_sub(HEAD) {
-                None | Some(0) => self.wait(),
-                Some(rest) => load(SendState::LoadingRest, HEAD, rest),
-            },
+            (SendState::Loaded, Input::Done(_)) => self.loaded(),
             (SendState::LoadingRest, Input::Done(_)) => self.wait(),
             (SendState::Loaded | SendState::OnAir, Input::Irq) => read_irqs(false),
             (SendState::Loaded | SendState::OnAir, Input::Timeout) => read_irqs(true),
             (SendState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
             _ => Sending::Failed(Fault::Executor),
+        }
+    }
+
+    /// Continues after the transmit command: with the rest of the payload, if there is one.
+    #[inline(always)]
+    pub(crate) fn loaded(&self) -> Sending {
+        match usize::from(self.len).checked_sub(HEAD) {
+            None | Some(0) => self.wait(),
+            Some(rest) => load(SendState::LoadingRest, HEAD, rest),
         }
     }
 
