@@ -12,8 +12,8 @@
 //! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
 
-mod objects;
-mod status;
+pub(crate) mod objects;
+pub(crate) mod status;
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -67,8 +67,8 @@ fn client_header() -> Result<String> {
         ("constants", constants()),
         ("layouts", layouts()),
         ("wire", objects::structs()?),
-        ("status", status::words()?),
-        ("verdicts", status::verdicts()),
+        ("status", status::definitions()?),
+        ("verdicts", status::verdicts().definition()),
     ];
     for (name, part) in parts {
         let mark = format!("@{name}@\n");
@@ -79,11 +79,11 @@ fn client_header() -> Result<String> {
 }
 
 /// Returns `#define` lines with their values in one column, each with a comment about its meaning.
-fn defines(lines: &[(String, String, &str)]) -> String {
+fn defines(lines: &[(String, String, impl AsRef<str>)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
     lines.iter().fold(String::new(), |mut text, (define, number, what)| {
-        let _ = writeln!(text, "#define {define:name$} {number:value$} /* {what} */");
+        let _ = writeln!(text, "#define {define:name$} {number:value$} /* {} */", what.as_ref());
         text
     })
 }

@@ -1,4 +1,4 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting. Then runs clippy
+//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting. Then runs clippy
 //! with warnings as errors, for the host and for the target, builds the crates' documentation with warnings as errors
 //! too, and checks the dependencies if cargo-deny is installed.
 
@@ -91,13 +91,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
     if let Err(error) = crate::header::check() {
         failed.push(format!("C header: {error:#}"));
     }
+    eprintln!("-- layouts");
+    if let Err(error) = crate::layout::check() {
+        failed.push(format!("layouts: {error:#}"));
+    }
     for (what, command) in &mut steps {
         eprintln!("-- {what}");
         if let Err(error) = check(what, command) {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len() + 3, &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 4, &failed))
 }
 
 /// Whether cargo-deny is on the PATH, or among the tools below `target`.

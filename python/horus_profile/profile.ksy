@@ -1,0 +1,403 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+# Generated from the Rust crate `profile` by `cargo xtask layout`. Do not edit.
+#
+# An image of the DPR, or its whole map, by its length. Each object is a type of its own. Kaitai Struct does not verify
+# the CRCs: objects that are damaged, or places that are vacant, are parsed like any others.
+meta:
+  id: horus_profile
+  title: HORUS image or map
+  license: MIT OR Apache-2.0
+  endian: le
+seq:
+  - id: link_status
+    type: link_status
+  - id: reported
+    type: reported
+  - id: gps
+    type: gps
+    repeat: expr
+    repeat-expr: receivers
+  - id: port_status
+    type: port_status
+    if: is_map
+  - id: base_station
+    type: uplink
+    if: is_map
+  - id: flight_controller
+    type: uplink
+    if: is_map
+instances:
+  is_map:
+    value: (_io.size - 96) % 60 != 0
+  receivers:
+    value: '(_io.size - 96 - (is_map ? 192 : 0)) / 60'
+types:
+  link_status:
+    doc: Link-Status, 32 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms since DPR start"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+      - id: objects_accepted
+        type: u4
+        doc: "objects accepted"
+      - id: objects_rejected
+        type: u4
+        doc: "objects rejected"
+      - id: frames_received
+        type: u4
+        doc: "frames received"
+      - id: frames_missed
+        type: u4
+        doc: "frames missed"
+      - id: age_100us
+        type: u2
+        doc: "age of Reported-Position, 100 us"
+      - id: access_violations
+        type: u2
+        doc: "accesses refused"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+    instances:
+      up:
+        value: (status & 0x0001) != 0
+        doc: "frames arrive within their deadline"
+      all_accepted:
+        value: (status & 0x0002) != 0
+        doc: "every object of the last cycle was accepted"
+      horus_frozen:
+        value: (status & 0x0004) != 0
+        doc: "HORUS repeats its timestamp"
+      horus_restarted:
+        value: (status & 0x0008) != 0
+        doc: "HORUS started again"
+      ram_fault:
+        value: (status & 0x0010) != 0
+        doc: "a scrub found a RAM fault"
+      front_end_fault:
+        value: (status & 0x0020) != 0
+        doc: "the RFID front end has a fault"
+      unasked_reset:
+        value: (status & 0x0040) != 0
+        doc: "nobody asked for the DPR's last reset"
+      uplink_rejected:
+        value: (status & 0x0080) != 0
+        doc: "the last uplink was rejected"
+      out_of_sequence:
+        value: (status & 0x0100) != 0
+        doc: "nothing is shown until it is found again"
+      clock_implausible:
+        value: (status & 0x0200) != 0
+        doc: "HORUS's clock is off by > 2 %"
+      flash_fault:
+        value: (status & 0x0400) != 0
+        doc: "the DPR's program memory is damaged"
+      reset:
+        value: (status & 0x7000) >> 12
+        enum: reset
+        doc: "why the DPR last started"
+      no_field:
+        value: (status & 0x8000) != 0
+        doc: "the front end works and senses no field of the sender"
+  reported:
+    doc: Reported-Position, 64 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms since HORUS start"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+      - id: latitude
+        type: f8
+        doc: "degrees"
+      - id: longitude
+        type: f8
+        doc: "degrees"
+      - id: position_crc
+        type: u4be
+        doc: "over latitude and longitude"
+      - id: altitude
+        type: f8
+        doc: "m"
+      - id: pitch
+        type: f4
+        doc: "rad"
+      - id: yaw
+        type: f4
+        doc: "rad"
+      - id: roll
+        type: f4
+        doc: "rad"
+      - id: acceleration
+        type: f4
+        repeat: expr
+        repeat-expr: 3
+        doc: "m/s2"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+    instances:
+      agreeing:
+        value: (status & 0x0007) >> 0
+        doc: "receivers that agree, 0 to 7"
+      position_valid:
+        value: (status & 0x0008) != 0
+        doc: "latitude and longitude are valid"
+      attitude_valid:
+        value: (status & 0x0010) != 0
+        doc: "pitch, yaw and roll are valid"
+      acceleration_valid:
+        value: (status & 0x0020) != 0
+        doc: "the accelerations are valid"
+      degraded:
+        value: (status & 0x0040) != 0
+        doc: "fewer receivers agree than configured, or on no altitude"
+      without_crystal:
+        value: (status & 0x0080) != 0
+        doc: "HORUS runs without its crystal"
+      state:
+        value: (status & 0x0f00) >> 8
+        enum: state
+        doc: "what HORUS is doing"
+      memory_fault:
+        value: (status & 0x1000) != 0
+        doc: "HORUS has found a fault of its memory"
+      reset:
+        value: (status & 0xe000) >> 13
+        enum: reset
+        doc: "why HORUS last started"
+  gps:
+    doc: GPS1 to GPS5, 60 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms since HORUS start"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+      - id: latitude
+        type: f8
+        doc: "degrees"
+      - id: longitude
+        type: f8
+        doc: "degrees"
+      - id: altitude
+        type: f8
+        doc: "m"
+      - id: pitch
+        type: f4
+        doc: "rad"
+      - id: yaw
+        type: f4
+        doc: "rad"
+      - id: roll
+        type: f4
+        doc: "rad"
+      - id: acceleration
+        type: f4
+        repeat: expr
+        repeat-expr: 3
+        doc: "m/s2"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+    instances:
+      fix:
+        value: (status & 0x000f) >> 0
+        enum: fix
+        doc: "UBX fixType"
+      position_valid:
+        value: (status & 0x0010) != 0
+        doc: "latitude and longitude are valid"
+      attitude_valid:
+        value: (status & 0x0020) != 0
+        doc: "pitch, yaw and roll are valid"
+      acceleration_valid:
+        value: (status & 0x0040) != 0
+        doc: "the accelerations are valid"
+      heard:
+        value: (status & 0x0080) != 0
+        doc: "heard in the last 250 ms"
+      stale:
+        value: (status & 0x0100) != 0
+        doc: "the solution is older than its period allows"
+      excluded:
+        value: (status & 0x0200) != 0
+        doc: "the voter excluded this receiver"
+      age:
+        value: (status & 0xfc00) >> 10
+        doc: "age of its solution"
+  port_status:
+    doc: Port-Status, 64 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms since DPR start"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+      - id: uplinks_accepted
+        type: u4
+        doc: "uplinks stored"
+      - id: commands_carried_out
+        type: u4
+        doc: "commands carried out"
+      - id: last_command_timestamp
+        type: u4
+        doc: "ms, timestamp of the last command"
+      - id: last_command
+        type: u4
+        doc: "its word"
+      - id: base_station_age_ms
+        type: u2
+        doc: "ms since the base station's uplink"
+      - id: flight_controller_age_ms
+        type: u2
+        doc: "ms since the flight controller's uplink"
+      - id: violations
+        type: u2
+        repeat: expr
+        repeat-expr: 10
+      - id: integrity_faults
+        type: u2
+        doc: "faults found in images"
+      - id: flash_passes
+        type: u2
+        doc: "passes over the flash"
+      - id: stuck_bits
+        type: u2
+        doc: "stuck bits found"
+      - id: buffers_out_of_use
+        type: u2
+        doc: "buffers out of use"
+      - id: last_stop
+        type: u4
+        doc: "reason of the last safe state"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+    instances:
+      base_station_fresh:
+        value: (status & 0x0001) != 0
+        doc: "its uplink is shown"
+      flight_controller_fresh:
+        value: (status & 0x0002) != 0
+        doc: "its uplink is shown"
+      last_refused:
+        value: (status & 0x0004) != 0
+        doc: "the last uplink or command was refused"
+      self_test_running:
+        value: (status & 0x0008) != 0
+        doc: "a self-test is under way"
+      self_test_passed:
+        value: (status & 0x0010) != 0
+        doc: "the last one found nothing"
+      self_test_failed:
+        value: (status & 0x0020) != 0
+        doc: "the last one found a fault"
+      buffers_out_of_use:
+        value: (status & 0x0040) != 0
+        doc: "a buffer or image is out of use"
+  uplink:
+    doc: Uplink, 64 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms on the writer's clock"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+        doc: "as writer and reader agree"
+      - id: payload
+        size: 52
+        doc: "the writer's"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+  command:
+    doc: Command, 64 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms on the flight controller's clock"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+        doc: "not evaluated"
+      - id: word
+        type: u4
+        enum: command_word
+      - id: reserved
+        size: 48
+        doc: "zero"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+  request:
+    doc: Request of a window, 8 bytes
+    seq:
+      - id: offset
+        type: u2
+        doc: "the first byte of the map to show"
+      - id: length
+        type: u2
+        doc: "bytes"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+enums:
+  identifier:
+    17408: link_status
+    18432: reported_position
+    17409: port_status
+    16896: uplink_base_station
+    17152: uplink_flight_controller
+    17153: command
+    18433: gps1
+    18434: gps2
+    18435: gps3
+    18436: gps4
+    18437: gps5
+  command_word:
+    1129466947: clear_counters
+    1414743380: self_test
+  state:
+    0: starting
+    1: monitoring
+    2: outside_range
+    3: switched
+    4: motors_cut
+    5: emergency_fired
+    6: inputs_contradict
+    7: position_lost
+  fix:
+    0: none
+    1: dead_reckoning
+    2: fix_2d
+    3: fix_3d
+    4: combined
+    5: time_only
+  reset:
+    0: power_on
+    1: pin
+    2: watchdog
+    3: lockup
+    4: software
+    5: other
