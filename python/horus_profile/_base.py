@@ -81,7 +81,7 @@ class Field(NamedTuple):
 
     name: str
     numpy: str  #: its type, or that of each of its elements, as numpy writes it
-    count: int  #: how many elements it has
+    elements: int  #: how many elements it has
     unit: str  #: empty if it has none
 
 
@@ -125,13 +125,13 @@ class Object:
         if len(data) != cls.SIZE:
             raise Rejected(Rejection.LENGTH)
         code = "<" + "".join(
-            f"{item.count if item.count > 1 else ''}{_CODES[item.numpy]}" for item in cls.FIELDS
+            f"{item.elements if item.elements > 1 else ''}{_CODES[item.numpy]}" for item in cls.FIELDS
         )
         rest = list(struct.unpack(code, data))
         values: Dict[str, Any] = {}
         for item in cls.FIELDS:
-            if item.count > 1 and item.numpy != "u1":
-                values[item.name], rest = tuple(rest[: item.count]), rest[item.count :]
+            if item.elements > 1 and item.numpy != "u1":
+                values[item.name], rest = tuple(rest[: item.elements]), rest[item.elements :]
                 continue
             value = rest.pop(0)
             if item.numpy == ">u4":
@@ -175,5 +175,5 @@ class Object:
     @classmethod
     def dtype(cls) -> List[Tuple[Any, ...]]:
         """The fields for `numpy.dtype`: `numpy.frombuffer(data, Gps.dtype())` decodes any number of them."""
-        return [(item.name, item.numpy) if item.count == 1 else (item.name, item.numpy, (item.count,))
+        return [(item.name, item.numpy) if item.elements == 1 else (item.name, item.numpy, (item.elements,))
                 for item in cls.FIELDS]

@@ -11,7 +11,7 @@ from typing import Dict, Optional, Tuple, TypeVar, Union
 from ._base import Object, Rejected, Rejection
 from .objects import (
     FRAME, MAPS, MAX_ALTITUDE, MAX_LATITUDE, MAX_LONGITUDE, MIN_ALTITUDE, PAYLOAD_BYTES, CommandObject, CommandWord,
-    Gps, GpsBits, Identifier, LinkStatus, PortStatus, ReportedBits, ReportedPosition, Uplink,
+    Gps, Identifier, LinkStatus, PortStatus, ReportedPosition, Uplink,
 )
 
 _S = TypeVar("_S", ReportedPosition, Gps)
@@ -80,21 +80,17 @@ def checked(values: _S) -> _S:
     accelerated = status.acceleration_valid and all(map(math.isfinite, values.acceleration))
     bits = int(status)
     if not located:
-        bits &= ~_mask(status, "position_valid")
+        bits &= ~status.POSITION_VALID
         values = replace(values, latitude=math.nan, longitude=math.nan)
     if not located or math.isnan(values.altitude):
         values = replace(values, altitude=math.nan)
     if not attitude:
-        bits &= ~_mask(status, "attitude_valid")
+        bits &= ~status.ATTITUDE_VALID
         values = replace(values, pitch=math.nan, yaw=math.nan, roll=math.nan)
     if not accelerated:
-        bits &= ~_mask(status, "acceleration_valid")
+        bits &= ~status.ACCELERATION_VALID
         values = replace(values, acceleration=(math.nan,) * 3)
     return replace(values, status=type(status)(bits))
-
-
-def _mask(status: Union[ReportedBits, GpsBits], name: str) -> int:
-    return next(1 << bit for bit in range(16) if getattr(type(status)(1 << bit), name))
 
 
 def seal_uplink(writer: Identifier, timestamp: int, payload: bytes, status: int = 0) -> bytes:

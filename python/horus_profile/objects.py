@@ -143,209 +143,246 @@ class ReportedBits(Word):
     """Status of Reported-Position."""
 
     USED: ClassVar[int] = 0xFFFF
+    AGREEING: ClassVar[int] = 0x0007
+    POSITION_VALID: ClassVar[int] = 0x0008
+    ATTITUDE_VALID: ClassVar[int] = 0x0010
+    ACCELERATION_VALID: ClassVar[int] = 0x0020
+    DEGRADED: ClassVar[int] = 0x0040
+    WITHOUT_CRYSTAL: ClassVar[int] = 0x0080
+    STATE: ClassVar[int] = 0x0F00
+    MEMORY_FAULT: ClassVar[int] = 0x1000
+    RESET: ClassVar[int] = 0xE000
 
     @property
     def agreeing(self) -> int:
         """receivers that agree, 0 to 7"""
-        return (self & 0x0007) >> 0
+        return (self & self.AGREEING) >> 0
 
     @property
     def position_valid(self) -> bool:
         """latitude and longitude are valid"""
-        return bool(self & 0x0008)
+        return bool(self & self.POSITION_VALID)
 
     @property
     def attitude_valid(self) -> bool:
         """pitch, yaw and roll are valid"""
-        return bool(self & 0x0010)
+        return bool(self & self.ATTITUDE_VALID)
 
     @property
     def acceleration_valid(self) -> bool:
         """the accelerations are valid"""
-        return bool(self & 0x0020)
+        return bool(self & self.ACCELERATION_VALID)
 
     @property
     def degraded(self) -> bool:
         """fewer receivers agree than configured, or on no altitude"""
-        return bool(self & 0x0040)
+        return bool(self & self.DEGRADED)
 
     @property
     def without_crystal(self) -> bool:
         """HORUS runs without its crystal"""
-        return bool(self & 0x0080)
+        return bool(self & self.WITHOUT_CRYSTAL)
 
     @property
     def state(self) -> Optional[State]:
         """what HORUS is doing; None if the code is reserved"""
-        return self._code(State, 0x0F00)
+        return self._code(State, self.STATE)
 
     @property
     def memory_fault(self) -> bool:
         """HORUS has found a fault of its memory"""
-        return bool(self & 0x1000)
+        return bool(self & self.MEMORY_FAULT)
 
     @property
     def reset(self) -> Optional[Reset]:
         """why HORUS last started; None if the code is reserved"""
-        return self._code(Reset, 0xE000)
+        return self._code(Reset, self.RESET)
 
 
 class GpsBits(Word):
     """Status of GPS1 to GPS5."""
 
     USED: ClassVar[int] = 0xFFFF
+    FIX: ClassVar[int] = 0x000F
+    POSITION_VALID: ClassVar[int] = 0x0010
+    ATTITUDE_VALID: ClassVar[int] = 0x0020
+    ACCELERATION_VALID: ClassVar[int] = 0x0040
+    HEARD: ClassVar[int] = 0x0080
+    STALE: ClassVar[int] = 0x0100
+    EXCLUDED: ClassVar[int] = 0x0200
+    AGE: ClassVar[int] = 0xFC00
 
     @property
     def fix(self) -> Optional[Fix]:
         """UBX fixType; None if the code is reserved"""
-        return self._code(Fix, 0x000F)
+        return self._code(Fix, self.FIX)
 
     @property
     def position_valid(self) -> bool:
         """latitude and longitude are valid"""
-        return bool(self & 0x0010)
+        return bool(self & self.POSITION_VALID)
 
     @property
     def attitude_valid(self) -> bool:
         """pitch, yaw and roll are valid"""
-        return bool(self & 0x0020)
+        return bool(self & self.ATTITUDE_VALID)
 
     @property
     def acceleration_valid(self) -> bool:
         """the accelerations are valid"""
-        return bool(self & 0x0040)
+        return bool(self & self.ACCELERATION_VALID)
 
     @property
     def heard(self) -> bool:
         """heard in the last 250 ms"""
-        return bool(self & 0x0080)
+        return bool(self & self.HEARD)
 
     @property
     def stale(self) -> bool:
         """the solution is older than its period allows"""
-        return bool(self & 0x0100)
+        return bool(self & self.STALE)
 
     @property
     def excluded(self) -> bool:
         """the voter excluded this receiver"""
-        return bool(self & 0x0200)
+        return bool(self & self.EXCLUDED)
 
     @property
     def age(self) -> Optional[int]:
         """age of its solution, ms; None if there never was one"""
-        return self._age(0xFC00, AGE_STEP_MS, AGE_NEVER)
+        return self._age(self.AGE, AGE_STEP_MS, AGE_NEVER)
 
 
 class LinkBits(Word):
     """Status of Link-Status."""
 
     USED: ClassVar[int] = 0xF7FF
+    UP: ClassVar[int] = 0x0001
+    ALL_ACCEPTED: ClassVar[int] = 0x0002
+    HORUS_FROZEN: ClassVar[int] = 0x0004
+    HORUS_RESTARTED: ClassVar[int] = 0x0008
+    RAM_FAULT: ClassVar[int] = 0x0010
+    FRONT_END_FAULT: ClassVar[int] = 0x0020
+    UNASKED_RESET: ClassVar[int] = 0x0040
+    UPLINK_REJECTED: ClassVar[int] = 0x0080
+    OUT_OF_SEQUENCE: ClassVar[int] = 0x0100
+    CLOCK_IMPLAUSIBLE: ClassVar[int] = 0x0200
+    FLASH_FAULT: ClassVar[int] = 0x0400
+    RESET: ClassVar[int] = 0x7000
+    NO_FIELD: ClassVar[int] = 0x8000
 
     @property
     def up(self) -> bool:
         """frames arrive within their deadline"""
-        return bool(self & 0x0001)
+        return bool(self & self.UP)
 
     @property
     def all_accepted(self) -> bool:
         """every object of the last cycle was accepted"""
-        return bool(self & 0x0002)
+        return bool(self & self.ALL_ACCEPTED)
 
     @property
     def horus_frozen(self) -> bool:
         """HORUS repeats its timestamp"""
-        return bool(self & 0x0004)
+        return bool(self & self.HORUS_FROZEN)
 
     @property
     def horus_restarted(self) -> bool:
         """HORUS started again"""
-        return bool(self & 0x0008)
+        return bool(self & self.HORUS_RESTARTED)
 
     @property
     def ram_fault(self) -> bool:
         """a scrub found a RAM fault"""
-        return bool(self & 0x0010)
+        return bool(self & self.RAM_FAULT)
 
     @property
     def front_end_fault(self) -> bool:
         """the RFID front end has a fault"""
-        return bool(self & 0x0020)
+        return bool(self & self.FRONT_END_FAULT)
 
     @property
     def unasked_reset(self) -> bool:
         """nobody asked for the DPR's last reset"""
-        return bool(self & 0x0040)
+        return bool(self & self.UNASKED_RESET)
 
     @property
     def uplink_rejected(self) -> bool:
         """the last uplink was rejected"""
-        return bool(self & 0x0080)
+        return bool(self & self.UPLINK_REJECTED)
 
     @property
     def out_of_sequence(self) -> bool:
         """nothing is shown until it is found again"""
-        return bool(self & 0x0100)
+        return bool(self & self.OUT_OF_SEQUENCE)
 
     @property
     def clock_implausible(self) -> bool:
         """HORUS's clock is off by > 2 %"""
-        return bool(self & 0x0200)
+        return bool(self & self.CLOCK_IMPLAUSIBLE)
 
     @property
     def flash_fault(self) -> bool:
         """the DPR's program memory is damaged"""
-        return bool(self & 0x0400)
+        return bool(self & self.FLASH_FAULT)
 
     @property
     def reset(self) -> Optional[Reset]:
         """why the DPR last started; None if the code is reserved"""
-        return self._code(Reset, 0x7000)
+        return self._code(Reset, self.RESET)
 
     @property
     def no_field(self) -> bool:
         """the front end works and senses no field of the sender"""
-        return bool(self & 0x8000)
+        return bool(self & self.NO_FIELD)
 
 
 class PortBits(Word):
     """Status of Port-Status."""
 
     USED: ClassVar[int] = 0x007F
+    BASE_STATION_FRESH: ClassVar[int] = 0x0001
+    FLIGHT_CONTROLLER_FRESH: ClassVar[int] = 0x0002
+    LAST_REFUSED: ClassVar[int] = 0x0004
+    SELF_TEST_RUNNING: ClassVar[int] = 0x0008
+    SELF_TEST_PASSED: ClassVar[int] = 0x0010
+    SELF_TEST_FAILED: ClassVar[int] = 0x0020
+    BUFFERS_OUT_OF_USE: ClassVar[int] = 0x0040
 
     @property
     def base_station_fresh(self) -> bool:
         """its uplink is shown"""
-        return bool(self & 0x0001)
+        return bool(self & self.BASE_STATION_FRESH)
 
     @property
     def flight_controller_fresh(self) -> bool:
         """its uplink is shown"""
-        return bool(self & 0x0002)
+        return bool(self & self.FLIGHT_CONTROLLER_FRESH)
 
     @property
     def last_refused(self) -> bool:
         """the last uplink or command was refused"""
-        return bool(self & 0x0004)
+        return bool(self & self.LAST_REFUSED)
 
     @property
     def self_test_running(self) -> bool:
         """a self-test is under way"""
-        return bool(self & 0x0008)
+        return bool(self & self.SELF_TEST_RUNNING)
 
     @property
     def self_test_passed(self) -> bool:
         """the last one found nothing"""
-        return bool(self & 0x0010)
+        return bool(self & self.SELF_TEST_PASSED)
 
     @property
     def self_test_failed(self) -> bool:
         """the last one found a fault"""
-        return bool(self & 0x0020)
+        return bool(self & self.SELF_TEST_FAILED)
 
     @property
     def buffers_out_of_use(self) -> bool:
         """a buffer or image is out of use"""
-        return bool(self & 0x0040)
+        return bool(self & self.BUFFERS_OUT_OF_USE)
 
 
 @dataclass(frozen=True)

@@ -65,44 +65,44 @@ types:
         type: u4be
         doc: "over all before"
     instances:
-      up:
+      status_up:
         value: (status & 0x0001) != 0
         doc: "frames arrive within their deadline"
-      all_accepted:
+      status_all_accepted:
         value: (status & 0x0002) != 0
         doc: "every object of the last cycle was accepted"
-      horus_frozen:
+      status_horus_frozen:
         value: (status & 0x0004) != 0
         doc: "HORUS repeats its timestamp"
-      horus_restarted:
+      status_horus_restarted:
         value: (status & 0x0008) != 0
         doc: "HORUS started again"
-      ram_fault:
+      status_ram_fault:
         value: (status & 0x0010) != 0
         doc: "a scrub found a RAM fault"
-      front_end_fault:
+      status_front_end_fault:
         value: (status & 0x0020) != 0
         doc: "the RFID front end has a fault"
-      unasked_reset:
+      status_unasked_reset:
         value: (status & 0x0040) != 0
         doc: "nobody asked for the DPR's last reset"
-      uplink_rejected:
+      status_uplink_rejected:
         value: (status & 0x0080) != 0
         doc: "the last uplink was rejected"
-      out_of_sequence:
+      status_out_of_sequence:
         value: (status & 0x0100) != 0
         doc: "nothing is shown until it is found again"
-      clock_implausible:
+      status_clock_implausible:
         value: (status & 0x0200) != 0
         doc: "HORUS's clock is off by > 2 %"
-      flash_fault:
+      status_flash_fault:
         value: (status & 0x0400) != 0
         doc: "the DPR's program memory is damaged"
-      reset:
+      status_reset:
         value: (status & 0x7000) >> 12
         enum: reset
         doc: "why the DPR last started"
-      no_field:
+      status_no_field:
         value: (status & 0x8000) != 0
         doc: "the front end works and senses no field of the sender"
   reported:
@@ -146,32 +146,32 @@ types:
         type: u4be
         doc: "over all before"
     instances:
-      agreeing:
+      status_agreeing:
         value: (status & 0x0007) >> 0
         doc: "receivers that agree, 0 to 7"
-      position_valid:
+      status_position_valid:
         value: (status & 0x0008) != 0
         doc: "latitude and longitude are valid"
-      attitude_valid:
+      status_attitude_valid:
         value: (status & 0x0010) != 0
         doc: "pitch, yaw and roll are valid"
-      acceleration_valid:
+      status_acceleration_valid:
         value: (status & 0x0020) != 0
         doc: "the accelerations are valid"
-      degraded:
+      status_degraded:
         value: (status & 0x0040) != 0
         doc: "fewer receivers agree than configured, or on no altitude"
-      without_crystal:
+      status_without_crystal:
         value: (status & 0x0080) != 0
         doc: "HORUS runs without its crystal"
-      state:
+      status_state:
         value: (status & 0x0f00) >> 8
         enum: state
         doc: "what HORUS is doing"
-      memory_fault:
+      status_memory_fault:
         value: (status & 0x1000) != 0
         doc: "HORUS has found a fault of its memory"
-      reset:
+      status_reset:
         value: (status & 0xe000) >> 13
         enum: reset
         doc: "why HORUS last started"
@@ -213,29 +213,29 @@ types:
         type: u4be
         doc: "over all before"
     instances:
-      fix:
+      status_fix:
         value: (status & 0x000f) >> 0
         enum: fix
         doc: "UBX fixType"
-      position_valid:
+      status_position_valid:
         value: (status & 0x0010) != 0
         doc: "latitude and longitude are valid"
-      attitude_valid:
+      status_attitude_valid:
         value: (status & 0x0020) != 0
         doc: "pitch, yaw and roll are valid"
-      acceleration_valid:
+      status_acceleration_valid:
         value: (status & 0x0040) != 0
         doc: "the accelerations are valid"
-      heard:
+      status_heard:
         value: (status & 0x0080) != 0
         doc: "heard in the last 250 ms"
-      stale:
+      status_stale:
         value: (status & 0x0100) != 0
         doc: "the solution is older than its period allows"
-      excluded:
+      status_excluded:
         value: (status & 0x0200) != 0
         doc: "the voter excluded this receiver"
-      age:
+      status_age:
         value: (status & 0xfc00) >> 10
         doc: "age of its solution"
   port_status:
@@ -290,25 +290,25 @@ types:
         type: u4be
         doc: "over all before"
     instances:
-      base_station_fresh:
+      status_base_station_fresh:
         value: (status & 0x0001) != 0
         doc: "its uplink is shown"
-      flight_controller_fresh:
+      status_flight_controller_fresh:
         value: (status & 0x0002) != 0
         doc: "its uplink is shown"
-      last_refused:
+      status_last_refused:
         value: (status & 0x0004) != 0
         doc: "the last uplink or command was refused"
-      self_test_running:
+      status_self_test_running:
         value: (status & 0x0008) != 0
         doc: "a self-test is under way"
-      self_test_passed:
+      status_self_test_passed:
         value: (status & 0x0010) != 0
         doc: "the last one found nothing"
-      self_test_failed:
+      status_self_test_failed:
         value: (status & 0x0020) != 0
         doc: "the last one found a fault"
-      buffers_out_of_use:
+      status_buffers_out_of_use:
         value: (status & 0x0040) != 0
         doc: "a buffer or image is out of use"
   uplink:

@@ -143,17 +143,20 @@ fn status_word(word: &Word) -> String {
     let Word { prefix, title, used, bits } = word;
     let mut text = format!("\n\nclass {}(Word):\n    \"\"\"Status of {title}.\"\"\"\n\n", word_name(prefix));
     let _ = writeln!(text, "    USED: ClassVar[int] = 0x{used:04X}");
+    for Bits { name, mask, .. } in bits {
+        let _ = writeln!(text, "    {name}: ClassVar[int] = 0x{mask:04X}");
+    }
     for Bits { name, mask, what, code } in bits {
-        let name = name.to_lowercase();
+        let property = name.to_lowercase();
         let shift = mask.trailing_zeros();
         let (kind, value) = match code {
-            None => ("bool".to_owned(), format!("bool(self & 0x{mask:04X})")),
-            Some(Code::Number) => ("int".to_owned(), format!("(self & 0x{mask:04X}) >> {shift}")),
-            Some(Code::Enumeration(name)) => {
-                let name = camel(name);
-                (format!("Optional[{name}]"), format!("self._code({name}, 0x{mask:04X})"))
+            None => ("bool".to_owned(), format!("bool(self & self.{name})")),
+            Some(Code::Number) => ("int".to_owned(), format!("(self & self.{name}) >> {shift}")),
+            Some(Code::Enumeration(codes)) => {
+                let codes = camel(codes);
+                (format!("Optional[{codes}]"), format!("self._code({codes}, self.{name})"))
             }
-            Some(Code::Age) => ("Optional[int]".to_owned(), format!("self._age(0x{mask:04X}, AGE_STEP_MS, AGE_NEVER)")),
+            Some(Code::Age) => ("Optional[int]".to_owned(), format!("self._age(self.{name}, AGE_STEP_MS, AGE_NEVER)")),
         };
         let note = match code {
             Some(Code::Enumeration(_)) => "; None if the code is reserved",
@@ -162,7 +165,7 @@ fn status_word(word: &Word) -> String {
         };
         let _ = write!(
             text,
-            "\n    @property\n    def {name}(self) -> {kind}:\n        \"\"\"{what}{note}\"\"\"\n        return {value}\n"
+            "\n    @property\n    def {property}(self) -> {kind}:\n        \"\"\"{what}{note}\"\"\"\n        return {value}\n"
         );
     }
     text
