@@ -50,6 +50,10 @@ class Golden(unittest.TestCase):
         counts = (link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed)
         self.assertEqual((counts, link.age_100us, link.access_violations), ((4000, 1, 1000, 2), 53, 7))
 
+    def test_bits_without_a_meaning_are_dropped(self):
+        link = LinkStatus.decode(LINK[:6] + b"\xff\xff" + LINK[8:])
+        self.assertEqual((link.status, link.status.USED), (0xF7FF, 0xF7FF))
+
     def test_a_request_is_these_bytes(self):
         self.assertEqual(seal_request(32, 64), bytes.fromhex("200040006E68695A"))
 

@@ -14,8 +14,8 @@ from collections import Counter
 from pathlib import Path
 from unittest import mock
 
-from horus_profile import FRAME, Identifier, Rejection, ReportedPosition
-from horus_profile.recording import Recording
+from horus_profile import Identifier, Rejection, ReportedPosition
+from horus_profile.recording import Recording, _unstuffed
 from tests import optional
 from tests.test_objects import GPS1, LINK, REPORTED
 
@@ -124,6 +124,31 @@ class Written(unittest.TestCase):
         arrivals, reader = self.read(recording(*messages))
         self.assertEqual([arrival.found.raw for arrival in arrivals], [LINK, REPORTED, GPS1])
         self.assertEqual(reader.unmatched, 0)
+
+    def test_frames_are_the_examples_of_the_published_encoding(self):
+        run = bytes(range(1, 256))
+        examples = (
+            (b"\0", b"\1\1"),
+            (b"\x11\x22\0\x33", b"\3\x11\x22\2\x33"),
+            (b"\x11\0\0\0", b"\2\x11\1\1\1"),
+            (run[:254], b"\xff" + run[:254]),
+            (run, b"\xff" + run[:254] + b"\2\xff"),
+        )
+        for payload, frame in examples:
+            self.assertEqual(_unstuffed(frame), payload)
+        self.assertEqual(_unstuffed(b"\3\x11"), b"", "it ends within a run")
+
+    def test_a_length_that_cannot_be_is_the_end(self):
+        arrivals, reader = self.read(b"\x89MCAP0\r\n\x06" + b"\xff" * 8 + bytes(100))
+        self.assertEqual((arrivals, len(reader.torn)), ([], 1))
+
+    def test_an_object_that_the_station_did_not_take_for_new_is_in_no_array(self):
+        optional(self, "numpy")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "twice.mcap"
+            again = carried(DATAGRAMS, IMAGE, [0, 1, 2], b"duplicate")
+            path.write_bytes(recording(carried(DATAGRAMS, IMAGE, [0, 1, 2]), again))
+            self.assertEqual([len(array) for array in Recording(path).arrays()["7"].values()], [1, 1, 1])
 
     def test_what_another_station_published_is_read(self):
         message = bytes([1, 2]) + bytes(8) + bytes(2) + REPORTED + GPS1

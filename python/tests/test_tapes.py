@@ -144,6 +144,17 @@ class Tapes(unittest.TestCase):
                     self.assertEqual(line, want, f"line {number}")
                 self.assertEqual(len(lines), len(expected))
 
+    def test_what_is_written_during_a_transaction_is_sent_in_the_next(self):
+        client = Client(Config(3))
+        first, second = (seal_command(timestamp, CommandWord.SELF_TEST) for timestamp in (1, 2))
+        client.write(first)
+        self.assertEqual(client.begin()[8:72], first)
+        client.write(second)
+        client.end(bytes(96), 0)
+        self.assertEqual(client.begin()[8:72], second)
+        client.end(bytes(96), 10_000)
+        self.assertEqual(client.begin()[8:72], bytes(64))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -19,7 +19,7 @@ def frame(payload_type, payload, *, signed=False, message_id=385, extra=147, seq
     body = body.rstrip(b"\0")
     head = bytes([len(body), int(signed), 0, sequence, 7, 1]) + message_id.to_bytes(3, "little")
     crc = checksum(head + body + bytes([extra])).to_bytes(2, "little")
-    return b"\xfd" + head + body + crc + bytes(13 if signed else 0)
+    return b"\xfd" + head + body + crc + b"\xfd" * (13 if signed else 0)
 
 
 class Payloads(unittest.TestCase):
@@ -56,9 +56,11 @@ class Streams(unittest.TestCase):
     def test_a_stream_in_pieces_gives_every_message_between_others(self):
         good = frame(0xC800, PAYLOAD), frame(0xC400, LINK, signed=True), frame(0xC801, GPS1)
         other = frame(0xFDFD, b"\xfd" * 50, message_id=30, extra=39)
-        damaged = bytearray(good[0])
+        damaged, longer = bytearray(good[0]), bytearray(good[2])
         damaged[20] ^= 1
-        line = b"\x00\xfe" + good[0] + other + good[1] + bytes(damaged) + good[2] + good[2]
+        # The next message begins within the length that this one claims.
+        longer[1] += 20
+        line = b"\x00\xfe" + good[0] + other + good[1] + bytes(damaged) + good[2] + bytes(longer) + good[2]
         expected = [(7, 0xC800, PAYLOAD), (7, 0xC400, LINK), (7, 0xC801, GPS1), (7, 0xC801, GPS1)]
         drawn = random.Random(1)
         for _ in range(200):

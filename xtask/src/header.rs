@@ -16,7 +16,7 @@ pub(crate) mod objects;
 pub(crate) mod status;
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
@@ -26,33 +26,42 @@ use profile::map::PortArea;
 use profile::ssi::{self, client, client::Config, timing};
 use profile::{Command, Identifier, Layout, Uplink, Violation, crc, image, range};
 
+/// The options of a command that writes generated files.
 #[derive(Args)]
-pub(crate) struct HeaderArgs {
+pub(crate) struct GeneratedArgs {
     /// Write nothing; fail if a file is not current.
     #[arg(long)]
     check: bool,
 }
 
-pub(crate) fn header(args: &HeaderArgs) -> Result<ExitCode> {
-    for (path, text) in files()? {
-        if args.check {
-            check_one(&path, &text)?;
-        } else {
-            std::fs::write(&path, text).with_context(|| format!("could not write {}", path.display()))?;
-            println!("{}", path.display());
+impl GeneratedArgs {
+    /// Writes `files`, which `cargo xtask COMMAND` generates, or checks them.
+    pub(crate) fn apply(&self, command: &str, files: &[(PathBuf, String)]) -> Result<ExitCode> {
+        for (path, text) in files {
+            if self.check {
+                check_one(command, path, text)?;
+            } else {
+                std::fs::write(path, text).with_context(|| format!("could not write {}", path.display()))?;
+                println!("{}", path.display());
+            }
         }
+        Ok(ExitCode::SUCCESS)
     }
-    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn header(args: &GeneratedArgs) -> Result<ExitCode> {
+    args.apply("header", &files()?)
 }
 
 /// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
-    files()?.iter().try_for_each(|(path, text)| check_one(path, text))
+    files()?.iter().try_for_each(|(path, text)| check_one("header", path, text))
 }
 
-fn check_one(path: &PathBuf, text: &str) -> Result<()> {
+/// Fails if a file that `cargo xtask COMMAND` generates is not current.
+pub(crate) fn check_one(command: &str, path: &Path, text: &str) -> Result<()> {
     let found = std::fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
-    ensure!(found == text, "{} is not what the layouts say: run `cargo xtask header`", path.display());
+    ensure!(found == text, "{} is not what the layouts say: run `cargo xtask {command}`", path.display());
     Ok(())
 }
 
@@ -254,7 +263,7 @@ mod tests {
     #[test]
     fn an_outdated_header_is_refused_with_the_remedy() {
         let path = crate::workspace::root().join("profile/c/horus_dpr.h");
-        let error = check_one(&path, &client_header().unwrap().replace("GAP_NS", "GAP")).unwrap_err();
+        let error = check_one("header", &path, &client_header().unwrap().replace("GAP_NS", "GAP")).unwrap_err();
         assert!(error.to_string().contains("run `cargo xtask header`"), "{error}");
     }
 }

@@ -15,38 +15,19 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
-use clap::Args;
 use profile::criticality::{BaseStation, FlightController};
 use profile::{Identifier, Layout, image};
 
 use crate::header::objects::Object;
+use crate::header::{GeneratedArgs, check_one};
 
-#[derive(Args)]
-pub(crate) struct LayoutArgs {
-    /// Write nothing; fail if a file is not current.
-    #[arg(long)]
-    check: bool,
-}
-
-pub(crate) fn layout(args: &LayoutArgs) -> Result<ExitCode> {
-    if args.check {
-        check()?;
-    } else {
-        for (path, text) in files()? {
-            std::fs::write(&path, text).with_context(|| format!("could not write {}", path.display()))?;
-            println!("{}", path.display());
-        }
-    }
-    Ok(ExitCode::SUCCESS)
+pub(crate) fn layout(args: &GeneratedArgs) -> Result<ExitCode> {
+    args.apply("layout", &files()?)
 }
 
 /// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
-    for (path, text) in files()? {
-        let found = std::fs::read_to_string(&path).with_context(|| format!("could not read {}", path.display()))?;
-        ensure!(found == text, "{} is not what the layouts say: run `cargo xtask layout`", path.display());
-    }
-    Ok(())
+    files()?.iter().try_for_each(|(path, text)| check_one("layout", path, text))
 }
 
 fn files() -> Result<[(PathBuf, String); 3]> {

@@ -84,10 +84,10 @@ enum Command {
     /// Write docs/figures.md and README's sample of a run from fresh runs, or check that they are current.
     Figures(figures::FiguresArgs),
     /// Write the C header of the flight controller's client from the profile's layouts, or check that it is current.
-    Header(header::HeaderArgs),
+    Header(header::GeneratedArgs),
     /// Write the layout of all objects for machines, and the Python package's module of them, or check that both are
     /// current.
-    Layout(layout::LayoutArgs),
+    Layout(header::GeneratedArgs),
     /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
     /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
