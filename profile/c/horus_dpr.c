@@ -205,6 +205,29 @@ static float get_f32(const uint8_t *bytes)
     return f32_of(get32(bytes));
 }
 
+static void decode_hold(const uint8_t *bytes, horus_dpr_hold_t *hold)
+{
+    const uint8_t *acknowledged = &bytes[offsetof(horus_dpr_wire_hold_status_t, acknowledged)];
+    hold->timestamp = get32(&bytes[offsetof(horus_dpr_wire_hold_status_t, timestamp)]);
+    hold->status =
+        (uint16_t)(get16(&bytes[offsetof(horus_dpr_wire_hold_status_t, status)]) & HORUS_DPR_HOLD_STATUS_USED);
+    hold->temperature = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, temperature)]);
+    hold->humidity = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, humidity)]);
+    hold->set_point = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, set_point)]);
+    for (size_t axis = 0U; axis < 3U; axis++) {
+        hold->vibration[axis] =
+            get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, vibration) + (axis * sizeof(float))]);
+    }
+    hold->greatest_shock = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, greatest_shock)]);
+    hold->supply = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, supply)]);
+    hold->output = get_f32(&bytes[offsetof(horus_dpr_wire_hold_status_t, output)]);
+    hold->base_station.number = get16(&acknowledged[0]);
+    hold->base_station.outcome = get16(&acknowledged[2]);
+    hold->own.number = get16(&acknowledged[4]);
+    hold->own.outcome = get16(&acknowledged[6]);
+    hold->seconds = get32(&bytes[offsetof(horus_dpr_wire_hold_status_t, seconds)]);
+}
+
 static void decode_reported(const uint8_t *bytes, horus_dpr_sample_t *sample)
 {
     sample->timestamp = get32(&bytes[offsetof(horus_dpr_wire_reported_t, timestamp)]);
@@ -312,7 +335,7 @@ static size_t image_len(const horus_dpr_config_t *config)
 
 static size_t map_len(const horus_dpr_config_t *config)
 {
-    return image_len(config) + HORUS_DPR_PORT_BYTES;
+    return image_len(config) + HORUS_DPR_PORT_BYTES + (config->hold ? HORUS_DPR_HOLD_BYTES : 0U);
 }
 
 static bool is_inside(horus_dpr_window_t window, const horus_dpr_config_t *config)
@@ -347,6 +370,7 @@ horus_dpr_config_t horus_dpr_config(uint8_t receivers)
         HORUS_DPR_PREFIX_BYTES,
         HORUS_DPR_AGE_LIMIT_US,
         HORUS_DPR_SILENCE_US,
+        false,
     };
     return config;
 }
@@ -552,17 +576,19 @@ static bool is_any_intact(const horus_dpr_t *client, const uint8_t *miso, size_t
     horus_dpr_sample_t sample;
     horus_dpr_port_t port;
     horus_dpr_uplink_t uplink;
+    horus_dpr_hold_t hold;
     bool intact = horus_dpr_view_link(client, miso, bytes, &link) == HORUS_DPR_OK;
     const bool port_intact = horus_dpr_view_port(client, miso, bytes, &port) == HORUS_DPR_OK;
     const bool base_intact =
         horus_dpr_view_uplink(client, miso, bytes, HORUS_DPR_ID_UPLINK_BASE_STATION, &uplink) == HORUS_DPR_OK;
     const bool own_intact =
         horus_dpr_view_uplink(client, miso, bytes, HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER, &uplink) == HORUS_DPR_OK;
+    const bool hold_intact = horus_dpr_view_hold(client, miso, bytes, &hold) == HORUS_DPR_OK;
     for (uint8_t index = 0U; index <= client->config.receivers; index++) {
         const bool object = horus_dpr_view_object(client, miso, bytes, index, &sample) == HORUS_DPR_OK;
         intact = intact || object;
     }
-    return intact || port_intact || base_intact || own_intact;
+    return intact || port_intact || base_intact || own_intact || hold_intact;
 }
 
 void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint64_t began_us, uint64_t fresh_us,
@@ -726,4 +752,138 @@ horus_dpr_result_t horus_dpr_view_uplink(const horus_dpr_t *client, const uint8_
         }
     }
     return result;
+}
+
+/* ---- the active hold */
+
+/* The bytes of Hold-Status's place, NULL if they were not all read or the configuration has no hold. */
+static const uint8_t *find_hold(const horus_dpr_t *client, const uint8_t *miso, size_t bytes)
+{
+    const size_t offset = image_len(&client->config) + HORUS_DPR_HOLD_OFFSET;
+    const uint8_t *place = NULL;
+    if (client->config.hold) {
+        place = horus_dpr_find(client, miso, bytes, offset, sizeof(horus_dpr_wire_hold_status_t));
+    }
+    return place;
+}
+
+horus_dpr_result_t horus_dpr_view_hold(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_hold_t *hold)
+{
+    const uint8_t *place = find_hold(client, miso, bytes);
+    horus_dpr_result_t result = HORUS_DPR_LENGTH;
+    if (place != NULL) {
+        result = judge(place, sizeof(horus_dpr_wire_hold_status_t), HORUS_DPR_ID_HOLD_STATUS);
+        if (result == HORUS_DPR_OK) {
+            decode_hold(place, hold);
+        }
+    }
+    return result;
+}
+
+void horus_dpr_hold_read(horus_dpr_hold_track_t *track, const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
+    uint64_t began_us, horus_dpr_hold_report_t *report)
+{
+    const size_t read = (bytes < (size_t)client->shown.length) ? bytes : (size_t)client->shown.length;
+    horus_dpr_hold_t hold;
+    horus_dpr_result_t result = horus_dpr_view_hold(client, miso, bytes, &hold);
+
+    (void)memset(report, 0, sizeof(*report));
+    if (is_throughout(miso, read, 0xFFU)) {
+        result = HORUS_DPR_LENGTH;
+    }
+    if ((result == HORUS_DPR_OK) && ((!track->has_last) || (track->last.timestamp != hold.timestamp))) {
+        /* The reading before bounds its arrival, and the DPR shows none for longer than its expiry. */
+        uint64_t shown_us = HORUS_DPR_HOLD_EXPIRY_US;
+        if (track->has_looked && (track->looked_us <= began_us) && ((began_us - track->looked_us) < shown_us)) {
+            shown_us = began_us - track->looked_us;
+        }
+        track->has_last = true;
+        track->last = hold;
+        track->last_read_us = began_us;
+        track->last_age_us = sum_us(HORUS_DPR_HOLD_FRAME_US, shown_us);
+    }
+    if (result == HORUS_DPR_VACANT) {
+        track->has_last = false;
+    }
+    if ((result == HORUS_DPR_OK) || (result == HORUS_DPR_VACANT)) {
+        track->has_looked = true;
+        track->looked_us = began_us;
+    }
+
+    report->shown = HORUS_DPR_HOLD_ABSENT;
+    report->age_us = HORUS_DPR_AGE_UNKNOWN;
+    if (track->has_last) {
+        report->shown = HORUS_DPR_HOLD_OLD;
+        /* A clock that was set back makes the age unknown. */
+        if (began_us >= track->last_read_us) {
+            const uint64_t since_us = began_us - track->last_read_us;
+            report->age_us = sum_us(track->last_age_us, since_us);
+            if (since_us <= HORUS_DPR_HOLD_EXPIRY_US) {
+                report->shown = HORUS_DPR_HOLD_VALID;
+                report->values = track->last;
+            }
+        }
+    }
+}
+
+/* Whether a number is 1 to 32767 ahead of another. */
+static bool is_newer(uint16_t number, uint16_t than)
+{
+    const uint16_t ahead = (uint16_t)(number - than);
+    return (ahead != 0U) && (ahead <= 0x7FFFU);
+}
+
+void horus_dpr_sender_observe(horus_dpr_sender_t *sender, const horus_dpr_hold_t *hold)
+{
+    const uint32_t behind = sender->hold_timestamp - hold->timestamp;
+    const bool restarted = sender->has_hold && (behind != 0U) && (behind <= 0x7FFFFFFFU);
+    const bool waiting = sender->sent == HORUS_DPR_SENT_WAITING;
+    const bool outcome =
+        (hold->own.outcome >= HORUS_DPR_OUTCOME_DONE) && (hold->own.outcome <= HORUS_DPR_OUTCOME_TOO_OLD);
+    sender->has_hold = true;
+    sender->hold_timestamp = hold->timestamp;
+    sender->acknowledged = hold->own.number;
+    if ((waiting || (sender->sent == HORUS_DPR_SENT_LOST)) && (hold->own.number == sender->number) && outcome) {
+        sender->sent = HORUS_DPR_SENT_ANSWERED;
+        sender->outcome = hold->own.outcome;
+    } else if (waiting && (restarted || is_newer(hold->own.number, sender->number))) {
+        sender->sent = HORUS_DPR_SENT_LOST;
+    } else {
+        /* nothing new is known of the command */
+    }
+}
+
+bool horus_dpr_sender_send(horus_dpr_sender_t *sender, uint16_t word, float value)
+{
+    const bool may_send = sender->has_hold && (sender->sent != HORUS_DPR_SENT_WAITING);
+    if (may_send) {
+        const bool own = (sender->sent != HORUS_DPR_SENT_NOTHING) && is_newer(sender->number, sender->acknowledged);
+        uint32_t bits;
+        (void)memcpy(&bits, &value, sizeof(bits));
+        sender->number = (uint16_t)((own ? sender->number : sender->acknowledged) + 1U);
+        sender->sent = HORUS_DPR_SENT_WAITING;
+        sender->outcome = HORUS_DPR_OUTCOME_NOTHING;
+        (void)memset(sender->command, 0, sizeof(sender->command));
+        put16(&sender->command[0], sender->number);
+        put16(&sender->command[2], word);
+        put32(&sender->command[4], bits);
+    }
+    return may_send;
+}
+
+void horus_dpr_sender_give_up(horus_dpr_sender_t *sender)
+{
+    if (sender->sent == HORUS_DPR_SENT_WAITING) {
+        sender->sent = HORUS_DPR_SENT_LOST;
+    }
+}
+
+void horus_dpr_sender_fill(const horus_dpr_sender_t *sender, uint8_t payload[HORUS_DPR_PAYLOAD_BYTES])
+{
+    if (sender->sent == HORUS_DPR_SENT_WAITING) {
+        (void)memcpy(payload, sender->command, sizeof(sender->command));
+    } else {
+        (void)memset(payload, 0, sizeof(sender->command));
+    }
 }

@@ -42,15 +42,17 @@ extern "C" {
 #define HORUS_DPR_VERSION 1000U /* major, minor and patch, three digits each; horus_dpr.c is of the same */
 
 /* Bytes. */
-#define HORUS_DPR_REQUEST_BYTES  8U   /* a request */
-#define HORUS_DPR_OBJECT_BYTES   64U  /* an uplink or a command */
-#define HORUS_DPR_PAYLOAD_BYTES  52U  /* what an uplink carries */
-#define HORUS_DPR_RESERVED_BYTES 48U  /* what a command reserves, zero */
-#define HORUS_DPR_MAX_WRITE      72U  /* the longest MOSI that says something */
-#define HORUS_DPR_PREFIX_BYTES   96U  /* Link-Status and Reported-Position */
-#define HORUS_DPR_GPS_BYTES      60U  /* a receiver's object */
-#define HORUS_DPR_PORT_BYTES     192U /* Port-Status and both uplinks */
-#define HORUS_DPR_MAX_MAP_BYTES  588U /* the longest map, that of five receivers */
+#define HORUS_DPR_REQUEST_BYTES      8U   /* a request */
+#define HORUS_DPR_OBJECT_BYTES       64U  /* an uplink or a command */
+#define HORUS_DPR_PAYLOAD_BYTES      52U  /* what an uplink carries */
+#define HORUS_DPR_RESERVED_BYTES     48U  /* what a command reserves, zero */
+#define HORUS_DPR_MAX_WRITE          72U  /* the longest MOSI that says something */
+#define HORUS_DPR_PREFIX_BYTES       96U  /* Link-Status and Reported-Position */
+#define HORUS_DPR_GPS_BYTES          60U  /* a receiver's object */
+#define HORUS_DPR_PORT_BYTES         192U /* Port-Status and both uplinks */
+#define HORUS_DPR_HOLD_BYTES         64U  /* the object of an active hold, behind them where there is one */
+#define HORUS_DPR_HOLD_COMMAND_BYTES 12U  /* a command to it, the beginning of an uplink's payload */
+#define HORUS_DPR_MAX_MAP_BYTES      652U /* the longest map, that of five receivers with a hold */
 
 /* Offsets in the map. */
 #define HORUS_DPR_LINK_STATUS_OFFSET       0U  /* Link-Status */
@@ -61,6 +63,7 @@ extern "C" {
 #define HORUS_DPR_PORT_STATUS_OFFSET              0U   /* Port-Status */
 #define HORUS_DPR_UPLINK_BASE_STATION_OFFSET      64U  /* the base station's uplink, as stored */
 #define HORUS_DPR_UPLINK_FLIGHT_CONTROLLER_OFFSET 128U /* the flight controller's uplink, as stored */
+#define HORUS_DPR_HOLD_OFFSET                     192U /* the hold's object, where there is a hold */
 
 /* Identifiers. */
 #define HORUS_DPR_ID_REPORTED_POSITION        0x4800U /* Reported-Position; GPS1 to GPS5 are 1 to 5 more */
@@ -69,10 +72,17 @@ extern "C" {
 #define HORUS_DPR_ID_UPLINK_BASE_STATION      0x4200U /* uplink of the base station */
 #define HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER 0x4300U /* uplink of the flight controller */
 #define HORUS_DPR_ID_COMMAND                  0x4301U /* command of the flight controller to the DPR */
+#define HORUS_DPR_ID_HOLD_STATUS              0x4100U /* Hold-Status; other makers' holds have up to 255 more */
 
 /* Commands. */
 #define HORUS_DPR_COMMAND_CLEAR_COUNTERS 0x43524C43U /* sets Port-Status's counters to 0 */
 #define HORUS_DPR_COMMAND_SELF_TEST      0x54534554U /* one whole pass over flash and RAM in use */
+
+/* Words of commands to the hold; 0 is none. */
+#define HORUS_DPR_HOLD_SET_POINT   1U /* the value is the temperature to keep, degrees Celsius */
+#define HORUS_DPR_HOLD_LOCK        2U /* locks it */
+#define HORUS_DPR_HOLD_UNLOCK      3U /* unlocks it */
+#define HORUS_DPR_HOLD_CLEAR_SHOCK 4U /* sets the greatest shock to 0 */
 
 /* Limits of the client, unless its configuration sets others. */
 #define HORUS_DPR_AGE_LIMIT_US 100000U /* a position older than this is not shown */
@@ -86,6 +96,8 @@ extern "C" {
 #define HORUS_DPR_TOLERANCE_SHARE  50U        /* and by one part in so many of the step */
 #define HORUS_DPR_EXPIRY_US        25000U     /* the DPR does not show an image for longer than this */
 #define HORUS_DPR_UPLINK_EXPIRY_MS 500U       /* the DPR does not show an uplink for longer than this */
+#define HORUS_DPR_HOLD_EXPIRY_US   300000U    /* the DPR does not show Hold-Status for longer */
+#define HORUS_DPR_HOLD_FRAME_US    1416U      /* the age of Hold-Status when the DPR gets it */
 #define HORUS_DPR_AGE_UNKNOWN      UINT32_MAX /* no sample yet, or its age cannot be told */
 #define HORUS_DPR_NO_FRESH         UINT64_MAX /* the FRESH line is not wired */
 
@@ -120,29 +132,39 @@ extern "C" {
 
 /* The image for 1, 2, 3 or 5 receivers, bytes: Link-Status, Reported-Position, GPS1 to GPSn. */
 #define HORUS_DPR_IMAGE_BYTES(receivers) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * (receivers)))
-/* The memory map, bytes: the image, Port-Status, both uplinks. */
+/* The memory map, bytes: the image, Port-Status, both uplinks. With an active hold, its object follows. */
 #define HORUS_DPR_MAP_BYTES(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_BYTES)
 /* Offset of GPS1 to GPS5 in the map. */
 #define HORUS_DPR_GPS_AT(receiver) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * ((receiver) - 1U)))
 /* Offset of Port-Status in the map. */
 #define HORUS_DPR_PORT_STATUS_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_STATUS_OFFSET)
+/* Offset of the hold's object in the map, where there is a hold. */
+#define HORUS_DPR_HOLD_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_HOLD_OFFSET)
 
 HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(1U) == 156U, "layout of 1 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(1U) == 348U, "layout of 1 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(1U) == 96U, "layout of 1 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(1U) == 156U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(1U) == 348U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(1U) + HORUS_DPR_HOLD_BYTES == 412U, "layout of 1 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(2U) == 216U, "layout of 2 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(2U) == 408U, "layout of 2 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(2U) == 156U, "layout of 2 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(2U) == 216U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(2U) == 408U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(2U) + HORUS_DPR_HOLD_BYTES == 472U, "layout of 2 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(3U) == 276U, "layout of 3 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(3U) == 468U, "layout of 3 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(3U) == 216U, "layout of 3 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(3U) == 276U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(3U) == 468U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(3U) + HORUS_DPR_HOLD_BYTES == 532U, "layout of 3 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(5U) == 396U, "layout of 5 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(5U) == 588U, "layout of 5 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(5U) == 336U, "layout of 5 receivers");
 HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(5U) == 396U, "layout of 5 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(5U) == 588U, "layout of 5 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_HOLD_AT(5U) + HORUS_DPR_HOLD_BYTES == 652U, "layout of 5 receivers");
 
 /* ---- objects on the wire: everything is little-endian except the CRCs, which are big-endian ---- */
 
@@ -296,6 +318,39 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, word) == 8U, "word");
 HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, reserved) == 12U, "reserved");
 HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 
+/* Hold-Status, identifier HORUS_DPR_ID_HOLD_STATUS, 64 bytes. */
+typedef struct {
+    uint8_t timestamp[4];      /*  0: u32, ms since the hold's start */
+    uint8_t identifier[2];     /*  4: u16 */
+    uint8_t status[2];         /*  6: u16, HORUS_DPR_HOLD_STATUS_... */
+    uint8_t temperature[4];    /*  8: binary32, degrees Celsius */
+    uint8_t humidity[4];       /* 12: binary32, relative, % */
+    uint8_t set_point[4];      /* 16: binary32, degrees Celsius */
+    uint8_t vibration[12];     /* 20: 3 x binary32, m/s2 */
+    uint8_t greatest_shock[4]; /* 32: binary32, m/s2 */
+    uint8_t supply[4];         /* 36: binary32, V */
+    uint8_t output[4];         /* 40: binary32, -1 to 1 */
+    uint8_t acknowledged[8];   /* 44: u16 number, u16 outcome: base station's, own */
+    uint8_t seconds[4];        /* 52: u32, s since the hold's start */
+    uint8_t reserved[4];       /* 56: zero */
+    uint8_t crc[4];            /* 60: u32, big-endian, over all before */
+} horus_dpr_wire_hold_status_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_hold_status_t) == 64U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, temperature) == 8U, "temperature");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, humidity) == 12U, "humidity");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, set_point) == 16U, "set_point");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, vibration) == 20U, "vibration");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, greatest_shock) == 32U, "greatest_shock");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, supply) == 36U, "supply");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, output) == 40U, "output");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, acknowledged) == 44U, "acknowledged");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, seconds) == 52U, "seconds");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, reserved) == 56U, "reserved");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_hold_status_t, crc) == 60U, "crc");
+
 /* ---- bits and codes of the status words ---- */
 
 /* Reported-Position. */
@@ -349,14 +404,31 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 #define HORUS_DPR_LINK_RESET_SHIFT       12U     /* how far to shift that code down */
 
 /* Port-Status. */
-#define HORUS_DPR_PORT_BASE_STATION_FRESH      0x0001U /* its uplink is shown */
-#define HORUS_DPR_PORT_FLIGHT_CONTROLLER_FRESH 0x0002U /* its uplink is shown */
-#define HORUS_DPR_PORT_LAST_REFUSED            0x0004U /* the last uplink or command was refused */
-#define HORUS_DPR_PORT_SELF_TEST_RUNNING       0x0008U /* a self-test is under way */
-#define HORUS_DPR_PORT_SELF_TEST_PASSED        0x0010U /* the last one found nothing */
-#define HORUS_DPR_PORT_SELF_TEST_FAILED        0x0020U /* the last one found a fault */
-#define HORUS_DPR_PORT_BUFFERS_OUT_OF_USE      0x0040U /* a buffer or image is out of use */
-#define HORUS_DPR_PORT_USED                    0x007FU /* the bits that have a meaning */
+#define HORUS_DPR_PORT_BASE_STATION_FRESH        0x0001U /* its uplink is shown */
+#define HORUS_DPR_PORT_FLIGHT_CONTROLLER_FRESH   0x0002U /* its uplink is shown */
+#define HORUS_DPR_PORT_LAST_REFUSED              0x0004U /* the last uplink or command was refused */
+#define HORUS_DPR_PORT_SELF_TEST_RUNNING         0x0008U /* a self-test is under way */
+#define HORUS_DPR_PORT_SELF_TEST_PASSED          0x0010U /* the last one found nothing */
+#define HORUS_DPR_PORT_SELF_TEST_FAILED          0x0020U /* the last one found a fault */
+#define HORUS_DPR_PORT_BUFFERS_OUT_OF_USE        0x0040U /* a buffer or image is out of use */
+#define HORUS_DPR_PORT_HOLD_HEARD                0x0080U /* a frame of the hold came in the last 300 ms */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED             0x0100U /* the last one was accepted */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED_COUNT_MASK  0x1E00U /* objects of the hold accepted, mod 16 */
+#define HORUS_DPR_PORT_HOLD_REJECTED_COUNT_MASK  0xE000U /* frames of the hold rejected, mod 8 */
+#define HORUS_DPR_PORT_USED                      0xFFFFU /* the bits that have a meaning */
+#define HORUS_DPR_PORT_HOLD_ACCEPTED_COUNT_SHIFT 9U      /* how far to shift that code down */
+#define HORUS_DPR_PORT_HOLD_REJECTED_COUNT_SHIFT 13U     /* how far to shift that code down */
+
+/* Hold-Status. */
+#define HORUS_DPR_HOLD_STATUS_VALUES_VALID  0x0001U /* the values are valid */
+#define HORUS_DPR_HOLD_STATUS_WITHIN_LIMITS 0x0002U /* the values are within the hold's limits */
+#define HORUS_DPR_HOLD_STATUS_LOCKED        0x0004U /* locked */
+#define HORUS_DPR_HOLD_STATUS_SENSOR_FAULT  0x0008U /* a sensor has a fault */
+#define HORUS_DPR_HOLD_STATUS_MEMORY_FAULT  0x0010U /* the hold has found a fault of its memory */
+#define HORUS_DPR_HOLD_STATUS_SAFE_STATE    0x0020U /* the output is off, the lock stays as it is */
+#define HORUS_DPR_HOLD_STATUS_RESET_MASK    0x01C0U /* why the hold last started: horus_dpr_reset_t */
+#define HORUS_DPR_HOLD_STATUS_USED          0x01FFU /* the bits that have a meaning */
+#define HORUS_DPR_HOLD_STATUS_RESET_SHIFT   6U      /* how far to shift that code down */
 
 /* What HORUS is doing. Other codes are reserved. */
 typedef enum {
@@ -380,7 +452,7 @@ typedef enum {
     HORUS_DPR_FIX_TIME_ONLY = 5        /* time only */
 } horus_dpr_fix_t;
 
-/* Why the DPR, or HORUS, last started. Other codes are reserved. */
+/* Why the DPR, HORUS or the hold last started. Other codes are reserved. */
 typedef enum {
     HORUS_DPR_RESET_POWER_ON = 0,  /* its supply came on */
     HORUS_DPR_RESET_PIN = 1,       /* its reset pin was low */
@@ -389,6 +461,15 @@ typedef enum {
     HORUS_DPR_RESET_SOFTWARE = 4,  /* software or a debugger asked for it */
     HORUS_DPR_RESET_OTHER = 5      /* its supply dipped, or something else */
 } horus_dpr_reset_t;
+
+/* What became of a command to the hold. Other codes are reserved. */
+typedef enum {
+    HORUS_DPR_OUTCOME_NOTHING = 0,  /* there was no command since the hold's start */
+    HORUS_DPR_OUTCOME_DONE = 1,     /* it was carried out */
+    HORUS_DPR_OUTCOME_REFUSED = 2,  /* the hold's own limits forbid it */
+    HORUS_DPR_OUTCOME_UNKNOWN = 3,  /* its word is unknown */
+    HORUS_DPR_OUTCOME_TOO_OLD = 4   /* its uplink had the same timestamp for more than 1 s */
+} horus_dpr_outcome_t;
 
 /* ---- the client's report ---- */
 
@@ -470,6 +551,71 @@ typedef struct {
     uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* the writer's data */
 } horus_dpr_uplink_t;
 
+/* A command to the hold, as the hold has acknowledged it. */
+typedef struct {
+    uint16_t number;  /* its sequence number; 0 if there was none */
+    uint16_t outcome; /* horus_dpr_outcome_t */
+} horus_dpr_acknowledged_t;
+
+/* Values of Hold-Status. A value that is not known is NaN. */
+typedef struct {
+    uint32_t timestamp;                    /* ms since the hold's start, wraps; +100 in each */
+    uint16_t status;                       /* HORUS_DPR_HOLD_STATUS_... */
+    float temperature;                     /* degrees Celsius */
+    float humidity;                        /* relative, % */
+    float set_point;                       /* degrees Celsius */
+    float vibration[3];                    /* RMS along x, y, z over the last second, m/s2 */
+    float greatest_shock;                  /* since the start or since it was cleared, m/s2 */
+    float supply;                          /* V */
+    float output;                          /* -1 (cooling) to 1 (heating) */
+    horus_dpr_acknowledged_t base_station; /* the base station's last command */
+    horus_dpr_acknowledged_t own;          /* the flight controller's last command */
+    uint32_t seconds;                      /* time since the hold's start, s */
+} horus_dpr_hold_t;
+
+/* Whether there is a Hold-Status. */
+typedef enum {
+    HORUS_DPR_HOLD_ABSENT = 0,  /* the DPR shows none, or none was read yet */
+    HORUS_DPR_HOLD_OLD = 1,     /* the last one has not changed for more than HORUS_DPR_HOLD_EXPIRY_US */
+    HORUS_DPR_HOLD_VALID = 2    /* there is one */
+} horus_dpr_hold_shown_t;
+
+/* What is known of the hold after a transaction. */
+typedef struct {
+    horus_dpr_hold_shown_t shown; /* whether there is a Hold-Status */
+    horus_dpr_hold_t values;      /* the last one, with HORUS_DPR_HOLD_VALID only */
+    uint32_t age_us;              /* its age when the transaction began, us, not less than true; or AGE_UNKNOWN */
+} horus_dpr_hold_report_t;
+
+/* Follows Hold-Status from transaction to transaction. Zeros are its state before the first. */
+typedef struct {
+    horus_dpr_hold_t last;
+    uint64_t last_read_us; /* the instant at which it was first read */
+    uint64_t looked_us;    /* the instant of the last reading of its place */
+    uint32_t last_age_us;  /* its age when it was first read */
+    bool has_last;
+    bool has_looked;
+} horus_dpr_hold_track_t;
+
+/* What is known of the last command that was sent to the hold. */
+typedef enum {
+    HORUS_DPR_SENT_NOTHING = 0,  /* none was sent */
+    HORUS_DPR_SENT_WAITING = 1,  /* it is in every uplink, and not acknowledged yet */
+    HORUS_DPR_SENT_ANSWERED = 2, /* it is acknowledged, once and for all: see `outcome` */
+    HORUS_DPR_SENT_LOST = 3      /* it is no longer sent and was not acknowledged: done once or not at all */
+} horus_dpr_sent_t;
+
+/* The flight controller's commands to the hold, one at a time. Zeros are its state before the first. */
+typedef struct {
+    horus_dpr_sent_t sent;                         /* what is known of the last one; read it */
+    uint16_t number;                               /* its number; read it */
+    uint16_t outcome;                              /* horus_dpr_outcome_t, with HORUS_DPR_SENT_ANSWERED; read it */
+    uint16_t acknowledged;                         /* the number that the hold acknowledged last */
+    uint32_t hold_timestamp;                       /* the timestamp of the last Hold-Status */
+    uint8_t command[HORUS_DPR_HOLD_COMMAND_BYTES]; /* the bytes of the command that is waiting */
+    bool has_hold;
+} horus_dpr_sender_t;
+
 /* A range of bytes of the map. */
 typedef struct {
     uint16_t offset; /* of the first byte */
@@ -482,6 +628,7 @@ typedef struct {
     uint16_t read_bytes;   /* bytes that a transaction reads from the map's start: HORUS_DPR_PREFIX_BYTES or more */
     uint32_t age_limit_us; /* a position older than this is not shown, us */
     uint32_t silence_us;   /* the time without intact data after which the DPR is HORUS_DPR_SILENT, us */
+    bool hold;             /* whether the DPR has an active hold: the map is longer by its object; false unless set */
 } horus_dpr_config_t;
 
 /* The client's report after a transaction. */
@@ -583,9 +730,34 @@ uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps);
 horus_dpr_result_t horus_dpr_view_port(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_port_t *port);
 
+/* Hold-Status. HORUS_DPR_LENGTH if the client's configuration has no hold. */
+horus_dpr_result_t horus_dpr_view_hold(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_hold_t *hold);
+
 /* An uplink as stored: HORUS_DPR_ID_UPLINK_BASE_STATION or HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER. */
 horus_dpr_result_t horus_dpr_view_uplink(const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
     uint16_t identifier, horus_dpr_uplink_t *uplink);
+
+/* ---- the active hold; `miso` and `bytes` as for horus_dpr_end ---- */
+
+/* After each transaction: whether there is a Hold-Status, and how old it is. A transaction that did not read its place,
+ * met a busy DPR or read damaged bytes there only lets the last one age. */
+void horus_dpr_hold_read(horus_dpr_hold_track_t *track, const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
+    uint64_t began_us, horus_dpr_hold_report_t *report);
+
+/* Takes the acknowledgement from a Hold-Status that was read: see docs/design.md#commands-to-the-hold. */
+void horus_dpr_sender_observe(horus_dpr_sender_t *sender, const horus_dpr_hold_t *hold);
+
+/* Sends a command, HORUS_DPR_HOLD_SET_POINT and so on, from now on; its number is in `sender`. Returns false, without
+ * sending it, while another one is waiting or before a Hold-Status was observed. */
+bool horus_dpr_sender_send(horus_dpr_sender_t *sender, uint16_t word, float value);
+
+/* Stops sending the command that is waiting: it is lost. */
+void horus_dpr_sender_give_up(horus_dpr_sender_t *sender);
+
+/* Puts the command that is waiting, or none, at the beginning of an uplink's payload, for horus_dpr_seal_uplink. The
+ * rest stays as it is. Every uplink needs it, with a later timestamp in each, until the command is answered. */
+void horus_dpr_sender_fill(const horus_dpr_sender_t *sender, uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]);
 
 #ifdef __cplusplus
 }

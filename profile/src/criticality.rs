@@ -82,6 +82,88 @@
 //! CommandObject::seal(Writer::<BaseStation>::claim(), 0, Command::SelfTest);
 //! ```
 //!
+//! The [hold](crate::hold) writes its own object alone, and nobody else does:
+//!
+//! ```
+//! use profile::criticality::{ActiveLoad, Criticality, FlightController, MayRead, Writer, object};
+//! profile::HoldStatus::seal(Writer::<ActiveLoad>::claim(), &profile::HoldValues::absent(0));
+//! const LEVEL: Criticality = <ActiveLoad as MayRead<object::UplinkFrom<FlightController>>>::CRITICALITY;
+//! assert_eq!(LEVEL, Criticality::NonCritical);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{FlightController, Writer};
+//! profile::HoldStatus::seal(Writer::<FlightController>::claim(), &profile::HoldValues::absent(0));
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{BaseStation, Writer};
+//! profile::HoldStatus::seal(Writer::<BaseStation>::claim(), &profile::HoldValues::absent(0));
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{Horus, Writer};
+//! profile::HoldStatus::seal(Writer::<Horus>::claim(), &profile::HoldValues::absent(0));
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{Dpr, Writer};
+//! let mut map = [0; profile::map::Map::<3>::LEN_WITH_HOLD];
+//! profile::map::hold_mut::<_, 3>(Writer::<Dpr>::claim(), &mut map);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{ActiveLoad, Writer};
+//! let mut map = [0; profile::map::Map::<3>::LEN_WITH_HOLD];
+//! profile::map::profile_object_mut::<_, 3>(Writer::<ActiveLoad>::claim(), &mut map, 0);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{ActiveLoad, Writer};
+//! let mut map = [0; profile::map::Map::<3>::LEN_WITH_HOLD];
+//! profile::map::link_status_mut(Writer::<ActiveLoad>::claim(), &mut map);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{ActiveLoad, Writer};
+//! profile::PortStatus::seal(Writer::<ActiveLoad>::claim(), &profile::PortValues::default());
+//! ```
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{ActiveLoad, Writer};
+//! profile::Uplink::seal(Writer::<ActiveLoad>::claim(), &profile::UplinkValues::default());
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::{Command, CommandObject, criticality::{ActiveLoad, Writer}};
+//! CommandObject::seal(Writer::<ActiveLoad>::claim(), 0, Command::SelfTest);
+//! ```
+//!
+//! It does not read HORUS's objects or the DPR's, nor does HORUS read its object, and this cannot be declared
+//! otherwise:
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{ActiveLoad, Criticality, MayRead, object};
+//! const LEVEL: Criticality = <ActiveLoad as MayRead<object::Profile>>::CRITICALITY;
+//! ```
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{ActiveLoad, Criticality, MayRead, object};
+//! const LEVEL: Criticality = <ActiveLoad as MayRead<object::PortStatus>>::CRITICALITY;
+//! ```
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{Criticality, Horus, MayRead, object};
+//! const LEVEL: Criticality = <Horus as MayRead<object::Hold>>::CRITICALITY;
+//! ```
+//!
+//! ```compile_fail,E0117
+//! use profile::criticality::{ActiveLoad, Criticality, Horus, Sends};
+//! impl Sends<Horus> for ActiveLoad {
+//!     const CRITICALITY: Criticality = Criticality::NonCritical;
+//! }
+//! ```
+//!
 //! These types prevent mistakes, at no cost at run time, but not intent: a program can claim any role. The receiver
 //! judges what comes over a wire by its CRC, its identifier and its timestamp.
 use core::{fmt, marker::PhantomData};
@@ -113,7 +195,7 @@ pub enum Function {
     Horus,
     /// The flight controller.
     FlightController,
-    /// The active load (the paper's active-hold).
+    /// The active load (the paper's active-hold): the [hold](crate::hold).
     ActiveLoad,
     /// The DPR, which is the medium between the others.
     Dpr,
@@ -252,8 +334,8 @@ pub mod object {
         PortStatus by Dpr;
         /// The command object, which is not stored.
         Command by FlightController;
-        /// The active load's objects, which have no place in the map yet.
-        Load by ActiveLoad;
+        /// Hold-Status, or the object of another maker's [hold](crate::hold).
+        Hold by ActiveLoad;
     }
 
     /// The uplink that `W` writes.

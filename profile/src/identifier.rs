@@ -23,8 +23,10 @@ impl Identifier {
     pub const UPLINK_FLIGHT_CONTROLLER: Self = Self(0x4300);
     /// Uplink object from the base station.
     pub const UPLINK_BASE_STATION: Self = Self(0x4200);
-    /// First of the active load's objects.
+    /// First of the active load's objects; the last is 0x41FF. Each maker of a [hold](crate::hold) takes one.
     pub const ACTIVE_LOAD: Self = Self(0x4100);
+    /// Hold-Status, the object of this project's own hold.
+    pub const HOLD_STATUS: Self = Self::ACTIVE_LOAD;
 
     /// The GPS object of receiver `receiver`, 1 to 5.
     ///
@@ -49,6 +51,12 @@ impl Identifier {
             5 => Self(0x4805),
             _ => panic!("receivers are numbered 1 to 5"),
         }
+    }
+
+    /// Whether it is an identifier of the active load: 0x4100 to 0x41FF.
+    #[must_use]
+    pub const fn is_active_load(self) -> bool {
+        self.0 >> 8 == Self::ACTIVE_LOAD.0 >> 8
     }
 
     /// Object number `index` of a profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5, and there are no others.
@@ -89,6 +97,7 @@ impl fmt::Display for Identifier {
             Self::LINK_STATUS => f.write_str("Link-Status"),
             Self::PORT_STATUS => f.write_str("Port-Status"),
             Self::COMMAND => f.write_str("command to the DPR"),
+            Self::HOLD_STATUS => f.write_str("Hold-Status"),
             Self::UPLINK_FLIGHT_CONTROLLER => f.write_str("uplink from the flight controller"),
             Self::UPLINK_BASE_STATION => f.write_str("uplink from the base station"),
             Self(other) => match self.object() {

@@ -58,77 +58,96 @@ enum Receivers {
 /// The layout of a profile, of its air frames and of its image, for a number of receivers that is only known at run
 /// time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Layout(Receivers);
+pub struct Layout {
+    receivers: Receivers,
+    has_hold: bool,
+}
 
 impl Layout {
-    /// Every layout, that of the fewest receivers first.
-    pub const ALL: [Self; 4] =
-        [Self(Receivers::One), Self(Receivers::Two), Self(Receivers::Three), Self(Receivers::Five)];
+    const fn of(receivers: Receivers) -> Self {
+        Self { receivers, has_hold: false }
+    }
 
-    /// The layout for this number of receivers; `None` if there is no such profile.
+    /// Every layout without a hold, that of the fewest receivers first.
+    pub const ALL: [Self; 4] =
+        [Self::of(Receivers::One), Self::of(Receivers::Two), Self::of(Receivers::Three), Self::of(Receivers::Five)];
+
+    /// The layout for this number of receivers, without a hold; `None` if there is no such profile.
     #[must_use]
     pub const fn for_receivers(receivers: usize) -> Option<Self> {
         match receivers {
-            1 => Some(Self(Receivers::One)),
-            2 => Some(Self(Receivers::Two)),
-            3 => Some(Self(Receivers::Three)),
-            5 => Some(Self(Receivers::Five)),
+            1 => Some(Self::of(Receivers::One)),
+            2 => Some(Self::of(Receivers::Two)),
+            3 => Some(Self::of(Receivers::Three)),
+            5 => Some(Self::of(Receivers::Five)),
             _ => None,
         }
+    }
+
+    /// The same layout with a [hold](crate::hold), whose object follows in the map.
+    #[must_use]
+    pub const fn with_hold(self) -> Self {
+        Self { has_hold: true, ..self }
     }
 
     /// Receivers: 1, 2, 3 or 5.
     #[must_use]
     pub const fn receivers(self) -> usize {
-        with_receivers!(self.0, N => N)
+        with_receivers!(self.receivers, N => N)
     }
 
     /// Objects of the profile, Reported-Position included: 2, 3, 4 or 6.
     #[must_use]
     pub const fn objects(self) -> usize {
-        with_receivers!(self.0, N => Profile::<N>::OBJECTS)
+        with_receivers!(self.receivers, N => Profile::<N>::OBJECTS)
     }
 
     /// Bytes of the profile: 124, 184, 244 or 364.
     #[must_use]
     pub const fn profile_len(self) -> usize {
-        with_receivers!(self.0, N => Profile::<N>::SIZE)
+        with_receivers!(self.receivers, N => Profile::<N>::SIZE)
     }
 
     /// Bytes of the image: 156, 216, 276 or 396.
     #[must_use]
     pub const fn image_len(self) -> usize {
-        with_receivers!(self.0, N => Image::<N>::LEN)
+        with_receivers!(self.receivers, N => Image::<N>::LEN)
     }
 
-    /// Bytes of the map: 348, 408, 468 or 588.
+    /// Bytes of the map: 348, 408, 468 or 588; with a hold 412, 472, 532 or 652.
     #[must_use]
     pub const fn map_len(self) -> usize {
-        with_receivers!(self.0, N => Map::<N>::LEN)
+        with_receivers!(self.receivers, N => if self.has_hold { Map::<N>::LEN_WITH_HOLD } else { Map::<N>::LEN })
+    }
+
+    /// The range of the hold's object in the map; `None` without a hold.
+    #[must_use]
+    pub const fn hold(self) -> Option<Range<usize>> {
+        if self.has_hold { Some(with_receivers!(self.receivers, N => Map::<N>::hold())) } else { None }
     }
 
     /// The range of Port-Status in the map.
     #[must_use]
     pub const fn port_status(self) -> Range<usize> {
-        with_receivers!(self.0, N => Map::<N>::port_status())
+        with_receivers!(self.receivers, N => Map::<N>::port_status())
     }
 
     /// The range of the uplink of role `W` in the map.
     #[must_use]
     pub const fn uplink<W: WritesUplink>(self) -> Range<usize> {
-        with_receivers!(self.0, N => Map::<N>::uplink::<W>())
+        with_receivers!(self.receivers, N => Map::<N>::uplink::<W>())
     }
 
     /// The range of object number `index` in the profile; `None` if there is no such object.
     #[must_use]
     pub const fn in_profile(self, index: usize) -> Option<Range<usize>> {
-        with_receivers!(self.0, N => Profile::<N>::place(index))
+        with_receivers!(self.receivers, N => Profile::<N>::place(index))
     }
 
     /// The range of the profile's object number `index` in the image; `None` if there is no such object.
     #[must_use]
     pub const fn in_image(self, index: usize) -> Option<Range<usize>> {
-        with_receivers!(self.0, N => Image::<N>::place(index))
+        with_receivers!(self.receivers, N => Image::<N>::place(index))
     }
 
     /// Air frames of a cycle: 1 or 2.
@@ -140,7 +159,7 @@ impl Layout {
     /// The objects of frame number `frame` of a cycle, from 0; `None` if there is no such frame.
     #[must_use]
     pub const fn frame(self, frame: usize) -> Option<Place> {
-        with_receivers!(self.0, N => Place::of_frame::<N>(frame))
+        with_receivers!(self.receivers, N => Place::of_frame::<N>(frame))
     }
 
     /// The parts of an air frame's payload that should be objects, each with its number in the profile.
@@ -149,7 +168,7 @@ impl Layout {
     ///
     /// [`Rejection::Length`] if no frame of such a profile is that long.
     pub fn objects_of(self, payload: &[u8]) -> Result<Objects<'_>, Rejection> {
-        with_receivers!(self.0, N => air::objects::<N>(payload))
+        with_receivers!(self.receivers, N => air::objects::<N>(payload))
     }
 }
 
@@ -167,6 +186,11 @@ mod tests {
             assert_eq!(layout.in_profile(index), Profile::<N>::place(index));
             assert_eq!(layout.in_image(index), Image::<N>::place(index));
         }
+        assert_eq!((layout.map_len(), layout.hold()), (Map::<N>::LEN, None));
+        let with_hold = layout.with_hold();
+        assert_eq!((with_hold.map_len(), with_hold.hold()), (Map::<N>::LEN_WITH_HOLD, Some(Map::<N>::hold())));
+        assert_eq!((with_hold.image_len(), with_hold.port_status()), (layout.image_len(), layout.port_status()));
+        assert_eq!(Map::<N>::hold(), layout.map_len()..layout.map_len() + 64);
         for frame in 0..3 {
             assert_eq!(layout.frame(frame), Place::of_frame::<N>(frame));
         }

@@ -45,8 +45,9 @@
 //! defines which of them travel in one frame, [`image`] their places in the DPR, [`ssi`] how a flight controller
 //! requests them, [`sequence`] which cycles continue the ones before them.
 //!
-//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. A
-//! [`CommandObject`] is written and not stored. [`criticality`] defines who may write which of them.
+//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s; where
+//! there is a [`hold`], the non-critical second function, a fourth: [`HoldStatus`]. A [`CommandObject`] is written and
+//! not stored. [`criticality`] defines who may write which of them.
 //!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
 //! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, which is used
@@ -88,6 +89,7 @@ pub mod crc;
 pub mod criticality;
 mod freshness;
 mod gps;
+pub mod hold;
 mod identifier;
 pub mod image;
 mod layout;
@@ -108,6 +110,7 @@ mod wire;
 pub use command::{Command, CommandObject, CommandValues};
 pub use freshness::{Freshness, freshness};
 pub use gps::{GpsObject, GpsValues};
+pub use hold::{HoldCommand, HoldObject, HoldStatus, HoldStatusBits, HoldValues};
 pub use identifier::Identifier;
 pub use layout::Layout;
 pub use link_status::{LinkStatus, LinkValues};
@@ -131,6 +134,11 @@ pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// This compiles and runs the profile of another maker's hold.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/profiles.md")]
+struct ProfilesGuide;
 
 /// This compiles and runs the Rust of the guide for developers of flight controllers.
 #[cfg(all(doctest, feature = "embedded-hal"))]

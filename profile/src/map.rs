@@ -6,10 +6,12 @@
 //! | `LEN` | [Port-Status](PortStatus) | 64 | DPR |
 //! | `LEN` + 64 | [uplink](Uplink) of the base station, as it was stored | 64 | base station |
 //! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |
-//! | `LEN` + 192 | end | | |
+//! | `LEN` + 192 | end, or the [object of the hold](crate::hold), where there is one | 64 | hold |
 //!
 //! All of it is one generation: the contents of a transaction were published at one instant. A place without an object
 //! that may be shown is zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
+//!
+//! A DPR without a hold has no bytes for it: the map ends before it, and [`Map::LEN`] is without it in either case.
 //!
 //! A transaction without a request reads the map from its start, so a flight controller that only clocks the image's
 //! bytes only reads the image.
@@ -21,7 +23,7 @@ use core::{fmt, ops::Range};
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
-    LinkStatus, PortStatus, Rejection, Uplink,
+    HoldObject, LinkStatus, PortStatus, Rejection, Uplink,
     criticality::{BaseStation, FlightController, MayWrite, Writer, WritesUplink, object},
     image::{self, Image, ImageReading},
 };
@@ -103,11 +105,15 @@ const _: () = {
     assert!(size_of::<Map<2>>() == 408 && Map::<2>::LEN == 408);
     assert!(size_of::<Map<3>>() == 468 && Map::<3>::LEN == 468);
     assert!(size_of::<Map<5>>() == 588 && Map::<5>::LEN == 588);
+    assert!(Map::<1>::LEN_WITH_HOLD == 412 && Map::<5>::LEN_WITH_HOLD == 652);
 };
 
 impl<const N: usize> Map<N> {
     /// The size in bytes: 348, 408, 468 or 588.
     pub const LEN: usize = Image::<N>::LEN + PortArea::SIZE;
+
+    /// The size in bytes where there is a [hold](crate::hold): 412, 472, 532 or 652.
+    pub const LEN_WITH_HOLD: usize = Self::LEN + HoldObject::SIZE;
 
     /// Offset of Port-Status.
     pub const PORT_STATUS: usize = Image::<N>::LEN;
@@ -151,6 +157,12 @@ impl<const N: usize> Map<N> {
     pub const fn uplink<W: WritesUplink>() -> Range<usize> {
         let start = Self::PORT_STATUS + PortStatus::SIZE + W::INDEX * Uplink::SIZE;
         start..start + Uplink::SIZE
+    }
+
+    /// The range of the hold's object, behind the map of a DPR without a hold.
+    #[must_use]
+    pub const fn hold() -> Range<usize> {
+        Self::LEN..Self::LEN_WITH_HOLD
     }
 
     /// The [`Map::LEN`] bytes in their order on the wire.
@@ -219,6 +231,17 @@ pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
     map: &mut [u8],
 ) -> Option<&mut [u8; PortArea::SIZE]> {
     let (_, from) = map.split_at_mut_checked(Map::<N>::PORT_STATUS)?;
+    from.first_chunk_mut()
+}
+
+/// The place of the hold's object in `map`, for code that passes it on; `None` if `map` is shorter than one with a hold
+/// for `N` receivers.
+#[must_use]
+pub fn hold_mut<W: MayWrite<object::Hold>, const N: usize>(
+    _writer: Writer<W>,
+    map: &mut [u8],
+) -> Option<&mut [u8; HoldObject::SIZE]> {
+    let (_, from) = map.split_at_mut_checked(Map::<N>::LEN)?;
     from.first_chunk_mut()
 }
 

@@ -20,6 +20,8 @@ pub enum Rejection {
     Window,
     /// It is an intact command with an unknown word, or with reserved bytes that are not zero.
     Command,
+    /// It is intact, and has the timestamp of the one before it.
+    Repeated,
 }
 
 impl fmt::Display for Rejection {
@@ -31,6 +33,7 @@ impl fmt::Display for Rejection {
             Self::Identifier => "identifier of another object",
             Self::Window => "window not inside the map",
             Self::Command => "unknown command",
+            Self::Repeated => "the same timestamp again",
         })
     }
 }
@@ -60,6 +63,7 @@ impl Findings {
             Rejection::Identifier => 3,
             Rejection::Window => 4,
             Rejection::Command => 5,
+            Rejection::Repeated => 6,
         };
         Self { faults: self.faults | u8::from(!good) << bit }
     }
@@ -75,6 +79,7 @@ impl Findings {
             3 => Err(Rejection::Identifier),
             4 => Err(Rejection::Window),
             5 => Err(Rejection::Command),
+            6 => Err(Rejection::Repeated),
             _ => Ok(accepted),
         }
     }

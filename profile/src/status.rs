@@ -125,7 +125,7 @@ impl ResetReason {
         matches!(self, Self::Watchdog | Self::Lockup | Self::BrownOutOrOther)
     }
 
-    const fn from_bits(code: u8) -> Option<Self> {
+    pub(crate) const fn from_bits(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::PowerOn),
             1 => Some(Self::Pin),
@@ -137,7 +137,7 @@ impl ResetReason {
         }
     }
 
-    const fn bits(self) -> u16 {
+    pub(crate) const fn bits(self) -> u16 {
         match self {
             Self::PowerOn => 0,
             Self::Pin => 1,
@@ -200,6 +200,8 @@ macro_rules! bit_set {
         }
     };
 }
+
+pub(crate) use bit_set;
 
 bit_set! {
     /// Status of a GPS object.
@@ -368,7 +370,7 @@ bit_set! {
 
 bit_set! {
     /// Status of Port-Status.
-    PortStatusBits, used 0x007F;
+    PortStatusBits, used 0xFFFF;
     /// Bit 0: the uplink of the base station is fresh, and is therefore shown.
     base_station_fresh, with_base_station_fresh = 0;
     /// Bit 1: the uplink of the flight controller is fresh, and is therefore shown.
@@ -383,6 +385,35 @@ bit_set! {
     self_test_failed, with_self_test_failed = 5;
     /// Bit 6: fewer than three receive buffers, or fewer than four images, are in use.
     buffers_out_of_use, with_buffers_out_of_use = 6;
+    /// Bit 7: a frame came from the [hold](crate::hold) within the last 300 ms, accepted or not. Without a hold this
+    /// and all of the bits below are clear.
+    hold_heard, with_hold_heard = 7;
+    /// Bit 8: the last frame from the hold was accepted.
+    hold_accepted, with_hold_accepted = 8;
+}
+
+impl PortStatusBits {
+    /// Bits 9-12: the objects of the hold that were accepted since the DPR's start, modulo 16.
+    #[must_use]
+    pub const fn hold_objects_accepted(self) -> u8 {
+        let [count, _] = (self.0 >> 9 & 0x0F).to_le_bytes();
+        count
+    }
+
+    /// Bits 13-15: the frames from the hold that were rejected since the DPR's start, modulo 8.
+    #[must_use]
+    pub const fn hold_objects_rejected(self) -> u8 {
+        let [count, _] = (self.0 >> 13).to_le_bytes();
+        count
+    }
+
+    /// This status with bits 9-12 set to `accepted` modulo 16, and bits 13-15 to `rejected` modulo 8.
+    #[must_use]
+    pub const fn with_hold_counts(self, accepted: u32, rejected: u32) -> Self {
+        let ([accepted, ..], [rejected, ..]) = (accepted.to_le_bytes(), rejected.to_le_bytes());
+        let (accepted, rejected) = (u16::from_le_bytes([accepted, 0]), u16::from_le_bytes([rejected, 0]));
+        self.with(0x1E00, accepted << 9).with(0xE000, rejected << 13)
+    }
 }
 
 impl LinkStatusBits {

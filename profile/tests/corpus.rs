@@ -1,7 +1,7 @@
 //! Replays the fuzz corpus: every committed input is tested in every ordinary test run.
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
-mod support;
+use crate::support;
 
 use support::{invariants, seeds};
 

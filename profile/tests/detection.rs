@@ -3,7 +3,7 @@ use profile::{GpsObject, Identifier, LinkStatus, Profile, Rejection, ReportedPos
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
-mod support;
+use crate::support;
 
 use support::{
     reference::{self, flipped},

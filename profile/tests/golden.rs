@@ -6,7 +6,7 @@ use profile::{
     ssi::{self, Request},
 };
 
-mod support;
+use crate::support;
 
 use support::reference;
 

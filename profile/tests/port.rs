@@ -8,7 +8,7 @@ use profile::{
     uplink::Written,
 };
 
-mod support;
+use crate::support;
 
 use support::{reference, seeds};
 
@@ -76,7 +76,7 @@ fn every_reason_of_a_rejection_has_its_kind() {
 
 #[test]
 fn each_bit_of_port_status_is_where_the_table_says() {
-    let set: [fn(PortStatusBits) -> PortStatusBits; 7] = [
+    let set: [fn(PortStatusBits) -> PortStatusBits; 9] = [
         |bits| bits.with_base_station_fresh(true),
         |bits| bits.with_flight_controller_fresh(true),
         |bits| bits.with_last_refused(true),
@@ -84,11 +84,22 @@ fn each_bit_of_port_status_is_where_the_table_says() {
         |bits| bits.with_self_test_passed(true),
         |bits| bits.with_self_test_failed(true),
         |bits| bits.with_buffers_out_of_use(true),
+        |bits| bits.with_hold_heard(true),
+        |bits| bits.with_hold_accepted(true),
     ];
     for (bit, set) in set.into_iter().enumerate() {
         assert_eq!(set(PortStatusBits::new()).bits(), 1 << bit);
     }
-    assert_eq!(PortStatusBits::from_bits(u16::MAX).bits(), 0x007F);
+    for (accepted, rejected, bits) in
+        [(1, 0, 0x0200), (15, 0, 0x1E00), (16, 8, 0), (0, 1, 0x2000), (0x0100_0100, 7, 0xE000), (0x1F, 0xF, 0xFE00)]
+    {
+        assert_eq!(PortStatusBits::new().with_hold_counts(accepted, rejected).bits(), bits);
+        let others = PortStatusBits::from_bits(u16::MAX).with_hold_counts(accepted, rejected);
+        assert_eq!(others.bits(), bits | 0x01FF);
+        let read = (others.hold_objects_accepted(), others.hold_objects_rejected());
+        assert_eq!((u32::from(read.0), u32::from(read.1)), (accepted % 16, rejected % 8));
+    }
+    assert_eq!(PortStatusBits::from_bits(u16::MAX).bits(), 0xFFFF);
 }
 
 #[test]

@@ -12,8 +12,7 @@ use profile::ssi::{self, Parsed, Request};
 use profile::uplink::Written;
 use profile::{Layout, LinkStatus, Profile, Uplink, UplinkValues};
 
-#[path = "support/mod.rs"]
-mod support;
+use crate::support;
 
 use support::seeds;
 

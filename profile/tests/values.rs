@@ -9,7 +9,7 @@ use profile::{
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
-mod support;
+use crate::support;
 
 use support::{reference, seeds};
 

@@ -12,8 +12,8 @@ from typing import List, Optional, Tuple, Type, TypeVar, Union
 from ._base import Object, Rejected, Rejection
 from .image import REQUEST_BYTES, checked, seal_request, verify_written
 from .objects import (
-    AGE_LIMIT_US, CYCLE_MS, EXPIRY_US, MAPS, MAX_MISSED, PREFIX_BYTES, SEARCH_CYCLES, SILENCE_US, TOLERANCE_SHARE,
-    TOLERANCE_US, Identifier, LinkStatus, ReportedBits, ReportedPosition, Verdict,
+    AGE_LIMIT_US, CYCLE_MS, EXPIRY_US, MAPS, MAPS_WITH_HOLD, MAX_MISSED, PREFIX_BYTES, SEARCH_CYCLES, SILENCE_US,
+    TOLERANCE_SHARE, TOLERANCE_US, Identifier, LinkStatus, ReportedBits, ReportedPosition, Verdict,
 )
 
 _T = TypeVar("_T", bound=Object)
@@ -30,6 +30,7 @@ class Config:
     read_bytes: int = PREFIX_BYTES  #: what a transaction reads from the map's start
     age_limit_us: int = AGE_LIMIT_US  #: a position older than this is not shown
     silence_us: int = SILENCE_US  #: so long without anything intact, and the DPR is silent
+    hold: bool = False  #: whether the DPR has an active hold: the map is longer by its object
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Client:
         if config.receivers not in MAPS:
             raise Rejected(Rejection.WINDOW)
         self.config = config
-        self._layout = MAPS[config.receivers]
+        self._layout = (MAPS_WITH_HOLD if config.hold else MAPS)[config.receivers]
         if config.read_bytes < PREFIX_BYTES or not self._is_inside(0, config.read_bytes):
             raise Rejected(Rejection.WINDOW)
         self._default = (0, config.read_bytes)
@@ -116,7 +117,7 @@ class Client:
         self._shown = self._window or self._default
         offset, length = self._shown
         self._miso = bytes(miso[:length])
-        busy = self._miso == b"\xff" * len(self._miso)
+        busy = self.is_busy()
         another = offset != 0 or length < PREFIX_BYTES
         if not busy:
             # The DPR has received the request. A busy one has not, and still shows the earlier window.
@@ -152,6 +153,10 @@ class Client:
         position = self._position if self._has_position else None
         status = self._position.status if self._position is not None and self._has_status else None
         return Report(verdict, age_us, position, status, link if isinstance(link, LinkStatus) else None)
+
+    def is_busy(self) -> bool:
+        """Whether the DPR was busy in the last transaction, or nothing came: 0xFF throughout."""
+        return self._miso == b"\xff" * len(self._miso)
 
     def view(self, kind: Type[_T], identifier: int) -> Union[_T, Rejection]:
         """An object of the last transaction, or why there is none."""

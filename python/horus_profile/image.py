@@ -10,8 +10,8 @@ from typing import Dict, Optional, Tuple, TypeVar, Union
 
 from ._base import Object, Rejected, Rejection
 from .objects import (
-    FRAME, MAPS, MAX_ALTITUDE, MAX_LATITUDE, MAX_LONGITUDE, MIN_ALTITUDE, PAYLOAD_BYTES, CommandObject, CommandWord,
-    Gps, Identifier, LinkStatus, PortStatus, ReportedPosition, Uplink,
+    FRAME, MAPS, MAPS_WITH_HOLD, MAX_ALTITUDE, MAX_LATITUDE, MAX_LONGITUDE, MIN_ALTITUDE, PAYLOAD_BYTES, CommandObject,
+    CommandWord, Gps, HoldStatus, Identifier, LinkStatus, PortStatus, ReportedPosition, Uplink,
 )
 
 _S = TypeVar("_S", ReportedPosition, Gps)
@@ -33,6 +33,7 @@ class Reading:
     port: Union[PortStatus, Rejection, None] = None
     base_station: Union[Uplink, Rejection, None] = None
     flight_controller: Union[Uplink, Rejection, None] = None
+    hold: Union[HoldStatus, Rejection, None] = None
 
 
 def read(data: bytes) -> Reading:
@@ -40,7 +41,7 @@ def read(data: bytes) -> Reading:
 
     Raises `Rejected` if they have no such length.
     """
-    for layout in MAPS.values():
+    for layout in (*MAPS.values(), *MAPS_WITH_HOLD.values()):
         start = layout.image_bytes - layout.profile_bytes
         begin = start if len(data) == layout.profile_bytes else 0
         if len(data) not in (layout.profile_bytes, layout.image_bytes, layout.map_bytes):
@@ -58,6 +59,7 @@ def read(data: bytes) -> Reading:
             found.get(Identifier.PORT_STATUS),  # type: ignore[arg-type]
             found.get(Identifier.UPLINK_BASE_STATION),  # type: ignore[arg-type]
             found.get(Identifier.UPLINK_FLIGHT_CONTROLLER),  # type: ignore[arg-type]
+            found.get(Identifier.HOLD_STATUS),  # type: ignore[arg-type]
         )
     raise Rejected(Rejection.LENGTH)
 

@@ -35,6 +35,12 @@ TOLERANCE_US = 27500
 TOLERANCE_SHARE = 50
 #: the DPR does not show an image for longer than this
 EXPIRY_US = 25000
+#: a command to the hold, the beginning of an uplink's payload
+HOLD_COMMAND_BYTES = 12
+#: the DPR does not show Hold-Status for longer
+HOLD_EXPIRY_US = 300000
+#: the age of Hold-Status when the DPR gets it
+HOLD_FRAME_US = 1416
 #: the step of the age of a receiver's solution
 AGE_STEP_MS = 25
 #: the code of that age: there was no solution since HORUS's start
@@ -58,6 +64,7 @@ class Identifier(IntEnum):
     UPLINK_BASE_STATION = 0x4200
     UPLINK_FLIGHT_CONTROLLER = 0x4300
     COMMAND = 0x4301
+    HOLD_STATUS = 0x4100
     GPS1 = 0x4801
     GPS2 = 0x4802
     GPS3 = 0x4803
@@ -90,7 +97,7 @@ class Fix(IntEnum):
 
 
 class Reset(IntEnum):
-    """Why the DPR, or HORUS, last started. Other codes are reserved."""
+    """Why the DPR, HORUS or the hold last started. Other codes are reserved."""
 
     POWER_ON = 0  #: its supply came on
     PIN = 1  #: its reset pin was low
@@ -98,6 +105,16 @@ class Reset(IntEnum):
     LOCKUP = 3  #: a fault while it handled a fault
     SOFTWARE = 4  #: software or a debugger asked for it
     OTHER = 5  #: its supply dipped, or something else
+
+
+class Outcome(IntEnum):
+    """What became of a command to the hold. Other codes are reserved."""
+
+    NOTHING = 0  #: there was no command since the hold's start
+    DONE = 1  #: it was carried out
+    REFUSED = 2  #: the hold's own limits forbid it
+    UNKNOWN = 3  #: its word is unknown
+    TOO_OLD = 4  #: its uplink had the same timestamp for more than 1 s
 
 
 class Verdict(IntEnum):
@@ -117,11 +134,28 @@ class Verdict(IntEnum):
     OTHER_WINDOW = 11  #: the window that was asked for: see horus_dpr_view_...
 
 
+class HoldShown(IntEnum):
+    """Whether there is a Hold-Status."""
+
+    ABSENT = 0  #: the DPR shows none, or none was read yet
+    OLD = 1  #: the last one has not changed for more than HORUS_DPR_HOLD_EXPIRY_US
+    VALID = 2  #: there is one
+
+
 class CommandWord(IntEnum):
     """What a command asks of the DPR."""
 
     CLEAR_COUNTERS = 0x43524C43  #: sets Port-Status's counters to 0
     SELF_TEST = 0x54534554  #: one whole pass over flash and RAM in use
+
+
+class HoldWord(IntEnum):
+    """What a command asks of the hold; 0 is none."""
+
+    SET_POINT = 1  #: the value is the temperature to keep, degrees Celsius
+    LOCK = 2  #: locks it
+    UNLOCK = 3  #: unlocks it
+    CLEAR_SHOCK = 4  #: sets the greatest shock to 0
 
 
 class Violation(IntEnum):
@@ -340,7 +374,7 @@ class LinkBits(Word):
 class PortBits(Word):
     """Status of Port-Status."""
 
-    USED: ClassVar[int] = 0x007F
+    USED: ClassVar[int] = 0xFFFF
     BASE_STATION_FRESH: ClassVar[int] = 0x0001
     FLIGHT_CONTROLLER_FRESH: ClassVar[int] = 0x0002
     LAST_REFUSED: ClassVar[int] = 0x0004
@@ -348,6 +382,10 @@ class PortBits(Word):
     SELF_TEST_PASSED: ClassVar[int] = 0x0010
     SELF_TEST_FAILED: ClassVar[int] = 0x0020
     BUFFERS_OUT_OF_USE: ClassVar[int] = 0x0040
+    HOLD_HEARD: ClassVar[int] = 0x0080
+    HOLD_ACCEPTED: ClassVar[int] = 0x0100
+    HOLD_ACCEPTED_COUNT: ClassVar[int] = 0x1E00
+    HOLD_REJECTED_COUNT: ClassVar[int] = 0xE000
 
     @property
     def base_station_fresh(self) -> bool:
@@ -383,6 +421,74 @@ class PortBits(Word):
     def buffers_out_of_use(self) -> bool:
         """a buffer or image is out of use"""
         return bool(self & self.BUFFERS_OUT_OF_USE)
+
+    @property
+    def hold_heard(self) -> bool:
+        """a frame of the hold came in the last 300 ms"""
+        return bool(self & self.HOLD_HEARD)
+
+    @property
+    def hold_accepted(self) -> bool:
+        """the last one was accepted"""
+        return bool(self & self.HOLD_ACCEPTED)
+
+    @property
+    def hold_accepted_count(self) -> int:
+        """objects of the hold accepted, mod 16"""
+        return (self & self.HOLD_ACCEPTED_COUNT) >> 9
+
+    @property
+    def hold_rejected_count(self) -> int:
+        """frames of the hold rejected, mod 8"""
+        return (self & self.HOLD_REJECTED_COUNT) >> 13
+
+
+class HoldStatusBits(Word):
+    """Status of Hold-Status."""
+
+    USED: ClassVar[int] = 0x01FF
+    VALUES_VALID: ClassVar[int] = 0x0001
+    WITHIN_LIMITS: ClassVar[int] = 0x0002
+    LOCKED: ClassVar[int] = 0x0004
+    SENSOR_FAULT: ClassVar[int] = 0x0008
+    MEMORY_FAULT: ClassVar[int] = 0x0010
+    SAFE_STATE: ClassVar[int] = 0x0020
+    RESET: ClassVar[int] = 0x01C0
+
+    @property
+    def values_valid(self) -> bool:
+        """the values are valid"""
+        return bool(self & self.VALUES_VALID)
+
+    @property
+    def within_limits(self) -> bool:
+        """the values are within the hold's limits"""
+        return bool(self & self.WITHIN_LIMITS)
+
+    @property
+    def locked(self) -> bool:
+        """locked"""
+        return bool(self & self.LOCKED)
+
+    @property
+    def sensor_fault(self) -> bool:
+        """a sensor has a fault"""
+        return bool(self & self.SENSOR_FAULT)
+
+    @property
+    def memory_fault(self) -> bool:
+        """the hold has found a fault of its memory"""
+        return bool(self & self.MEMORY_FAULT)
+
+    @property
+    def safe_state(self) -> bool:
+        """the output is off, the lock stays as it is"""
+        return bool(self & self.SAFE_STATE)
+
+    @property
+    def reset(self) -> Optional[Reset]:
+        """why the hold last started; None if the code is reserved"""
+        return self._code(Reset, self.RESET)
 
 
 @dataclass(frozen=True)
@@ -593,6 +699,49 @@ class CommandObject(Object):
     reserved: bytes  #: zero
     crc: int  #: over all before
 
+
+@dataclass(frozen=True)
+class HoldStatus(Object):
+    """Hold-Status, 64 bytes."""
+
+    SIZE: ClassVar[int] = 64
+    IDENTIFIERS: ClassVar[Tuple[int, ...]] = (0x4100,)
+    BITS: ClassVar[Optional[Type[Word]]] = HoldStatusBits
+    FIELDS: ClassVar[Tuple[Field, ...]] = (
+        Field("timestamp", "<u4", 1, "ms"),
+        Field("identifier", "<u2", 1, ""),
+        Field("status", "<u2", 1, ""),
+        Field("temperature", "<f4", 1, "degrees Celsius"),
+        Field("humidity", "<f4", 1, "%"),
+        Field("set_point", "<f4", 1, "degrees Celsius"),
+        Field("vibration", "<f4", 3, "m/s2"),
+        Field("greatest_shock", "<f4", 1, "m/s2"),
+        Field("supply", "<f4", 1, "V"),
+        Field("output", "<f4", 1, ""),
+        Field("acknowledged", "<u2", 4, ""),
+        Field("seconds", "<u4", 1, "s"),
+        Field("reserved", "u1", 4, ""),
+        Field("crc", ">u4", 1, ""),
+    )
+    CRCS: ClassVar[Tuple[Tuple[str, Crc, int, int], ...]] = (
+        ("crc", FRAME, 0, 60),
+    )
+
+    timestamp: int  #: ms since the hold's start
+    identifier: int
+    status: HoldStatusBits
+    temperature: float  #: degrees Celsius
+    humidity: float  #: relative, %
+    set_point: float  #: degrees Celsius
+    vibration: Tuple[float, float, float]  #: m/s2
+    greatest_shock: float  #: m/s2
+    supply: float  #: V
+    output: float  #: -1 to 1
+    acknowledged: Tuple[int, int, int, int]  #: u16 number, u16 outcome: base station's, own
+    seconds: int  #: s since the hold's start
+    reserved: bytes  #: zero
+    crc: int  #: over all before
+
 #: The map for each number of receivers.
 MAPS: Dict[int, MapLayout] = {
     1: MapLayout(
@@ -652,6 +801,73 @@ MAPS: Dict[int, MapLayout] = {
             Place(PortStatus, Identifier.PORT_STATUS, 396),
             Place(Uplink, Identifier.UPLINK_BASE_STATION, 460),
             Place(Uplink, Identifier.UPLINK_FLIGHT_CONTROLLER, 524),
+        ),
+    ),
+}
+
+#: The same where the DPR has an active hold.
+MAPS_WITH_HOLD: Dict[int, MapLayout] = {
+    1: MapLayout(
+        124,
+        156,
+        412,
+        (
+            Place(LinkStatus, Identifier.LINK_STATUS, 0),
+            Place(ReportedPosition, Identifier.REPORTED_POSITION, 32),
+            Place(Gps, Identifier.GPS1, 96),
+            Place(PortStatus, Identifier.PORT_STATUS, 156),
+            Place(Uplink, Identifier.UPLINK_BASE_STATION, 220),
+            Place(Uplink, Identifier.UPLINK_FLIGHT_CONTROLLER, 284),
+            Place(HoldStatus, Identifier.HOLD_STATUS, 348),
+        ),
+    ),
+    2: MapLayout(
+        184,
+        216,
+        472,
+        (
+            Place(LinkStatus, Identifier.LINK_STATUS, 0),
+            Place(ReportedPosition, Identifier.REPORTED_POSITION, 32),
+            Place(Gps, Identifier.GPS1, 96),
+            Place(Gps, Identifier.GPS2, 156),
+            Place(PortStatus, Identifier.PORT_STATUS, 216),
+            Place(Uplink, Identifier.UPLINK_BASE_STATION, 280),
+            Place(Uplink, Identifier.UPLINK_FLIGHT_CONTROLLER, 344),
+            Place(HoldStatus, Identifier.HOLD_STATUS, 408),
+        ),
+    ),
+    3: MapLayout(
+        244,
+        276,
+        532,
+        (
+            Place(LinkStatus, Identifier.LINK_STATUS, 0),
+            Place(ReportedPosition, Identifier.REPORTED_POSITION, 32),
+            Place(Gps, Identifier.GPS1, 96),
+            Place(Gps, Identifier.GPS2, 156),
+            Place(Gps, Identifier.GPS3, 216),
+            Place(PortStatus, Identifier.PORT_STATUS, 276),
+            Place(Uplink, Identifier.UPLINK_BASE_STATION, 340),
+            Place(Uplink, Identifier.UPLINK_FLIGHT_CONTROLLER, 404),
+            Place(HoldStatus, Identifier.HOLD_STATUS, 468),
+        ),
+    ),
+    5: MapLayout(
+        364,
+        396,
+        652,
+        (
+            Place(LinkStatus, Identifier.LINK_STATUS, 0),
+            Place(ReportedPosition, Identifier.REPORTED_POSITION, 32),
+            Place(Gps, Identifier.GPS1, 96),
+            Place(Gps, Identifier.GPS2, 156),
+            Place(Gps, Identifier.GPS3, 216),
+            Place(Gps, Identifier.GPS4, 276),
+            Place(Gps, Identifier.GPS5, 336),
+            Place(PortStatus, Identifier.PORT_STATUS, 396),
+            Place(Uplink, Identifier.UPLINK_BASE_STATION, 460),
+            Place(Uplink, Identifier.UPLINK_FLIGHT_CONTROLLER, 524),
+            Place(HoldStatus, Identifier.HOLD_STATUS, 588),
         ),
     ),
 }

@@ -26,11 +26,16 @@ seq:
   - id: flight_controller
     type: uplink
     if: is_map
+  - id: hold_status
+    type: hold_status
+    if: has_hold
 instances:
   is_map:
     value: (_io.size - 96) % 60 != 0
+  has_hold:
+    value: (_io.size - 96) % 60 == 16
   receivers:
-    value: '(_io.size - 96 - (is_map ? 192 : 0)) / 60'
+    value: '(_io.size - 96 - (has_hold ? 256 : is_map ? 192 : 0)) / 60'
 types:
   link_status:
     doc: Link-Status, 32 bytes
@@ -311,6 +316,18 @@ types:
       status_buffers_out_of_use:
         value: (status & 0x0040) != 0
         doc: "a buffer or image is out of use"
+      status_hold_heard:
+        value: (status & 0x0080) != 0
+        doc: "a frame of the hold came in the last 300 ms"
+      status_hold_accepted:
+        value: (status & 0x0100) != 0
+        doc: "the last one was accepted"
+      status_hold_accepted_count:
+        value: (status & 0x1e00) >> 9
+        doc: "objects of the hold accepted, mod 16"
+      status_hold_rejected_count:
+        value: (status & 0xe000) >> 13
+        doc: "frames of the hold rejected, mod 8"
   uplink:
     doc: Uplink, 64 bytes
     seq:
@@ -350,6 +367,77 @@ types:
       - id: crc
         type: u4be
         doc: "over all before"
+  hold_status:
+    doc: Hold-Status, 64 bytes
+    seq:
+      - id: timestamp
+        type: u4
+        doc: "ms since the hold's start"
+      - id: identifier
+        type: u2
+        enum: identifier
+      - id: status
+        type: u2
+      - id: temperature
+        type: f4
+        doc: "degrees Celsius"
+      - id: humidity
+        type: f4
+        doc: "relative, %"
+      - id: set_point
+        type: f4
+        doc: "degrees Celsius"
+      - id: vibration
+        type: f4
+        repeat: expr
+        repeat-expr: 3
+        doc: "m/s2"
+      - id: greatest_shock
+        type: f4
+        doc: "m/s2"
+      - id: supply
+        type: f4
+        doc: "V"
+      - id: output
+        type: f4
+        doc: "-1 to 1"
+      - id: acknowledged
+        type: acknowledgement
+        repeat: expr
+        repeat-expr: 2
+        doc: "u16 number, u16 outcome: base station's, own"
+      - id: seconds
+        type: u4
+        doc: "s since the hold's start"
+      - id: reserved
+        size: 4
+        doc: "zero"
+      - id: crc
+        type: u4be
+        doc: "over all before"
+    instances:
+      status_values_valid:
+        value: (status & 0x0001) != 0
+        doc: "the values are valid"
+      status_within_limits:
+        value: (status & 0x0002) != 0
+        doc: "the values are within the hold's limits"
+      status_locked:
+        value: (status & 0x0004) != 0
+        doc: "locked"
+      status_sensor_fault:
+        value: (status & 0x0008) != 0
+        doc: "a sensor has a fault"
+      status_memory_fault:
+        value: (status & 0x0010) != 0
+        doc: "the hold has found a fault of its memory"
+      status_safe_state:
+        value: (status & 0x0020) != 0
+        doc: "the output is off, the lock stays as it is"
+      status_reset:
+        value: (status & 0x01c0) >> 6
+        enum: reset
+        doc: "why the hold last started"
   request:
     doc: Request of a window, 8 bytes
     seq:
@@ -362,6 +450,14 @@ types:
       - id: crc
         type: u4be
         doc: "over all before"
+  acknowledgement:
+    doc: of the last command to the hold
+    seq:
+      - id: number
+        type: u2
+      - id: outcome
+        type: u2
+        enum: outcome
 enums:
   identifier:
     17408: link_status
@@ -370,6 +466,7 @@ enums:
     16896: uplink_base_station
     17152: uplink_flight_controller
     17153: command
+    16640: hold_status
     18433: gps1
     18434: gps2
     18435: gps3
@@ -401,3 +498,9 @@ enums:
     3: lockup
     4: software
     5: other
+  outcome:
+    0: nothing
+    1: done
+    2: refused
+    3: unknown
+    4: too_old

@@ -7,7 +7,7 @@ import unittest
 from pathlib import Path
 
 import horus_profile
-from horus_profile import MAPS, Object, objects
+from horus_profile import MAPS, MAPS_WITH_HOLD, Object, objects
 
 FOLDER = Path(horus_profile.__file__).parent
 LAYOUT = json.loads((FOLDER / "layout.json").read_text())
@@ -87,14 +87,14 @@ class Description(unittest.TestCase):
 
     def test_it_describes_the_maps_of_the_module(self):
         for item in LAYOUT["maps"]:
-            layout = MAPS[item["receivers"]]
+            layout = (MAPS_WITH_HOLD if item["hold"] else MAPS)[item["receivers"]]
             self.assertEqual(layout.map_bytes, item["map_bytes"])
             places = [(place.identifier, place.offset, place.kind.SIZE) for place in layout.places]
             self.assertEqual(places, [(p["identifier"], p["offset"], p["bytes"]) for p in item["places"]])
 
     def test_every_bit_of_a_status_word_is_a_property(self):
         for word in LAYOUT["status_words"]:
-            kind = getattr(objects, word["name"].title() + "Bits")
+            kind = getattr(objects, word["name"].title().replace("_", "") + "Bits")
             for bits in word["bits"]:
                 name, mask = bits["name"], int(bits["mask"], 16)
                 self.assertNotEqual(getattr(kind(mask), name), getattr(kind(0), name), f"{word['name']}.{name}")

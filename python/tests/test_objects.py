@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Objects whose bytes are written by hand in `profile/tests/golden.rs`, damaged ones, and places."""
+"""Objects whose bytes are written by hand in `golden.rs` and `hold.rs` of `profile/tests`, damaged ones, and places."""
 
 import math
 import unittest
 
 from horus_profile import (
-    FRAME, MAPS, POSITION, CommandWord, Gps, Identifier, LinkStatus, Rejected, Rejection, ReportedPosition, Uplink,
-    checked, read, seal_command, seal_request, seal_uplink, verify_written,
+    FRAME, MAPS, MAPS_WITH_HOLD, POSITION, CommandWord, Gps, HoldStatus, Identifier, LinkStatus, PortStatus, Rejected,
+    Rejection, ReportedPosition, Uplink, checked, read, seal_command, seal_request, seal_uplink, verify_written,
 )
 from horus_profile.objects import Fix, Reset, State
 
@@ -18,6 +18,11 @@ REPORTED = bytes.fromhex(
     "D804000000480B410000000000C047C00000000000802140" "3F14F65D" "0000000000D47E40"
     "0000003F" "0000C03F" "000080BE" "0000803F" "0000C07F" "000000C0" "4E8EA967"
 )
+HOLD = bytes.fromhex(
+    "10270000" "0041" "8300" "00009040" "00002A42" "0000A040" "0000803E" "0000003F" "0000C07F" "00001A42" "00004241"
+    "000040BF" "34120100" "78560400" "0A000000" "00000000"
+)
+HOLD += FRAME(HOLD).to_bytes(4, "big")
 LINK = bytes.fromhex("88130000" "00440300" "A00F000001000000E80300000200000035000700" "54E44152")
 
 
@@ -50,6 +55,22 @@ class Golden(unittest.TestCase):
         counts = (link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed)
         self.assertEqual((counts, link.age_100us, link.access_violations), ((4000, 1, 1000, 2), 53, 7))
 
+    def test_hold_status_has_these_values(self):
+        hold = HoldStatus.verify(HOLD, Identifier.HOLD_STATUS)
+        self.assertEqual((hold.timestamp, hold.seconds, hold.acknowledged), (10_000, 10, (0x1234, 1, 0x5678, 4)))
+        self.assertEqual((hold.temperature, hold.humidity, hold.set_point), (4.5, 42.5, 5.0))
+        self.assertEqual((hold.greatest_shock, hold.supply, hold.output), (38.5, 12.125, -0.75))
+        self.assertEqual(hold.vibration[:2], (0.25, 0.5))
+        self.assertTrue(math.isnan(hold.vibration[2]))
+        status = hold.status
+        self.assertTrue(status.values_valid and status.within_limits and not status.locked)
+        self.assertEqual((status.reset, status.USED), (Reset.WATCHDOG, 0x01FF))
+
+    def test_port_status_counts_what_came_from_the_hold(self):
+        status = PortStatus.BITS(0x0100 | 11 << 9 | 5 << 13)
+        self.assertEqual((status.hold_accepted_count, status.hold_rejected_count), (11, 5))
+        self.assertTrue(status.hold_accepted and not status.hold_heard)
+
     def test_bits_without_a_meaning_are_dropped(self):
         link = LinkStatus.decode(LINK[:6] + b"\xff\xff" + LINK[8:])
         self.assertEqual((link.status, link.status.USED), (0xF7FF, 0xF7FF))
@@ -60,7 +81,7 @@ class Golden(unittest.TestCase):
 
 class Damage(unittest.TestCase):
     def test_every_flipped_bit_is_found(self):
-        for kind, good in ((Gps, GPS1), (ReportedPosition, REPORTED), (LinkStatus, LINK)):
+        for kind, good in ((Gps, GPS1), (ReportedPosition, REPORTED), (LinkStatus, LINK), (HoldStatus, HOLD)):
             for bit in range(8 * len(good)):
                 bad = bytearray(good)
                 bad[bit // 8] ^= 0x80 >> bit % 8
@@ -77,8 +98,12 @@ class Damage(unittest.TestCase):
         self.assertIs(Uplink.judge(REPORTED), Rejection.IDENTIFIER)
         self.assertIs(Gps.judge(GPS1[1:]), Rejection.LENGTH)
 
+    def test_the_object_of_another_makers_hold_is_refused(self):
+        other = HOLD[:4] + b"\x01\x41" + HOLD[6:60]
+        self.assertIs(HoldStatus.judge(other + FRAME(other).to_bytes(4, "big")), Rejection.IDENTIFIER)
+
     def test_zeros_and_ones_are_a_vacant_place(self):
-        for kind in (Gps, ReportedPosition, LinkStatus, Uplink):
+        for kind in (Gps, ReportedPosition, LinkStatus, Uplink, HoldStatus):
             for byte in (b"\x00", b"\xff"):
                 self.assertIs(kind.judge(byte * kind.SIZE), Rejection.VACANT)
 
@@ -93,6 +118,15 @@ class Images(unittest.TestCase):
                 self.assertEqual(reading.port is None, length != layout.map_bytes)
         with self.assertRaises(Rejected):
             read(bytes(155))
+
+    def test_a_map_with_a_hold_ends_with_its_object(self):
+        for receivers, layout in MAPS_WITH_HOLD.items():
+            before = MAPS[receivers].map_bytes
+            self.assertEqual(layout.places[-1], (HoldStatus, Identifier.HOLD_STATUS, before))
+            self.assertEqual(layout.places[:-1], MAPS[receivers].places)
+            reading = read(bytes(before) + HOLD)
+            self.assertEqual((reading.hold.raw, len(reading.gps)), (HOLD, receivers))
+            self.assertIsNone(read(bytes(before)).hold)
 
     def test_each_object_of_an_image_is_judged_separately(self):
         damaged = bytearray(LINK + REPORTED + GPS1)

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from horus_profile import CommandWord, Identifier, Rejected, Rejection, seal_command, seal_uplink
 from horus_profile.client import Client, Config
-from horus_profile.objects import Gps, LinkStatus, PortStatus, ReportedPosition, Uplink
+from horus_profile.hold import HoldTrack, Sender
+from horus_profile.objects import Gps, HoldStatus, HoldWord, LinkStatus, PortStatus, ReportedPosition, Uplink
 
 FOLDER = Path(os.environ.get("HORUS_TAPES", Path(__file__).parents[2] / "profile/c/tests/recorded"))
 NO_FRESH = 2**64 - 1
+WITH_HOLD = 0x80
 
 
 def said(action):
@@ -54,6 +56,13 @@ def port(v):
     return " ".join([head, *map(str, v.violations), *map(str, rest)])
 
 
+def hold(v):
+    values = (v.temperature, v.humidity, v.set_point, *v.vibration, v.greatest_shock, v.supply, v.output)
+    number, outcome, own, own_outcome = v.acknowledged
+    return " ".join([f" t={v.timestamp} s={v.status:04x}", *(bits("f", value) for value in values),
+                     f"{number}:{outcome} {own}:{own_outcome} {v.seconds}"])
+
+
 def gps(v):
     age = v.status.age
     return sample(v) + (" never" if age is None else f" {age} ms")
@@ -71,6 +80,8 @@ def view(client):
     for identifier in Uplink.IDENTIFIERS:
         text = lambda v: f" t={v.timestamp} s={v.status:04x} {v.payload.hex()}"
         lines.append(line("uplink", Uplink, identifier, text))
+    if client.config.hold:
+        lines.append(line("hold", HoldStatus, Identifier.HOLD_STATUS, hold))
     return "".join(lines)
 
 
@@ -87,7 +98,12 @@ def report(r):
 
 class Player:
     def __init__(self, tape):
-        self.tape, self.at, self.client, self.text = tape, 0, Client(Config(3)), ""
+        self.tape, self.at, self.text = tape, 0, ""
+        self.renew(Config(3))
+
+    def renew(self, config):
+        self.client = Client(config)
+        self.track, self.sender = HoldTrack(), Sender()
 
     def take(self, count):
         taken = self.tape[self.at : self.at + count]
@@ -97,13 +113,14 @@ class Player:
 
     def play(self):
         while self.at < len(self.tape):
-            self.text += self.step(self.take(1)[0] % 7)
+            self.text += self.step(self.take(1)[0] % 10)
         return self.text
 
     def step(self, kind):
         if kind == 0:
-            config = Config(*struct.unpack("<BHII", self.take(11)))
-            return f"config {said(lambda: setattr(self, 'client', Client(config)))}\n"
+            receivers, *limits = struct.unpack("<BHII", self.take(11))
+            config = Config(receivers & ~WITH_HOLD, *limits, hold=bool(receivers & WITH_HOLD))
+            return f"config {said(lambda: self.renew(config))}\n"
         if kind == 1:
             window = struct.unpack("<HH", self.take(4))
             return f"ask {said(lambda: self.client.ask(*window))}\n"
@@ -115,16 +132,35 @@ class Player:
             mosi = self.client.begin()
             text = f"begin {len(mosi)} {mosi[:72].hex()}\n"
             fresh = None if fresh_us == NO_FRESH else fresh_us
-            return text + report(self.client.end(self.take(count), began_us, fresh))
+            text += report(self.client.end(self.take(count), began_us, fresh))
+            return text + (self.hold(began_us) if self.client.config.hold else "")
         if kind == 4:
             return view(self.client)
         if kind == 5:
             timestamp, which = struct.unpack("<IB", self.take(5))
             word = CommandWord.SELF_TEST if which % 2 else CommandWord.CLEAR_COUNTERS
             return self.write("command", seal_command(timestamp, word))
+        if kind == 7:
+            which, value = struct.unpack("<Bf", self.take(5))
+            word = list(HoldWord)[which % 4]
+            number = self.sender.send(word, value if word is HoldWord.SET_POINT else 0.0)
+            return f"send {'none' if number is None else number}\n"
+        if kind == 8:
+            self.sender.give_up()
+            return "give up\n"
         timestamp, status, payload = struct.unpack("<IH52s", self.take(58))
+        payload = self.sender.fill(payload) if kind == 9 else payload
         uplink = seal_uplink(Identifier.UPLINK_FLIGHT_CONTROLLER, timestamp, payload, status)
         return self.write("own", uplink)
+
+    def hold(self, began_us):
+        status = self.client.view(HoldStatus, Identifier.HOLD_STATUS)
+        if isinstance(status, HoldStatus):
+            self.sender.observe(status)
+        said = self.track.read(self.client, began_us)
+        values = "" if said.values is None else hold(said.values)
+        sent = f" sent {self.sender.sent:d} {self.sender.number} {self.sender.outcome:d}\n"
+        return f"hold {said.shown:d} age={said.age_us}{values}{sent}"
 
     def write(self, name, data):
         return f"{name} {said(lambda: self.client.write(data))} {data.hex()}\n"

@@ -32,6 +32,17 @@ use crate::{
     CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
 };
 
+/// The latest first bit of an answer, in microseconds after the end of the frame.
+pub const WINDOW_US: u32 = 3_000;
+/// The number of steps of 64/fc in the no-response timer: the window, preamble and sync (64 bits of 32/fc), and one
+/// step of jitter (RFAL, `RFAL_FWT_ADJUSTMENT`).
+pub(crate) const NO_RESPONSE_STEPS: u16 = {
+    let cycles = (WINDOW_US * 1_356).div_ceil(100) + HEADER_FC + 64;
+    cycles.div_ceil(64) as u16
+};
+/// Preamble and sync at 424 kbit/s, in carrier periods.
+const HEADER_FC: u32 = 64 * 32;
+
 /// A read of only the interrupt registers, for the time before the masks are set.
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);
 /// A read of operation control, mode and bit rate, which a reset would change.
@@ -60,21 +71,27 @@ pub enum ReceiverMode {
 /// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
+    /// Sends and never listens.
     Poller(ReceiverMode),
+    /// Sends, and receives one answer.
+    Exchange,
+    /// Receives and cannot answer.
     Listener,
+    /// Receives and answers.
+    Answerer,
 }
 
 impl Role {
     /// The values of registers 02, 03 and 04 in operation.
     pub(crate) const fn configuration(self) -> [u8; 3] {
         let [mode, rate] = match self {
-            Self::Poller(_) => POLLER_MODE,
-            Self::Listener => LISTENER_MODE,
+            Self::Poller(_) | Self::Exchange => POLLER_MODE,
+            Self::Listener | Self::Answerer => LISTENER_MODE,
         };
         let operation = match self {
             Self::Poller(ReceiverMode::Off) => reg::OP_EN | reg::OP_TX_EN,
-            Self::Poller(ReceiverMode::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
-            Self::Listener => reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR,
+            Self::Poller(ReceiverMode::OnMasked) | Self::Exchange => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
+            Self::Listener | Self::Answerer => reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR,
         };
         [operation, mode, rate]
     }
@@ -96,8 +113,12 @@ impl Role {
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
             (Self::Poller(_), Variant::B) => &POLLER_B,
+            (Self::Exchange, Variant::A) => &EXCHANGE_A,
+            (Self::Exchange, Variant::B) => &EXCHANGE_B,
             (Self::Listener, Variant::A) => &LISTENER_A,
             (Self::Listener, Variant::B) => &LISTENER_B,
+            (Self::Answerer, Variant::A) => &ANSWERER_A,
+            (Self::Answerer, Variant::B) => &ANSWERER_B,
         }
     }
 }
@@ -172,7 +193,7 @@ const IO_3V: Setting = Setting::a(
 const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_MANUAL]);
 const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
 
-/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's receiver
+/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. A poller sets them too: its receiver
 /// is off, but its register values should not depend on that, and [`ReceiverMode::OnMasked`] switches it on.
 const RECEIVER: Setting = Setting::a(
     reg::AUXILIARY,
@@ -185,57 +206,139 @@ const RECEIVER: Setting = Setting::a(
         reg::MASK_RECEIVE_SHORT,
     ],
 );
+/// The same registers for a poller that receives answers, with an ST25R3916.
+const ANSWER_RECEIVER_A: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_A));
+/// The same with an ST25R3916B.
+const ANSWER_RECEIVER_B: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_B));
 const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
+
+const fn answer_receiver(demodulator: u8) -> [u8; 6] {
+    [
+        reg::AUXILIARY_CORRELATOR,
+        reg::RECEIVER_1_NFC_F,
+        demodulator,
+        reg::RECEIVER_3_NFC_F,
+        reg::RECEIVER_4_NFC_F,
+        reg::MASK_RECEIVE_GUARD,
+    ]
+}
 
 /// The B's active wave shaping, which shapes and limits its amplitude modulation.
 const WAVE_SHAPING: Setting = Setting::b(reg::B_WAVE_SHAPING, &reg::WAVE_SHAPING_NFC_F);
 const WAVE_SHAPING_TIMES: Setting = Setting::b(reg::B_WAVE_SHAPING_TIMES, &reg::WAVE_SHAPING_TIMES_NFC_F);
 const DRIVER_NON_OVERLAP: Setting = Setting::b(reg::B_DRIVER_NON_OVERLAP, &[reg::DRIVER_NON_OVERLAP_LEAST]);
-const POLLER_MASKS: Setting = Setting::a(reg::IRQ_MASK_MAIN, &reg::POLLER_MASKS);
 const NFC_F_MODE: Setting = Setting::a(reg::MODE, &POLLER_MODE);
 const PREAMBLE: Setting = Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]);
-const NO_RESPONSE_TIMER: Setting = Setting::a(reg::NO_RESPONSE_TIMER, &[0, 0]);
 
-const POLLER_A: [Setting; 10] = [
-    NFC_F_MODE,
-    PREAMBLE,
-    RECEIVER,
-    CORRELATOR,
-    NO_RESPONSE_TIMER,
-    Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_A),
-    Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_A]),
-    Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_REGULATOR_A]),
-    DRIVER_NON_OVERLAP,
-    POLLER_MASKS,
-];
-const POLLER_B: [Setting; 12] = [
-    NFC_F_MODE,
-    PREAMBLE,
-    RECEIVER,
-    CORRELATOR,
-    NO_RESPONSE_TIMER,
-    Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_B),
-    Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_B]),
-    Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_WAVE_SHAPING_B]),
-    DRIVER_NON_OVERLAP,
-    WAVE_SHAPING,
-    WAVE_SHAPING_TIMES,
-    POLLER_MASKS,
-];
-const LISTENER_A: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_A);
-const LISTENER_B: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_B);
+/// What differs between a poller that never listens and one that receives answers.
+#[derive(Clone, Copy)]
+struct Polling {
+    receiver: Setting,
+    no_response_timer: Setting,
+    masks: Setting,
+}
 
-/// The settings against automatic answers and load modulation come before the mode.
-const fn listener(antenna: &'static [u8]) -> [Setting; 9] {
+const SILENT: Polling = Polling {
+    receiver: RECEIVER,
+    no_response_timer: Setting::a(reg::NO_RESPONSE_TIMER, &[0, 0]),
+    masks: Setting::a(reg::IRQ_MASK_MAIN, &reg::POLLER_MASKS),
+};
+const ANSWERED_A: Polling = Polling {
+    receiver: ANSWER_RECEIVER_A,
+    no_response_timer: Setting::a(reg::NO_RESPONSE_TIMER, &ANSWER_WINDOW),
+    masks: Setting::a(reg::IRQ_MASK_MAIN, &reg::EXCHANGE_MASKS),
+};
+const ANSWERED_B: Polling = Polling { receiver: ANSWER_RECEIVER_B, ..ANSWERED_A };
+
+/// No-response timer and timer control, registers 10 to 12: the window for an answer.
+const ANSWER_WINDOW: [u8; 3] = {
+    let [high, low] = NO_RESPONSE_STEPS.to_be_bytes();
+    [high, low, reg::TIMERS_64_FC]
+};
+
+const POLLER_A: [Setting; 10] = poller_a(SILENT);
+const POLLER_B: [Setting; 12] = poller_b(SILENT);
+const EXCHANGE_A: [Setting; 10] = poller_a(ANSWERED_A);
+const EXCHANGE_B: [Setting; 12] = poller_b(ANSWERED_B);
+
+const fn poller_a(polling: Polling) -> [Setting; 10] {
+    [
+        NFC_F_MODE,
+        PREAMBLE,
+        polling.receiver,
+        CORRELATOR,
+        polling.no_response_timer,
+        Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_A),
+        Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_A]),
+        Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_REGULATOR_A]),
+        DRIVER_NON_OVERLAP,
+        polling.masks,
+    ]
+}
+
+const fn poller_b(polling: Polling) -> [Setting; 12] {
+    [
+        NFC_F_MODE,
+        PREAMBLE,
+        polling.receiver,
+        CORRELATOR,
+        polling.no_response_timer,
+        Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_B),
+        Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_B]),
+        Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_WAVE_SHAPING_B]),
+        DRIVER_NON_OVERLAP,
+        WAVE_SHAPING,
+        WAVE_SHAPING_TIMES,
+        polling.masks,
+    ]
+}
+
+/// What differs between a listener that cannot answer and one that does.
+#[derive(Clone, Copy)]
+struct Listening {
+    load_modulation: Setting,
+    driver: Setting,
+    masks: Setting,
+}
+
+const MUTE: Listening = Listening {
+    load_modulation: Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_HIGH_Z]),
+    driver: Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::NO_LOAD_MODULATION]),
+    masks: Setting::a(reg::IRQ_MASK_MAIN, &reg::LISTENER_MASKS),
+};
+const ANSWERING_A: Listening = Listening {
+    load_modulation: Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_ANSWERS_A]),
+    driver: Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::LOAD_MODULATION_BY_DRIVER_A]),
+    masks: Setting::a(reg::IRQ_MASK_MAIN, &reg::ANSWERER_MASKS),
+};
+const ANSWERING_B: Listening = Listening {
+    load_modulation: Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_ANSWERS_B]),
+    driver: Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::LOAD_MODULATION_BY_DRIVER_B]),
+    ..ANSWERING_A
+};
+
+const LISTENER_A: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_A);
+const LISTENER_B: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_B);
+const ANSWERER_A: [Setting; 9] = listener(ANSWERING_A, &reg::ANTENNA_TUNING_LISTENER_A);
+/// The B's supply of its driver is set as a poller's (ST's library sets it for every role).
+const ANSWERER_B: [Setting; 10] = {
+    let [silent, modulation, driver, antenna, field, receiver, correlator, masks, mode] =
+        listener(ANSWERING_B, &reg::ANTENNA_TUNING_LISTENER_B);
+    let supply = Setting::b(reg::B_WAVE_SHAPING, &[reg::WAVE_SHAPING_SUPPLY]);
+    [silent, modulation, driver, supply, antenna, field, receiver, correlator, masks, mode]
+};
+
+/// The settings against automatic answers and of load modulation come before the mode.
+const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] {
     [
         Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
-        Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_HIGH_Z]),
-        Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::NO_LOAD_MODULATION]),
+        listening.load_modulation,
+        listening.driver,
         Setting::a(reg::ANTENNA_TUNING, antenna),
         Setting::a(reg::FIELD_THRESHOLDS, &reg::FIELD_THRESHOLDS_WITH_HYSTERESIS),
         RECEIVER,
         CORRELATOR,
-        Setting::a(reg::IRQ_MASK_MAIN, &reg::LISTENER_MASKS),
+        listening.masks,
         Setting::a(reg::MODE, &LISTENER_MODE),
     ]
 }
@@ -612,10 +715,10 @@ impl BringUp {
         match (self.index, self.role) {
             (0, _) => Operation::Send(on),
             (1, Role::Poller(ReceiverMode::Off)) => Operation::Skip,
-            (1, Role::Poller(ReceiverMode::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
-            (1, Role::Listener) => Operation::Send(command::CLEAR_FIFO),
-            (2, Role::Listener) => Operation::Send(command::UNMASK_RECEIVE_DATA),
-            (2, Role::Poller(_)) | (3, Role::Listener) => Operation::Verify,
+            (1, Role::Poller(ReceiverMode::OnMasked) | Role::Exchange) => Operation::Send(command::MASK_RECEIVE_DATA),
+            (1, Role::Listener | Role::Answerer) => Operation::Send(command::CLEAR_FIFO),
+            (2, Role::Listener | Role::Answerer) => Operation::Send(command::UNMASK_RECEIVE_DATA),
+            (2, Role::Poller(_) | Role::Exchange) | (3, Role::Listener | Role::Answerer) => Operation::Verify,
             _ => Operation::End,
         }
     }
@@ -631,8 +734,17 @@ const fn supply_mv(steps: u8) -> u16 {
 mod tests {
     use super::*;
 
-    const LISTS: [&[Setting]; 5] =
-        [&POLLER_A, &POLLER_B, &LISTENER_A, &LISTENER_B, &[IO_5V, IO_3V, REGULATOR_MANUAL, REGULATOR_ADJUSTED]];
+    const LISTS: [&[Setting]; 9] = [
+        &POLLER_A,
+        &POLLER_B,
+        &EXCHANGE_A,
+        &EXCHANGE_B,
+        &LISTENER_A,
+        &LISTENER_B,
+        &ANSWERER_A,
+        &ANSWERER_B,
+        &[IO_5V, IO_3V, REGULATOR_MANUAL, REGULATOR_ADJUSTED],
+    ];
 
     #[test]
     fn every_setting_fits_one_transfer_whole() {
@@ -666,7 +778,13 @@ mod tests {
 
     #[test]
     fn the_roles_settings_agree_with_what_is_checked_in_operation() {
-        for role in [Role::Poller(ReceiverMode::Off), Role::Poller(ReceiverMode::OnMasked), Role::Listener] {
+        for role in [
+            Role::Poller(ReceiverMode::Off),
+            Role::Poller(ReceiverMode::OnMasked),
+            Role::Exchange,
+            Role::Listener,
+            Role::Answerer,
+        ] {
             for variant in [Variant::A, Variant::B] {
                 let mode = role.settings(variant).iter().find(|setting| setting.address == reg::MODE).unwrap();
                 assert_eq!(mode.values, &role.configuration()[1..]);

@@ -26,6 +26,9 @@ pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
 pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
 /// Unmask receive data: the receiver reports the next frame.
 pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
+/// Reset the receiver's gain, which squelch and gain control have changed, to its configuration. (ST's library does so
+/// before each exchange.)
+pub const RESET_RECEIVER_GAIN: Short = Short::new([0xD5]);
 /// Adjust the regulators to the supply; I_dct at its end, at most 5 ms later.
 pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
 /// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects; I_dct at its end, 25 µs later; the

@@ -1,4 +1,4 @@
-//! The executor: carries out either machine's steps through a port whose operations only start something.
+//! The executor: carries out a machine's steps through a port whose operations only start something.
 //!
 //! Three interrupts drive it: a transfer has ended, the IRQ pin has risen, the timer has run out. Each of them calls
 //! [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So an edge of the IRQ
@@ -12,7 +12,7 @@
 use core::num::NonZeroUsize;
 
 use crate::machine::{Input, Short, Step, Transfer};
-use crate::{Listener, ListenerEvent, Poller, PollerEvent};
+use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, ListenerEvent, Poller, PollerEvent};
 
 /// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
@@ -22,7 +22,7 @@ const STEPS: u32 = 8;
 /// The pause for a machine that exceeds that, µs.
 const PAUSE_US: u32 = 1_000;
 
-/// The machine that an executor drives: [`Poller`] or [`Listener`].
+/// The machine that an executor drives: [`Poller`], [`Listener`], [`Exchange`] or [`Answerer`].
 pub trait Machine {
     /// Its events for the owner.
     type Event;
@@ -43,6 +43,22 @@ impl Machine for Listener {
     type Event = ListenerEvent;
 
     fn step(&mut self, input: Input<'_>) -> Step<ListenerEvent> {
+        Self::step(self, input)
+    }
+}
+
+impl Machine for Exchange {
+    type Event = ExchangeEvent;
+
+    fn step(&mut self, input: Input<'_>) -> Step<ExchangeEvent> {
+        Self::step(self, input)
+    }
+}
+
+impl Machine for Answerer {
+    type Event = AnswererEvent;
+
+    fn step(&mut self, input: Input<'_>) -> Step<AnswererEvent> {
         Self::step(self, input)
     }
 }

@@ -1,8 +1,13 @@
-//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener, in one direction.
+//! Driver for ST's ST25R3916 and ST25R3916B NFC front ends: NFC-F at 424 kbit/s, poller and listener, in one direction
+//! or with one answer.
 //!
 //! A [`Poller`] keeps its field on and sends frames of 1 to 254 bytes; it never listens. A [`Listener`] receives them;
 //! it never answers, and its driver registers are set so that it cannot. There is no activation, no acknowledgement and
 //! no retry: a lost frame stays lost, and both ends recover by themselves.
+//!
+//! Where something has to come back, an [`Exchange`] takes the poller's place and an [`Answerer`] the listener's: each
+//! frame has at most one answer, within a fixed window. They are types of their own, so that a poller that never
+//! listens and a listener that never answers stay what they are.
 //!
 //! # Simple use
 //!
@@ -34,7 +39,7 @@
 //!
 //! # Machines and executors
 //!
-//! Neither machine accesses a bus. Each is a value with one method, `step`, which takes the last event ([`Input`]) and
+//! No machine accesses a bus. Each is a value with one method, `step`, which takes the last event ([`Input`]) and
 //! returns the next action ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an
 //! event to the caller. An executor carries the steps out. The one in [`executor`] does it through a
 //! [`executor::Port`], whose operations only start something: behind it are interrupts and DMA, or the polled wires of
@@ -57,7 +62,38 @@
 //! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are read.
 //! Executors on an edge-triggered input read the level when a [`Step::Wait`] begins.
 //!
-//! The states of each machine, with a diagram, are in [`poller`] and [`listener`].
+//! The states of each machine, with a diagram, are in [`poller`], [`listener`], [`exchange`] and [`answerer`].
+//!
+//! # An exchange, on both sides
+//!
+//! The owner of an [`executor::Executor`] goes from event to event. The transmit command is its own: it starts that
+//! transfer at its instant, by a timer if that has to be exact, and gives [`Input::Done`] when it has ended.
+//!
+//! ```
+//! use st25r3916::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Input, Step};
+//!
+//! /// The poller's side: what to do after an event.
+//! fn hold(exchange: &mut Exchange, event: ExchangeEvent) -> Option<Step<ExchangeEvent>> {
+//!     match event {
+//!         ExchangeEvent::Ready => exchange.prepare(64).ok(), // once a cycle
+//!         ExchangeEvent::Loaded => None, // send Exchange::transmit(), then step(Input::Done(&[0]))
+//!         ExchangeEvent::Answer { .. } => Some(exchange.step(Input::Start)), // buffer[1..1 + len], then on
+//!         ExchangeEvent::Prepared | ExchangeEvent::NoAnswer(_) | ExchangeEvent::Fault(_) => {
+//!             Some(exchange.step(Input::Start))
+//!         }
+//!     }
+//! }
+//!
+//! /// The listener's side.
+//! fn port(answerer: &mut Answerer, event: AnswererEvent) -> Option<Step<AnswererEvent>> {
+//!     match event {
+//!         AnswererEvent::Frame { .. } => answerer.answer(128).ok(), // buffer[1..1 + len] is the frame
+//!         AnswererEvent::Loaded => None, // send Answerer::transmit() at a fixed time after I_rxe, then Done
+//!         _ => Some(answerer.step(Input::Start)),
+//!     }
+//! }
+//! # let _ = (hold, port);
+//! ```
 //!
 //! # Bring-up and one frame, call by call
 //!
@@ -242,22 +278,28 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod answerer;
 pub mod blocking;
 mod bring_up;
 pub mod command;
+pub mod exchange;
 pub mod executor;
 pub mod listener;
 mod machine;
 pub mod poller;
 pub mod register;
+mod sender;
 mod status;
 
+pub use answerer::{Answerer, AnswererCounters, AnswererEvent, AnswererState, Unanswered};
 pub use bring_up::ReceiverMode;
+pub use exchange::{Exchange, ExchangeCounters, ExchangeEvent, ExchangeState, NoAnswer};
 pub use listener::{
     Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
 };
 pub use machine::{Fault, Input, Short, Step, Transfer};
-pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState, SendError};
+pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState};
+pub use sender::{SendError, SendState};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
@@ -324,5 +366,7 @@ mod tests {
         assert!(size_of::<Poller>() <= 40, "{}", size_of::<Poller>());
         assert!(size_of::<Listener>() <= 104, "{}", size_of::<Listener>());
         assert!(size_of::<Step<ListenerEvent>>() <= 24);
+        assert!(size_of::<Exchange>() <= 112, "{}", size_of::<Exchange>());
+        assert!(size_of::<Answerer>() <= 124, "{}", size_of::<Answerer>());
     }
 }

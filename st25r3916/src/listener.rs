@@ -363,7 +363,7 @@ pub enum ListenerState {
 
 /// The frame being received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Frame {
+pub(crate) struct Frame {
     plan: Plan,
     /// The number of bytes in the caller's buffer.
     got: u16,
@@ -416,9 +416,14 @@ impl Listener {
     /// A listener that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: ListenerConfig) -> Self {
+        Self::with_role(Role::Listener, config)
+    }
+
+    /// The same in a role that receives as a listener does.
+    pub(crate) const fn with_role(role: Role, config: ListenerConfig) -> Self {
         Self {
             config,
-            bring_up: BringUp::new(Role::Listener),
+            bring_up: BringUp::new(role),
             state: ListenerState::New,
             frame: None,
             field_irqs: 0,
@@ -559,7 +564,7 @@ impl Listener {
         Step::Event(event)
     }
 
-    fn fault(&mut self, fault: Fault) -> Step<ListenerEvent> {
+    pub(crate) fn fault(&mut self, fault: Fault) -> Step<ListenerEvent> {
         self.frame = None;
         self.field_irqs = 0;
         self.silent_us = 0;
@@ -636,6 +641,18 @@ impl Listener {
         };
         self.state = state;
         Step::Wait { us }
+    }
+
+    /// Notes a status that was read after a frame was delivered. Returns whether it shows that another frame has begun:
+    /// unless that is over already, the next [`Input::Start`] receives it.
+    pub(crate) fn overtaken(&mut self, status: Status) -> bool {
+        self.note_field(status);
+        let (begun, over) = (status.is_set(reg::IRQ_RXS), status.is_set(reg::IRQ_RXE));
+        if begun && !over {
+            self.begin_frame(status);
+            self.state = ListenerState::Reported;
+        }
+        begun || over
     }
 
     fn note_field(&mut self, status: Status) {
@@ -728,25 +745,13 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
-        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. The
-        // last early read has taken it already if the frame ended during that read's status.
-        let mut count = status.count;
-        if frame.flags.contains(FrameFlags::PARTIAL) {
-            match count.checked_sub(1) {
-                Some(whole) => count = whole,
-                None => frame.got = frame.got.saturating_sub(1),
+        match frame.ends(status) {
+            Err(why) => self.lose(why),
+            Ok(0) => self.deliver(),
+            Ok(left) => {
+                let got = frame.got;
+                self.read(got, left, true)
             }
-        }
-        frame.unread = count.min(CRC);
-        let (got, left) = (frame.got, count - frame.unread);
-        if got + count < SHORTEST {
-            self.lose(Dropped::Runt)
-        } else if is_too_long(got + count) {
-            self.lose(Dropped::TooLong)
-        } else if left == 0 {
-            self.deliver()
-        } else {
-            self.read(got, left, true)
         }
     }
 
@@ -759,11 +764,7 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
-        if frame.got == 0 {
-            frame.total = first.map(|len| u16::from(len) + 2);
-        }
-        frame.got += count;
-        frame.read_us = count + READ_OVERHEAD_US;
+        frame.was_read(count, first);
         if end { self.deliver() } else { self.wait() }
     }
 
@@ -771,18 +772,12 @@ impl Listener {
         let Some(frame) = &self.frame else {
             return self.fault(Fault::Executor);
         };
-        let (received, mut flags) = (frame.got + frame.unread, frame.flags);
-        if frame.total != Some(received) {
-            flags = flags.union(FrameFlags::LENGTH);
-        }
+        let (len, flags) = frame.delivered();
         self.frame = None;
         self.bring_up.works();
         (self.silences, self.silent_us) = (0, 0);
         self.uncounted = Some(flags);
-        self.event(
-            ListenerState::Delivered,
-            ListenerEvent::Frame { len: usize::from(received.saturating_sub(OVERHEAD)), flags },
-        )
+        self.event(ListenerState::Delivered, ListenerEvent::Frame { len, flags })
     }
 
     fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
@@ -798,7 +793,7 @@ impl Listener {
 }
 
 impl Frame {
-    const fn new(mode: ReadMode) -> Self {
+    pub(crate) const fn new(mode: ReadMode) -> Self {
         Self {
             plan: match mode {
                 ReadMode::StoreAndForward => Plan::End,
@@ -815,7 +810,7 @@ impl Frame {
     }
 
     /// Adds a status's information about this frame.
-    fn note(&mut self, status: Status) {
+    pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
         self.flags = self
@@ -826,6 +821,47 @@ impl Frame {
             .union(flag(status.fifo & reg::FIFO_UNDERFLOW != 0, FrameFlags::UNDERFLOW))
             // Before the end an incomplete last byte is normal.
             .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
+    }
+
+    /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on; 0 if it is
+    /// complete.
+    ///
+    /// # Errors
+    /// The reason why it is not delivered.
+    pub(crate) fn ends(&mut self, status: Status) -> Result<u16, Dropped> {
+        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. The
+        // last early read has taken it already if the frame ended during that read's status.
+        let mut count = status.count;
+        if self.flags.contains(FrameFlags::PARTIAL) {
+            match count.checked_sub(1) {
+                Some(whole) => count = whole,
+                None => self.got = self.got.saturating_sub(1),
+            }
+        }
+        self.unread = count.min(CRC);
+        if self.got + count < SHORTEST {
+            Err(Dropped::Runt)
+        } else if is_too_long(self.got + count) {
+            Err(Dropped::TooLong)
+        } else {
+            Ok(count - self.unread)
+        }
+    }
+
+    /// Notes a read of `count` bytes, of which this was the first.
+    pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
+        if self.got == 0 {
+            self.total = first.map(|len| u16::from(len) + 2);
+        }
+        self.got += count;
+        self.read_us = count + READ_OVERHEAD_US;
+    }
+
+    /// The length of the payload and the flags of a frame that is complete.
+    pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
+        let received = self.got + self.unread;
+        let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
+        (usize::from(received.saturating_sub(OVERHEAD)), flags)
     }
 
     fn advance(&mut self) {

@@ -115,6 +115,18 @@ pub enum Step<E> {
     Event(E),
 }
 
+impl<E> Step<E> {
+    /// The same step of a machine with other events: `event` takes what this one reports.
+    pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
+        match self {
+            Self::Transfer(transfer) => Step::Transfer(transfer),
+            Self::Wait { us } => Step::Wait { us },
+            Self::Delay { us } => Step::Delay { us },
+            Self::Event(happened) => event(happened),
+        }
+    }
+}
+
 /// The reason why a machine gave up its operation. Every fault is followed by a recovery that the machine carries out
 /// by itself after [`Input::Start`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,27 +158,27 @@ pub enum Fault {
     },
     /// The chip has lost its configuration since bring-up: a power-up reset or a brown-out.
     Reset,
-    /// Listener: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first of these in a row, for
-    /// twice as long each time. The listener cannot distinguish a silent poller from its own deafness.
+    /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first of these in
+    /// a row, for twice as long each time. The listener cannot distinguish a silent poller from its own deafness.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,
     },
-    /// Poller: the transmitter or the oscillator is off without a command.
+    /// Poller, exchange: the transmitter or the oscillator is off without a command.
     FieldDropped,
     /// A response that no ST25R3916 gives (all ones, or of the wrong length), or a transfer that the executor reported
     /// as failed.
     Bus,
-    /// Poller: bytes are left in the FIFO, and there was no I_txe, after the frame's air time and a margin.
+    /// Sending: bytes are left in the FIFO, and there was no I_txe, after the frame's air time and a margin.
     NoTransmitEnd,
-    /// Poller: after a frame the FIFO held a wrong number of bytes.
+    /// Sending: the FIFO held a wrong number of bytes.
     FifoCount {
         /// The right number of bytes.
         expected: u16,
         /// The FIFO's number of bytes.
         found: u16,
     },
-    /// Poller: the FIFO ran dry or over, so the frame is damaged.
+    /// Sending: the FIFO ran dry or over, so the frame is damaged.
     FifoFlow,
     /// The IRQ pin stays high although no interrupt bit is set.
     IrqStuck,

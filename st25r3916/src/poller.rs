@@ -2,8 +2,8 @@
 //!
 //! # States
 //!
-//! [`Poller::state`] returns the state. Names are those of [`PollerState`], words in capitals are events; after an
-//! event the machine waits for [`Input::Start`]. A comma separates successive states.
+//! [`Poller::state`] returns the state. Names are those of [`PollerState`] and of [`SendState`], words in capitals are
+//! events; after an event the machine waits for [`Input::Start`]. A comma separates successive states.
 //!
 //! ```text
 //!        New                                    any state
@@ -74,23 +74,15 @@
 //! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause one and
 //! leaves the field on.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, ReceiverMode, Role};
-use crate::command;
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, Progress, ReceiverMode, Role};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
-use crate::status::{STATUS_READ, Status};
-use crate::{Variant, air_time_us};
-
-/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
-/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
-/// between two frames.
-pub const TRANSMIT_MARGIN_US: u32 = 100;
+pub use crate::sender::{HEAD, SendError, SendState, TRANSMIT_MARGIN_US};
+use crate::sender::{Sender, Sending, is_light};
+use crate::{Variant, command};
 
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
-
-/// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
-pub const HEAD: usize = 16;
 
 /// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
@@ -161,16 +153,6 @@ pub enum PollerEvent {
     Fault(Fault),
 }
 
-/// The reason why [`Poller::prepare`] was refused. The machine is unchanged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum SendError {
-    /// The last step was neither [`PollerEvent::Ready`] nor [`PollerEvent::Prepared`].
-    NotReady,
-    /// The payload is empty or longer than [`MAX_PAYLOAD`].
-    Length,
-}
-
 /// A poller's state; the module's documentation has the diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -197,27 +179,8 @@ pub enum PollerState {
     CheckingSetting,
     /// [`Poller::prepare`] is possible.
     Ready,
-    /// A frame is prepared: the FIFO is being cleared.
-    PreparingClear,
-    /// A frame is prepared: its length is being written.
-    PreparingLength,
-    /// A frame is prepared: earlier interrupts and the FIFO level are being read.
-    CheckingFifo,
-    /// A frame was prepared and reported.
-    Prepared,
-    /// The first bytes of the payload are being loaded.
-    LoadingHead,
-    /// [`Poller::transmit`] is due.
-    Loaded,
-    /// On air: the rest of the payload is being loaded.
-    LoadingRest,
-    /// On air: waiting for I_txe.
-    OnAir,
-    /// On air: the interrupt registers are being read.
-    ReadingIrqs {
-        /// Whether the frame's time is over: this read decides.
-        last: bool,
-    },
+    /// A frame is being prepared, loaded, or is on air.
+    Sending(SendState),
     /// The frame was sent and reported.
     Sent,
 }
@@ -244,11 +207,9 @@ pub struct Poller {
     config: PollerConfig,
     bring_up: BringUp,
     state: PollerState,
-    /// The number of payload bytes of the present frame.
-    len: u8,
-    /// The number of frames lost in a row without a bring-up.
-    lost: u8,
-    idle_irqs: u8,
+    sender: Sender,
+    /// Whether the last frame was lost, without a bring-up since.
+    lost: bool,
     counters: PollerCounters,
 }
 
@@ -256,13 +217,17 @@ impl Poller {
     /// A poller that has not accessed its chip yet. The first [`Input::Start`] begins bring-up.
     #[must_use]
     pub const fn new(config: PollerConfig) -> Self {
+        Self::with_role(Role::Poller(config.receiver), config)
+    }
+
+    /// The same in a role that sends as a poller does.
+    pub(crate) const fn with_role(role: Role, config: PollerConfig) -> Self {
         Self {
             config,
-            bring_up: BringUp::new(Role::Poller(config.receiver)),
+            bring_up: BringUp::new(role),
             state: PollerState::New,
-            len: 0,
-            lost: 0,
-            idle_irqs: 0,
+            sender: Sender::new(config.check_left_over),
+            lost: false,
             counters: PollerCounters { sent: 0, unconfirmed: 0, faults: 0, bring_ups: 0, flow: 0 },
         }
     }
@@ -296,7 +261,7 @@ impl Poller {
     /// [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
-        matches!(self.state, PollerState::Ready | PollerState::Prepared)
+        matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))
     }
 
     /// The transfer that starts transmission (C4, one byte): the executor makes it at its own instant after
@@ -312,14 +277,8 @@ impl Poller {
     /// # Errors
     /// [`SendError`]; the machine is unchanged.
     pub fn prepare(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
-        let Ok(len @ 1..=254) = u8::try_from(len) else {
-            return Err(SendError::Length);
-        };
-        if !self.is_ready() {
-            return Err(SendError::NotReady);
-        }
-        self.len = len;
-        Ok(self.short(PollerState::PreparingClear, command::CLEAR_FIFO))
+        let begun = self.sender.prepare(len, self.is_ready())?;
+        Ok(self.sending(begun))
     }
 
     /// Takes one input and returns the next step.
@@ -331,17 +290,13 @@ impl Poller {
             // An event was returned: the next input continues from it.
             (PollerState::New, _) => self.begin_bring_up(),
             (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
-            (PollerState::Ready | PollerState::Sent, _) | (PollerState::Loaded, Input::Start) => {
+            (PollerState::Ready | PollerState::Sent, _) | (PollerState::Sending(SendState::Loaded), Input::Start) => {
                 self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
             }
-            (PollerState::Prepared, _) => self.load(PollerState::LoadingHead, 0, usize::from(self.len).min(HEAD)),
-            (PollerState::Loaded, Input::Done(_)) => match usize::from(self.len).checked_sub(HEAD) {
-                None | Some(0) => self.on_air(),
-                Some(rest) => self.load(PollerState::LoadingRest, HEAD, rest),
-            },
-            (PollerState::LoadingRest, Input::Done(_)) => self.on_air(),
-            (PollerState::Loaded | PollerState::OnAir, Input::Irq) => self.read_irqs(false),
-            (PollerState::Loaded | PollerState::OnAir, Input::Timeout) => self.read_irqs(true),
+            (PollerState::Sending(state), input) => {
+                let sending = self.sender.step(state, input);
+                self.sending(sending)
+            }
 
             (PollerState::BackingOff, Input::Timeout) => self.begin_bring_up(),
             (PollerState::Faulted | PollerState::BackingOff, _) => {
@@ -375,19 +330,6 @@ impl Poller {
                 Ok(()) => self.ready(),
                 Err(fault) => self.fault(fault),
             },
-
-            (PollerState::PreparingClear, Input::Done(_)) => {
-                let short = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
-                self.short(PollerState::PreparingLength, short)
-            }
-            (PollerState::PreparingLength, Input::Done(_)) => self.short(PollerState::CheckingFifo, STATUS_READ),
-            (PollerState::CheckingFifo, Input::Done(response)) => self.prepared(response),
-            (PollerState::LoadingHead, Input::Done(_)) => {
-                self.state = PollerState::Loaded;
-                self.idle_irqs = 0;
-                Step::Event(PollerEvent::Loaded)
-            }
-            (PollerState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
 
             _ => self.fault(Fault::Executor),
         }
@@ -425,13 +367,12 @@ impl Poller {
         Step::Event(PollerEvent::Ready)
     }
 
-    fn fault(&mut self, fault: Fault) -> Step<PollerEvent> {
-        let light = matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. });
-        self.state = if light && self.lost == 0 {
-            self.lost = 1;
+    pub(crate) fn fault(&mut self, fault: Fault) -> Step<PollerEvent> {
+        self.state = if is_light(fault) && !self.lost {
+            self.lost = true;
             PollerState::FrameLost
         } else {
-            self.lost = 0;
+            self.lost = false;
             self.bring_up.failed();
             PollerState::Faulted
         };
@@ -439,67 +380,28 @@ impl Poller {
         Step::Event(PollerEvent::Fault(fault))
     }
 
-    fn prepared(&mut self, response: &[u8]) -> Step<PollerEvent> {
-        match Status::parse(response) {
-            Ok(Status { count: 0, .. }) => {
-                self.state = PollerState::Prepared;
-                Step::Event(PollerEvent::Prepared)
+    fn sending(&mut self, sending: Sending) -> Step<PollerEvent> {
+        let (state, step) = match sending {
+            Sending::Transfer(state, transfer) => (state, Step::Transfer(transfer)),
+            Sending::Wait(state, us) => (state, Step::Wait { us }),
+            Sending::Prepared => (SendState::Prepared, Step::Event(PollerEvent::Prepared)),
+            Sending::Loaded => (SendState::Loaded, Step::Event(PollerEvent::Loaded)),
+            Sending::Sent { confirmed } => return self.sent(confirmed),
+            Sending::Failed(fault) => {
+                self.counters.flow = self.counters.flow.wrapping_add(u32::from(fault == Fault::FifoFlow));
+                return self.fault(fault);
             }
-            Ok(Status { count, .. }) => self.fault(Fault::FifoCount { expected: 0, found: count }),
-            Err(fault) => self.fault(fault),
-        }
-    }
-
-    fn load(&mut self, state: PollerState, offset: usize, len: usize) -> Step<PollerEvent> {
-        self.state = state;
-        Step::Transfer(Transfer::Load { offset, len })
-    }
-
-    fn on_air(&mut self) -> Step<PollerEvent> {
-        self.state = PollerState::OnAir;
-        self.wait()
-    }
-
-    /// Waits for the end of the frame, counted from the end of its load, which takes at least as long as on an SPI of
-    /// 10 MHz.
-    fn wait(&self) -> Step<PollerEvent> {
-        let rest = u32::from(self.len).saturating_sub(HEAD as u32);
-        Step::Wait { us: air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10 }
-    }
-
-    fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {
-        self.short(PollerState::ReadingIrqs { last }, STATUS_READ)
-    }
-
-    fn irqs(&mut self, response: &[u8], last: bool) -> Step<PollerEvent> {
-        let status = match Status::parse(response) {
-            Ok(status) => status,
-            Err(fault) => return self.fault(fault),
         };
-        if status.flow_error() {
-            self.counters.flow = self.counters.flow.wrapping_add(1);
-            return self.fault(Fault::FifoFlow);
-        }
-        let confirmed = status.is_set(reg::IRQ_TXE);
-        if confirmed && self.config.check_left_over && status.count != 0 {
-            return self.fault(Fault::FifoCount { expected: 0, found: status.count });
-        }
-        if confirmed || last && status.count == 0 {
-            self.state = PollerState::Sent;
-            self.lost = 0;
-            self.bring_up.works();
-            self.counters.sent = self.counters.sent.wrapping_add(1);
-            self.counters.unconfirmed = self.counters.unconfirmed.wrapping_add(u32::from(!confirmed));
-            return Step::Event(PollerEvent::Sent { confirmed });
-        }
-        if last {
-            return self.fault(Fault::NoTransmitEnd);
-        }
-        self.idle_irqs += 1;
-        if self.idle_irqs >= IDLE_IRQS {
-            return self.fault(Fault::IrqStuck);
-        }
-        self.state = PollerState::OnAir;
-        self.wait()
+        self.state = PollerState::Sending(state);
+        step
+    }
+
+    pub(crate) fn sent(&mut self, confirmed: bool) -> Step<PollerEvent> {
+        self.state = PollerState::Sent;
+        self.lost = false;
+        self.bring_up.works();
+        self.counters.sent = self.counters.sent.wrapping_add(1);
+        self.counters.unconfirmed = self.counters.unconfirmed.wrapping_add(u32::from(!confirmed));
+        Step::Event(PollerEvent::Sent { confirmed })
     }
 }

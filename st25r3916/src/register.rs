@@ -14,6 +14,7 @@
 //! | *Guyot* | pguyot/st25r391x, `st25r391x_nfcf.c` (from the ST25R3916's data sheet DS12484) |
 //! | *Delpy* | BdF-LabSec/kst25r3916, `Core/program/st25r` |
 //! | *rnfc* | embassy-rs/rnfc, `rnfc-st25r39/src/lib.rs` |
+//! | *Highboy* | HighCodeh/TentacleOS, its FeliCa emulation (`felica_emu.c`, ST25R3916) |
 //! | *TM* | techmccat/st25r39, `src/registers.rs` (paraphrases the ST25R3916B's data sheet) |
 //!
 //! Where they disagree, `docs/decisions/0008-receive-chain.md` gives the choice and the reason.
@@ -48,7 +49,8 @@ pub const RECEIVER_3: u8 = 0x0D;
 pub const RECEIVER_4: u8 = 0x0E;
 /// Mask-receive timer.
 pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
-/// No-response timer, most significant byte; the least significant follows at 0x11. 0 is off.
+/// No-response timer, most significant byte; the least significant follows at 0x11, the timers' control at 0x12. 0 is
+/// off.
 pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19; 1 masks. A masked bit still sets.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
@@ -69,7 +71,8 @@ pub const AD_RESULT: u8 = 0x25;
 pub const ANTENNA_TUNING: u8 = 0x26;
 /// Transmit driver: AM depth (bits 7:4), output resistance (bits 3:0).
 pub const TRANSMIT_DRIVER: u8 = 0x28;
-/// Passive target modulation: driver resistance when modulated and when not.
+/// Passive target modulation: the driver's resistance while an answer modulates the field (`ptm_res`, bits 7:4) and
+/// while it does not (`pt_res`, bits 3:0).
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
 /// Upper threshold of the external field detector, mV at its input, for a field to appear; the lower one, for it to
 /// stay, follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
@@ -149,6 +152,21 @@ pub const RECEIVER_4_NFC_F: u8 = 0x00;
 pub const CORRELATOR_NFC_F: [u8; 2] = [0x54, 0x00];
 /// [`MASK_RECEIVE_TIMER`]: two steps. (*Flipper*'s listeners, *Delpy*'s targets.)
 pub const MASK_RECEIVE_SHORT: u8 = 0x02;
+/// [`RECEIVER_2`] of a poller with an ST25R3916 that receives answers in NFC-F: as [`RECEIVER_2_NFC_F`], and
+/// `pulz_61`. (*RFAL*, *Guyot*; *TM* recommends `pulz_61` = 0 for FeliCa.)
+pub const RECEIVER_2_ANSWER_A: u8 = 0x3D;
+/// The same of a poller with an ST25R3916B: its I/Q demodulator (`demod_mode`) with the mixer (`amd_sel`), which
+/// compare with the poller's own carrier. (*RFAL* alone.)
+pub const RECEIVER_2_ANSWER_B: u8 = 0xFD;
+/// [`MASK_RECEIVE_TIMER`] of a poller that receives answers: 40 steps of 64/fc = 189 µs after its own frame, within
+/// which no listener may answer, less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)
+pub const MASK_RECEIVE_GUARD: u8 = ((GUARD_FC - 64) / 64) as u8;
+/// The time after a poller's frame before which a listener must not answer in NFC-F, carrier periods: 197 µs. (NFC
+/// Forum, Digital Protocol 1.1, A.4, TR0F,LISTEN,MIN, as *RFAL* and Proxmark3, `armsrc/felica.c`, have it.)
+pub const GUARD_FC: u32 = 2_672;
+/// Timers' control, after [`NO_RESPONSE_TIMER`]: steps of 64/fc, no EMV mode, start at the end of transmission. (*RFAL*
+/// for every exchange; *TM*.)
+pub const TIMERS_64_FC: u8 = 0x00;
 /// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916 (*RFAL*, *Flipper*).
 pub const ANTENNA_TUNING_POLLER_A: [u8; 2] = [0x82, 0x82];
 /// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B (*RFAL*; it depends on the board's matching
@@ -163,6 +181,18 @@ pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
 /// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) or by an external (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;
+/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916 that answers: high impedance until it modulates, then step 5. (*RFAL*;
+/// *Flipper* and older versions of *RFAL* have step 0, the lowest resistance, and high impedance as well: 0F.)
+pub const PASSIVE_TARGET_ANSWERS_A: u8 = 0x5F;
+/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916B that answers: step 14, next to high impedance, and step 2 when it
+/// modulates. (*RFAL*; *Delpy* has high impedance instead of step 14: 2F.)
+pub const PASSIVE_TARGET_ANSWERS_B: u8 = 0x2E;
+/// [`B_AUXILIARY_MODULATION`] of an ST25R3916 that answers: its own driver modulates (`lm_dri`), no external one
+/// (`lm_ext`). (*RFAL*; *Flipper* sets `lm_ext` as well, which drives a pin that ST's boards do not use.)
+pub const LOAD_MODULATION_BY_DRIVER_A: u8 = 0x10;
+/// [`B_AUXILIARY_MODULATION`] of an ST25R3916B that answers: `lm_dri`, and `dis_reg_am` as for a poller, because it
+/// belongs to the board. `rgs_am` is clear. (*RFAL*, which clears `rgs_am` for listening; *TM*: clear in card mode.)
+pub const LOAD_MODULATION_BY_DRIVER_B: u8 = 0x90;
 /// [`FIELD_THRESHOLDS`], two registers. Peer detection, which a listener uses: upper threshold 105 mV, lower 75 mV
 /// (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, for which the
 /// former is the data sheet's; the others have 105 mV and 75 mV). No source states the values after a reset; with 00 00
@@ -178,7 +208,9 @@ pub const AM_BY_WAVE_SHAPING_B: u8 = 0x84;
 /// [`B_WAVE_SHAPING`], two registers, for NFC-F: `vddrf_cont`, which must be 1 (*TM*), with `rgs_txonoff`; then
 /// symmetric shape (`am_sym`, for ASK), weak sink, filter constant 8. (*RFAL*; *Delpy* the same but for NFC-A, with 18
 /// for OOK.)
-pub const WAVE_SHAPING_NFC_F: [u8; 2] = [0x09, 0x28];
+pub const WAVE_SHAPING_NFC_F: [u8; 2] = [WAVE_SHAPING_SUPPLY, 0x28];
+/// The first register of [`B_WAVE_SHAPING`] alone: `vddrf_cont` and `rgs_txonoff`, which *RFAL* sets for every role.
+pub const WAVE_SHAPING_SUPPLY: u8 = 0x09;
 /// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; 0; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7. (*RFAL*,
 /// which leaves the second at its reset value; *Delpy*, which sets it to 0.)
 pub const WAVE_SHAPING_TIMES_NFC_F: [u8; 4] = [0x01, 0x00, 0x79, 0x07];
@@ -204,6 +236,8 @@ pub const IRQ_RXE: u8 = 0x10;
 pub const IRQ_TXE: u8 = 0x08;
 /// Timer and NFC interrupt: direct command ended.
 pub const IRQ_DCT: u8 = 0x80;
+/// Timer and NFC interrupt: the no-response timer has run out.
+pub const IRQ_NRE: u8 = 0x40;
 /// Timer and NFC interrupt: external field on.
 pub const IRQ_EON: u8 = 0x10;
 /// Timer and NFC interrupt: external field off.
@@ -216,6 +250,11 @@ pub const IRQ_FRAMING: u8 = 0x70;
 /// Poller masks, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error, every target
 /// interrupt. They include the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
 pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
+/// Masks of a poller that receives answers: all but I_osc, I_rxs, I_rxe and I_txe (main), all but I_dct and I_nre
+/// (timer), every error, every target interrupt.
+pub const EXCHANGE_MASKS: [u8; 4] = [0x47, 0x3F, 0xFF, IRQ_MASK_TARGET_ALL];
+/// Masks of a listener that answers: [`LISTENER_MASKS`] without I_txe.
+pub const ANSWERER_MASKS: [u8; 4] = [0xC7, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
 /// Listener masks: all but I_rxs and I_rxe, all but I_eon and I_eof, errors not masked, every
 /// target interrupt masked.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];

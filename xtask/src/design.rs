@@ -114,7 +114,7 @@ fn the_design_states_the_bounds_of_the_judge() {
         format!("within the last {} ms:", ms(bounds::HEARD)),
         format!("one period of its receiver and {} ms", ms(bounds::VALID_BEYOND_PERIOD)),
         format!("from one period and {} ms on", ms(bounds::STALE_BEYOND_PERIOD)),
-        format!("believes at most {} s", bounds::LONGEST_PERIOD_MS / 1_000),
+        format!("as the receiver keeps it, at most {} s", bounds::LONGEST_PERIOD_MS / 1_000),
         format!("in steps of {} ms (bits 10 to 15); {}: ", ms(bounds::AGE_STEP), bounds::AGE_OLDEST),
         format!("{}: there never was one", bounds::AGE_NEVER),
         format!("from the last one than {} m/s", bounds::FASTEST_MM_S / 1_000),

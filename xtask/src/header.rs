@@ -24,7 +24,7 @@ use clap::Args;
 use profile::criticality::{BaseStation, FlightController};
 use profile::map::PortArea;
 use profile::ssi::{self, client, client::Config, timing};
-use profile::{Command, Identifier, Layout, Uplink, Violation, crc, image, range};
+use profile::{Command, HoldObject, Identifier, Layout, Uplink, Violation, crc, hold, image, range};
 
 /// The options of a command that writes generated files.
 #[derive(Args)]
@@ -78,6 +78,7 @@ fn client_header() -> Result<String> {
         ("wire", objects::structs()?),
         ("status", status::definitions()?),
         ("verdicts", status::verdicts().definition()),
+        ("hold", status::hold_shown().definition()),
     ];
     for (name, part) in parts {
         let mark = format!("@{name}@\n");
@@ -125,7 +126,9 @@ fn constants() -> String {
         number("PREFIX_BYTES", client::PREFIX_BYTES.into(), "Link-Status and Reported-Position"),
         size("GPS_BYTES", profile::GpsObject::SIZE, "a receiver's object"),
         size("PORT_BYTES", PortArea::SIZE, "Port-Status and both uplinks"),
-        size("MAX_MAP_BYTES", client::MAX_MAP, "the longest map, that of five receivers"),
+        size("HOLD_BYTES", HoldObject::SIZE, "the object of an active hold, behind them where there is one"),
+        size("HOLD_COMMAND_BYTES", hold::COMMAND_SIZE, "a command to it, the beginning of an uplink's payload"),
+        size("MAX_MAP_BYTES", client::MAX_MAP, "the longest map, that of five receivers with a hold"),
     ]);
     text += "\n/* Offsets in the map. */\n";
     text += &defines(&[
@@ -146,6 +149,11 @@ fn constants() -> String {
             in_port(Layout::ALL[0].uplink::<FlightController>().start),
             "the flight controller's uplink, as stored",
         ),
+        size(
+            "HOLD_OFFSET",
+            in_port(Layout::ALL[0].with_hold().hold().expect("the hold's").start),
+            "the hold's object, where there is a hold",
+        ),
     ]);
     text += "\n/* Identifiers. */\n";
     let id = |name: &str, identifier: Identifier, what| hex(&format!("ID_{name}"), identifier.0.into(), what);
@@ -156,12 +164,16 @@ fn constants() -> String {
         id("UPLINK_BASE_STATION", Identifier::UPLINK_BASE_STATION, "uplink of the base station"),
         id("UPLINK_FLIGHT_CONTROLLER", Identifier::UPLINK_FLIGHT_CONTROLLER, "uplink of the flight controller"),
         id("COMMAND", Identifier::COMMAND, "command of the flight controller to the DPR"),
+        id("HOLD_STATUS", Identifier::HOLD_STATUS, "Hold-Status; other makers' holds have up to 255 more"),
     ]);
     text += "\n/* Commands. */\n";
     text += &defines(&Command::ALL.map(|command| {
         let (name, what) = status::command(command);
         hex(&format!("COMMAND_{name}"), command.word(), what)
     }));
+    text += "\n/* Words of commands to the hold; 0 is none. */\n";
+    text +=
+        &defines(&status::hold_words().map(|(name, word, what)| number(&format!("HOLD_{name}"), word.into(), what)));
     text += "\n/* Limits of the client, unless its configuration sets others. */\n";
     text += &defines(&[
         number("AGE_LIMIT_US", Config::AGE_LIMIT_US.into(), "a position older than this is not shown"),
@@ -176,6 +188,8 @@ fn constants() -> String {
         number("TOLERANCE_SHARE", client::TOLERANCE_SHARE.into(), "and by one part in so many of the step"),
         number("EXPIRY_US", client::EXPIRY_US.into(), "the DPR does not show an image for longer than this"),
         number("UPLINK_EXPIRY_MS", Uplink::EXPIRY_MS.into(), "the DPR does not show an uplink for longer than this"),
+        number("HOLD_EXPIRY_US", 1_000 * u64::from(hold::EXPIRY_MS), "the DPR does not show Hold-Status for longer"),
+        number("HOLD_FRAME_US", client::HOLD_FRAME_US.into(), "the age of Hold-Status when the DPR gets it"),
         ("HORUS_DPR_AGE_UNKNOWN".into(), "UINT32_MAX".into(), "no sample yet, or its age cannot be told"),
         ("HORUS_DPR_NO_FRESH".into(), "UINT64_MAX".into(), "the FRESH line is not wired"),
     ]);
@@ -223,6 +237,9 @@ fn layouts() -> String {
         text += &assert(format!("HORUS_DPR_MAP_BYTES({n}U)"), layout.map_len());
         text += &assert(format!("HORUS_DPR_GPS_AT({n}U)"), layout.in_image(n).expect("the last receiver's").start);
         text += &assert(format!("HORUS_DPR_PORT_STATUS_AT({n}U)"), layout.port_status().start);
+        let with_hold = layout.with_hold();
+        text += &assert(format!("HORUS_DPR_HOLD_AT({n}U)"), with_hold.hold().expect("the hold's").start);
+        text += &assert(format!("HORUS_DPR_HOLD_AT({n}U) + HORUS_DPR_HOLD_BYTES"), with_hold.map_len());
         text
     }) + "\n"
 }

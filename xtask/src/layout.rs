@@ -66,6 +66,8 @@ fn places(layout: Layout) -> Result<Vec<Place>> {
             bytes: layout.uplink::<FlightController>(),
         },
     ]);
+    let hold = |bytes| Place { object: "hold_status", identifier: Identifier::HOLD_STATUS, bytes };
+    places.extend(layout.hold().map(hold));
     let ends = std::iter::once(0).chain(places.iter().map(|place| place.bytes.end));
     let whole = ends.zip(&places).all(|(end, place)| end == place.bytes.start);
     let end = places.last().map(|place| place.bytes.end);
@@ -83,6 +85,7 @@ fn identifiers() -> Vec<(String, Identifier)> {
         ("UPLINK_BASE_STATION", Identifier::UPLINK_BASE_STATION),
         ("UPLINK_FLIGHT_CONTROLLER", Identifier::UPLINK_FLIGHT_CONTROLLER),
         ("COMMAND", Identifier::COMMAND),
+        ("HOLD_STATUS", Identifier::HOLD_STATUS),
     ];
     others.map(|(name, identifier)| (name.to_owned(), identifier)).into_iter().chain(gps).collect()
 }

@@ -127,7 +127,7 @@ mod tests {
             "/// Of this.",
             "/// Of that.",
             "fn f() {} // Of it",
-            "    // So many.",
+            "    // So many x.",
             "",
             "//! It.",
             "//!",

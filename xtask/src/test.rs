@@ -50,9 +50,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
         }
         for target in package["targets"].as_array().into_iter().flatten().filter(|target| target["kind"][0] == "test") {
             let (Some(binary), Some(source)) = (target["name"].as_str(), target["src_path"].as_str()) else { continue };
-            let folder = Path::new(source).with_file_name("");
             let is_module = source.ends_with("tests/main.rs")
-                && (folder.join(format!("{name}.rs")).is_file() || folder.join(name).join("mod.rs").is_file());
+                && std::fs::read_to_string(source)?.lines().any(|line| line == format!("mod {name};"));
             if binary == name || is_module {
                 let args = args.iter().cloned().chain(["--test".into(), binary.to_owned()]).collect();
                 found.push((args, is_module.then(|| format!("{name}::"))));
@@ -209,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_selects_a_package_or_a_binary_or_a_file_of_tests() {
+    fn a_name_selects_a_package_a_binary_or_a_file() {
         let metadata = metadata().unwrap();
         let args = |name| {
             let selected = selected(&metadata, name).unwrap();

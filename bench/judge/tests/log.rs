@@ -307,7 +307,7 @@ proptest! {
 }
 
 #[test]
-fn the_example_log_is_judged_without_a_violation_and_damage_to_it_is_found() {
+fn the_example_log_has_no_violation_until_it_is_damaged() {
     let text = include_str!("../example.log");
     let log = Log::read(text.as_bytes()).unwrap();
     let verdict = judge(&log);

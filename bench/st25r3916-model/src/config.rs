@@ -64,11 +64,21 @@ pub struct Config {
     /// The voltage of another chip's field at the field detector's input, mV: assumed, some centimetres away.
     pub field_mv: u16,
 
+    /// Whether the chip is meant to answer. If not, each answer is a finding.
+    pub answers: bool,
+    /// Whether the end of a poller's transmission opens a receiver that D0 has masked: no document that is at hand says
+    /// so, and ST's library always stops the chip (C2) between D0 and a transmission.
+    pub transmit_unmasks: bool,
+    /// Whether D1 also clears the FIFO, as a comment in ST's library says (stm32duino/ST25R3916
+    /// `src/rfal_rfst25r3916.cpp`).
+    pub unmask_clears_fifo: bool,
+
     /// Seed of the scatter of the start of transmission: the same seed gives the same instants.
     pub seed: u64,
     /// Measured on one chip: mean time from the end of the command byte to the start of the frame on the air, ns. Seven
     /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length
-    /// of the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred.
+    /// of the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred,
+    /// and so is that for an answer.
     pub transmit_latency_ns: u64,
     /// Measured on one chip: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for
     /// none. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
@@ -145,6 +155,9 @@ impl Default for Config {
             tuning: TUNING_B,
             tuning_tolerance: 0x20,
             field_mv: 350,
+            answers: false,
+            transmit_unmasks: false,
+            unmask_clears_fifo: false,
             seed: 0,
             transmit_latency_ns: 3_650,
             transmit_scatter_ns: 2_300,

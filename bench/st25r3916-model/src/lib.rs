@@ -46,10 +46,11 @@
 //! Each module's documentation starts with what it covers, by data sheet section, and what it leaves out and why. A
 //! module does not use those above it:
 //!
-//! - `air`: two chips and what is between them.
+//! - `air`: two chips and what is between them; [`AnswerPath`] is the way back, of a link that has answers.
 //! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
 //! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
-//!   state); `receive_chain`, `modulation` and `supply` (settings that the board or the technology contradicts).
+//!   state); `receive_chain`, `modulation`, `load_modulation` and `supply` (settings that the board or the technology
+//!   contradicts).
 //! - `core`: the common base: time and deadlines (`schedule`), `registers` (map, reset values and contents),
 //!   `interrupts` (pending bits and the IRQ pin), findings (`report`).
 #![forbid(unsafe_code)]
@@ -65,6 +66,7 @@ mod field;
 mod fifo;
 mod incoming;
 mod interrupts;
+mod load_modulation;
 mod modulation;
 mod outgoing;
 mod receive_chain;
@@ -79,7 +81,7 @@ mod timers;
 mod transmitter;
 
 pub use crate::core::Statistics;
-pub use air::{Air, AirFaults, Counters, Heard, LastFrame, Origin, SentFrame};
+pub use air::{Air, AirFaults, AnswerFaults, AnswerPath, Counters, ForeignCard, Heard, LastFrame, Origin, SentFrame};
 pub use chip::{Chip, SpiFrame, SpiMode};
 pub use config::{BrokenFrame, Config, Variant};
 pub use crc::nfc_f;

@@ -43,24 +43,31 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let driver = core.a(reg::TX_DRIVER);
     let depths = if is_b { DEPTH_B } else { DEPTH_A };
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
-    let (mode, io) = (core.a(reg::MODE), core.a(reg::IO2));
+    let mode = core.a(reg::MODE);
+    let looks = [(mode & TR_AM != 0, Space::A, reg::MODE, mode), (deep_enough, Space::A, reg::TX_DRIVER, driver)];
+    // Both checks run, so that each finding is reported.
+    all(core, looks) & supply_suits(core)
+}
+
+/// Whether the B's settings for the supply of its driver suit its board and each other.
+pub(crate) fn supply_suits(core: &mut Core) -> bool {
+    let is_a = core.config().variant == Variant::St25r3916;
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
     // The capacitor at VDD_AM is either small or large, and both bits must agree on it.
-    let pair = (auxiliary & DIS_REG_AM != 0) != (io & ACT_AMSINK != 0);
+    let pair = (auxiliary & DIS_REG_AM != 0) != (core.a(reg::IO2) & ACT_AMSINK != 0);
     let looks = [
-        (mode & TR_AM != 0, Space::A, reg::MODE, mode),
-        (deep_enough, Space::A, reg::TX_DRIVER, driver),
-        (!is_b || pair, Space::B, reg::B_AUX_MOD, auxiliary),
-        (!is_b || shaping & VDDRF_CONT != 0, Space::B, reg::B_AWS1, shaping),
+        (is_a || pair, Space::B, reg::B_AUX_MOD, auxiliary),
+        (is_a || shaping & VDDRF_CONT != 0, Space::B, reg::B_AWS1, shaping),
     ];
-    let mut suits = true;
-    for (right, space, address, value) in looks {
-        if !right {
-            suits = false;
-            core.note(Kind::Modulation { space, address: address as u8, value });
-        }
+    all(core, looks)
+}
+
+/// Whether each of these registers has a right value; a finding for each other: right, space, address, value.
+pub(crate) fn all<const N: usize>(core: &mut Core, looks: [(bool, Space, usize, u8); N]) -> bool {
+    for (_, space, address, value) in looks.iter().filter(|(right, ..)| !right) {
+        core.note(Kind::Modulation { space: *space, address: *address as u8, value: *value });
     }
-    suits
+    looks.iter().all(|(right, ..)| *right)
 }
 
 /// Whether the antenna is in tune for its role.

@@ -37,6 +37,9 @@ use crate::timers::{self, Trigger};
 const LEVEL: usize = 300;
 /// The time from the end of a SENSF_REQ to the answer's first slot: 512 × 64 carrier cycles (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
+/// The time from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol 1.1, TR0F,LISTEN,MIN;
+/// proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
+const GUARD_CYCLES: u64 = 2_672;
 
 /// The receiver, and the frame that it is receiving.
 #[derive(Clone, Debug)]
@@ -44,17 +47,19 @@ pub(crate) struct Receiver {
     frame: Option<Incoming>,
     /// The virtual time from which it has been unmasked; `None` when it is masked.
     unmasked_since: Option<u64>,
+    /// The end on the air of a target's last frame, until it is answered.
+    asked: Option<u64>,
 }
 
 impl Receiver {
     /// A receiver that is unmasked from time 0.
     pub(crate) fn new() -> Self {
-        Self { frame: None, unmasked_since: Some(0) }
+        Self { frame: None, unmasked_since: Some(0), asked: None }
     }
 
     /// Resets it as Set default does: the frame being received is lost, and it is unmasked from now on.
     pub(crate) fn set_default(&mut self, now: u64) {
-        *self = Self { frame: None, unmasked_since: Some(now) };
+        *self = Self { frame: None, unmasked_since: Some(now), asked: None };
     }
 
     /// Whether it is receiving a frame.
@@ -77,6 +82,11 @@ impl Receiver {
     /// Unmasks it by D1. A frame already past its sync cannot be joined, and one being received goes on.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
+    }
+
+    /// Ends what the mask-receive timer masks: the decoder runs from now on, unless a command has masked it.
+    pub(crate) fn mask_timer_ends(&mut self, now: u64) {
+        self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
     /// Sets the mask without a command: a target waits for D1, a poller's receiver is open.
@@ -322,10 +332,20 @@ impl Receiver {
             core.plan_in(Due::Answer, delay);
         }
         core.raise(raised);
+        self.asked = rx.done_at().map(|done| done.saturating_sub(core.config().nfc_f_latency_ns));
         core.statistics_mut().received += 1;
         timers::general_purpose_trigger(core, Trigger::EndOfReception);
         if core.target() {
             self.mask_idle(core);
+        }
+    }
+
+    /// Checks an answer whose first bit leaves at `start`: it answers a frame, once, and keeps the guard time.
+    pub(crate) fn answers(&mut self, core: &mut Core, start: u64) {
+        let Some(end) = self.asked.take() else { return core.note(Kind::AnswerUnasked) };
+        let after = start.saturating_sub(end);
+        if after < core.clock().cycles(GUARD_CYCLES) {
+            core.note(Kind::AnswerTooEarly(after));
         }
     }
 

@@ -46,6 +46,7 @@ pub(crate) mod reg {
     pub(crate) const TUNE_A: usize = 0x26;
     pub(crate) const TUNE_B: usize = 0x27;
     pub(crate) const TX_DRIVER: usize = 0x28;
+    pub(crate) const PT_MOD: usize = 0x29;
     pub(crate) const FIELD_ON_THRESHOLD: usize = 0x2A;
     pub(crate) const FIELD_OFF_THRESHOLD: usize = 0x2B;
     pub(crate) const REGULATOR: usize = 0x2C;

@@ -130,8 +130,13 @@ pub enum Kind {
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
     AutomaticAnswersEnabled,
-    /// The part answered: load modulation was, or would have been, on the air.
+    /// The part answered though it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation was,
+    /// or would have been, on the air.
     LoadModulation,
+    /// The part answered without a frame since its last answer.
+    AnswerUnasked,
+    /// An answer's first bit came before the guard time of NFC-F, 2672 carrier cycles after the frame: this many ns.
+    AnswerTooEarly(u64),
 }
 
 impl fmt::Display for Kind {
@@ -186,6 +191,8 @@ impl fmt::Display for Kind {
             Self::CollisionAvoidanceBlind => write!(f, "collision avoidance with the field detector off"),
             Self::AutomaticAnswersEnabled => write!(f, "target armed with automatic answers enabled"),
             Self::LoadModulation => write!(f, "load modulation: the part answered"),
+            Self::AnswerUnasked => write!(f, "answer without a frame to answer"),
+            Self::AnswerTooEarly(ns) => write!(f, "answer {ns} ns after its frame, before the guard time"),
         }
     }
 }

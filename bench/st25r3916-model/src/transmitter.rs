@@ -11,7 +11,7 @@
 //! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, | the same; register 05 |
 //! | CRC_A |  |
 //! | FIFO: sending while loading, water level on the way down (below 200), underflow breaks the frame off | FIFO |
-//! | automatic SENSF_RES, slot 0; load modulation by C4 of a target | Passive target |
+//! | automatic SENSF_RES, slot 0; load modulation by C4 of a target: frame and start as a poller's | Passive target |
 //! | scatter of the start of transmission around its mean | recorded, see `Config::transmit_scatter_ns` |
 //! | FIFO cleared or read in mid-frame: the transmission | FIFO; silicon sends what is loaded in time |
 //! | underflows at its next byte | the remaining bytes instead, if any |
@@ -26,6 +26,7 @@ use crate::event::{AirEvent, Technology};
 use crate::field::Field;
 use crate::fifo::Fifo;
 use crate::interrupts::irq;
+use crate::load_modulation;
 use crate::modulation;
 use crate::outgoing::Outgoing;
 use crate::registers::RX_EN;
@@ -77,8 +78,12 @@ impl Transmitter {
             return false;
         }
         if frame.is_answer() {
-            frame.silent = !core.load_modulator();
-            core.note(Kind::LoadModulation);
+            if !core.config().answers {
+                core.note(Kind::LoadModulation);
+            }
+            // Both checks run, so that each finding is reported.
+            let modulates = load_modulation::suits(core) & modulation::in_tune(core);
+            frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
             // Both checks run, so that each finding is reported.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
@@ -87,8 +92,8 @@ impl Transmitter {
         true
     }
 
-    /// Starts an admitted frame: its first bit follows after the transmitter's latency.
-    pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) {
+    /// Starts an admitted frame: its first bit follows after the transmitter's latency, at the instant returned.
+    pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();
         let (mean, half) = (core.config().transmit_latency_ns, core.config().transmit_scatter_ns / 2);
@@ -97,6 +102,7 @@ impl Transmitter {
         frame.starts_at(start);
         self.frame = Some(frame);
         core.plan(Due::TxStart, start);
+        start
     }
 
     /// Sends the first bit.

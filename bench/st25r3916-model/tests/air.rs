@@ -1,6 +1,6 @@
 //! Tests the air's effect on frames, event by event: their bits, their length and whether they are received at all.
 
-mod common;
+use crate::common;
 
 use common::antenna::{Antenna, HEADER, MS, US, bits_ns, frame, start, wrong_bits};
 use st25r3916_model::{AirEvent, AirFaults, Chunk, Heard, Origin, Technology};

@@ -1,6 +1,6 @@
 //! Tests the faults of the air between two chips, as the listener's controller observes them.
 
-mod common;
+use crate::common;
 
 use common::{BYTE_NS, Pair, Side, exact, nfc_a_poller, payload};
 use st25r3916_model::{Air, AirFaults, Config, Kind, Origin};

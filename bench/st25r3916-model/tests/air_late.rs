@@ -1,6 +1,6 @@
 //! Tests the air's effect on the time of frames: repeated, delayed, scattered, colliding, and without a field.
 
-mod common;
+use crate::common;
 
 use common::antenna::{Antenna, HEADER, MS, US, bits_ns, frame, start};
 use st25r3916_model::{AirEvent, AirFaults, Chunk, Origin, Technology};

@@ -1,6 +1,6 @@
 //! Tests the chip's handling of a controller's chip select, clock and frames, and its reports about them.
 
-mod common;
+use crate::common;
 
 use common::{Pair, Side, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, Kind, SpiFrame, SpiMode};

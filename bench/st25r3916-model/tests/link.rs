@@ -1,6 +1,6 @@
 //! Tests two chips through the air, driven over SPI as the data sheet specifies.
 
-mod common;
+use crate::common;
 
 use common::{Pair, Side, exact, payload};
 use st25r3916_model::{Air, AirFaults, BrokenFrame, Config, Kind, Withheld};

@@ -1,6 +1,6 @@
 //! Tests a careless controller: every misuse is reported, never silently accepted, and never a panic.
 
-mod common;
+use crate::common;
 
 use common::{Pair, Side, exact, nfc_a_answer, nfc_a_answer_begins, nfc_a_poller, payload};
 use proptest::prelude::*;

@@ -1,7 +1,7 @@
 //! Tests settings that do not suit the board or the technology: supply, antenna tuning, receive chain. Each is a
 //! finding.
 
-mod common;
+use crate::common;
 
 use common::{Pair, Side, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, Kind, Space, Technology, Variant};

@@ -1,6 +1,6 @@
 //! Tests instants of the model: the edges of the IRQ pin, and the scatter of the start of transmission.
 
-mod common;
+use crate::common;
 
 use common::{Pair, exact, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, IrqEdge};

@@ -109,6 +109,26 @@ static void say_report(const tape_t *tape, const horus_dpr_report_t *report)
     say(tape, "\n");
 }
 
+static void say_hold(const tape_t *tape, const horus_dpr_hold_t *hold)
+{
+    say(tape, " t=%u s=%04x %08x %08x %08x %08x %08x %08x %08x %08x %08x", (unsigned)hold->timestamp,
+        (unsigned)hold->status, bits32(hold->temperature), bits32(hold->humidity), bits32(hold->set_point),
+        bits32(hold->vibration[0]), bits32(hold->vibration[1]), bits32(hold->vibration[2]),
+        bits32(hold->greatest_shock), bits32(hold->supply), bits32(hold->output));
+    say(tape, " %u:%u %u:%u %u", (unsigned)hold->base_station.number, (unsigned)hold->base_station.outcome,
+        (unsigned)hold->own.number, (unsigned)hold->own.outcome, (unsigned)hold->seconds);
+}
+
+static void say_hold_report(
+    const tape_t *tape, const horus_dpr_hold_report_t *report, const horus_dpr_sender_t *sender)
+{
+    say(tape, "hold %d age=%u", (int)report->shown, (unsigned)report->age_us);
+    if (report->shown == HORUS_DPR_HOLD_VALID) {
+        say_hold(tape, &report->values);
+    }
+    say(tape, " sent %d %u %u\n", (int)sender->sent, (unsigned)sender->number, (unsigned)sender->outcome);
+}
+
 static void say_view(const tape_t *tape, const horus_dpr_t *client, const uint8_t *miso, size_t count)
 {
     static const uint16_t writers[2] = { HORUS_DPR_ID_UPLINK_BASE_STATION, HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER };
@@ -116,6 +136,7 @@ static void say_view(const tape_t *tape, const horus_dpr_t *client, const uint8_
     horus_dpr_sample_t sample;
     horus_dpr_port_t port;
     horus_dpr_uplink_t uplink;
+    horus_dpr_hold_t hold;
     horus_dpr_result_t result = horus_dpr_view_link(client, miso, count, &link);
     say(tape, "link %d", (int)result);
     if (result == HORUS_DPR_OK) {
@@ -161,10 +182,24 @@ static void say_view(const tape_t *tape, const horus_dpr_t *client, const uint8_
             say(tape, "\n");
         }
     }
+    if (client->config.hold) {
+        result = horus_dpr_view_hold(client, miso, count, &hold);
+        say(tape, "hold %d", (int)result);
+        if (result == HORUS_DPR_OK) {
+            say_hold(tape, &hold);
+        }
+        say(tape, "\n");
+    }
 }
 
+/* The flight controller's end of the hold. */
+typedef struct {
+    horus_dpr_hold_track_t track;
+    horus_dpr_sender_t sender;
+} hold_t;
+
 /* One transaction: begin, and end with the tape's bytes, at an odd address. */
-static const uint8_t *transact(tape_t *tape, horus_dpr_t *client, size_t *count)
+static const uint8_t *transact(tape_t *tape, horus_dpr_t *client, hold_t *hold, size_t *count)
 {
     static uint8_t miso[MAX_MISO + 1U];
     const uint8_t *head = take(tape, 18U);
@@ -182,6 +217,15 @@ static const uint8_t *transact(tape_t *tape, horus_dpr_t *client, size_t *count)
             (void)memcpy(&miso[1], body, length);
             horus_dpr_end(client, &miso[1], length, number(head, 8U), number(&head[8], 8U), &report);
             say_report(tape, &report);
+            if (client->config.hold) {
+                horus_dpr_hold_t values;
+                horus_dpr_hold_report_t hold_report;
+                if (horus_dpr_view_hold(client, &miso[1], length, &values) == HORUS_DPR_OK) {
+                    horus_dpr_sender_observe(&hold->sender, &values);
+                }
+                horus_dpr_hold_read(&hold->track, client, &miso[1], length, number(head, 8U), &hold_report);
+                say_hold_report(tape, &hold_report, &hold->sender);
+            }
             *count = length;
             brought = &miso[1];
         } else {
@@ -197,25 +241,30 @@ void horus_dpr_play(const uint8_t *bytes, size_t count, horus_dpr_sink_t sink, v
     tape_t tape = { bytes, count, sink, context };
     horus_dpr_config_t config = horus_dpr_config(3U);
     horus_dpr_t client;
+    hold_t hold;
     const uint8_t *miso = nothing;
     size_t brought = 0U;
     uint8_t object[HORUS_DPR_OBJECT_BYTES];
+    uint8_t payload[HORUS_DPR_PAYLOAD_BYTES];
 
+    (void)memset(&hold, 0, sizeof(hold));
     (void)horus_dpr_init(&client, &config);
     while (tape.left > 0U) {
         const uint8_t *kind = take(&tape, 1U);
         const uint8_t *body;
-        switch (*kind % 7U) {
+        switch (*kind % 10U) {
         case 0U:
             body = take(&tape, 11U);
             if (body != NULL) {
-                config.receivers = body[0];
+                config.receivers = body[0] & 0x7FU;
+                config.hold = (body[0] & 0x80U) != 0U;
                 config.read_bytes = (uint16_t)number(&body[1], 2U);
                 config.age_limit_us = (uint32_t)number(&body[3], 4U);
                 config.silence_us = (uint32_t)number(&body[7], 4U);
                 const horus_dpr_result_t result = horus_dpr_init(&client, &config);
                 say(&tape, "config %d\n", (int)result);
                 if (result == HORUS_DPR_OK) {
+                    (void)memset(&hold, 0, sizeof(hold));
                     miso = nothing;
                     brought = 0U;
                 }
@@ -235,7 +284,7 @@ void horus_dpr_play(const uint8_t *bytes, size_t count, horus_dpr_sink_t sink, v
             }
             break;
         case 3U:
-            body = transact(&tape, &client, &brought);
+            body = transact(&tape, &client, &hold, &brought);
             miso = (body != NULL) ? body : nothing;
             brought = (body != NULL) ? brought : 0U;
             break;
@@ -252,10 +301,33 @@ void horus_dpr_play(const uint8_t *bytes, size_t count, horus_dpr_sink_t sink, v
                 say_bytes(&tape, object, sizeof(object));
             }
             break;
+        case 7U:
+            body = take(&tape, 5U);
+            if (body != NULL) {
+                static const uint16_t words[4] = { HORUS_DPR_HOLD_SET_POINT, HORUS_DPR_HOLD_LOCK,
+                    HORUS_DPR_HOLD_UNLOCK, HORUS_DPR_HOLD_CLEAR_SHOCK };
+                const uint32_t bits = ((body[0] % 4U) == 0U) ? (uint32_t)number(&body[1], 4U) : 0U;
+                float value;
+                (void)memcpy(&value, &bits, sizeof(value));
+                if (horus_dpr_sender_send(&hold.sender, words[body[0] % 4U], value)) {
+                    say(&tape, "send %u\n", (unsigned)hold.sender.number);
+                } else {
+                    say(&tape, "send none\n");
+                }
+            }
+            break;
+        case 8U:
+            horus_dpr_sender_give_up(&hold.sender);
+            say(&tape, "give up\n");
+            break;
         default:
             body = take(&tape, 6U + HORUS_DPR_PAYLOAD_BYTES);
             if (body != NULL) {
-                horus_dpr_seal_uplink(object, (uint32_t)number(body, 4U), (uint16_t)number(&body[4], 2U), &body[6]);
+                (void)memcpy(payload, &body[6], sizeof(payload));
+                if ((*kind % 10U) == 9U) {
+                    horus_dpr_sender_fill(&hold.sender, payload);
+                }
+                horus_dpr_seal_uplink(object, (uint32_t)number(body, 4U), (uint16_t)number(&body[4], 2U), payload);
                 say(&tape, "own %d ", (int)horus_dpr_write(&client, object));
                 say_bytes(&tape, object, sizeof(object));
             }

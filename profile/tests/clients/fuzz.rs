@@ -1,11 +1,14 @@
 //! Runs both clients over transactions that are mutated at random, from a seed: the C client under the sanitizers, with
 //! the Rust client as its oracle.
-use profile::criticality::{BaseStation, Dpr, Writer};
+use std::collections::BTreeMap;
+
+use profile::criticality::{ActiveLoad, BaseStation, Dpr, Writer};
+use profile::hold::{Acknowledged, Outcome};
 use profile::map::PortArea;
 use profile::ssi::client::{Config, Verdict};
 use profile::{
-    GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile,
-    ReportedStatus, ReportedValues, Uplink, UplinkValues,
+    GpsValues, HoldStatus, HoldStatusBits, HoldValues, Layout, LinkStatus, LinkStatusBits, LinkValues, PortStatus,
+    PortStatusBits, PortValues, Profile, ReportedStatus, ReportedValues, Uplink, UplinkValues,
 };
 
 use super::c::Build;
@@ -33,10 +36,12 @@ impl Random {
 struct Drawn {
     random: Random,
     tape: Tape,
-    receivers: usize,
+    layout: Layout,
     now_us: u64,
     timestamp: u32,
     image: u32,
+    hold_timestamp: u32,
+    acknowledged: u16,
     /// The last requested window, if any: half of the transactions read it.
     asked: Option<(usize, usize)>,
 }
@@ -46,10 +51,12 @@ impl Drawn {
         Self {
             random: Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1),
             tape: Tape::default(),
-            receivers: 3,
+            layout: Layout::ALL[2],
             now_us: 1_000_000,
             timestamp: 0,
             image: 0,
+            hold_timestamp: 0,
+            acknowledged: 0,
             asked: None,
         }
     }
@@ -106,28 +113,38 @@ impl Drawn {
                 let (timestamp, status) = (self.number(), self.bits());
                 self.tape.uplink(timestamp, status, &[0x3C; 52]);
             }
+            11..=12 => {
+                let (which, set_point) = (self.pick(&[0, 1, 2, 3]), self.f32(4.5));
+                self.tape.send(which, set_point);
+            }
+            13..=14 => {
+                let (timestamp, status) = (self.number(), self.bits());
+                self.tape.commanding(timestamp, status, &[0x3C; 52]);
+            }
+            15 => self.tape.give_up(),
             _ => {}
         }
         self.transaction();
     }
 
     fn config(&mut self) {
-        self.receivers = self.pick(&[1, 2, 3, 5]);
-        let layout = Layout::for_receivers(self.receivers).expect("a profile");
+        let layout = self.pick(&Layout::ALL);
+        let layout = if self.once_in(2) { layout.with_hold() } else { layout };
+        self.layout = layout;
         let map = u16::try_from(layout.map_len()).expect("short");
         let config = Config {
             layout,
-            read_bytes: self.pick(&[96, 96, 96, 100, map, map - 1, map + 1, 95]),
+            read_bytes: self.pick(&[96, 96, 96, 100, map, map, map - 1, map + 1, 95]),
             age_limit_us: self.pick(&[100_000, 100_000, 20_000, 0, 5_400, u32::MAX]),
             silence_us: self.pick(&[30_000, 30_000, 0, u32::MAX]),
         };
-        let receivers = if self.once_in(16) { self.pick(&[0, 4, 6, 255]) } else { self.receivers.to_le_bytes()[0] };
+        let receivers = if self.once_in(16) { self.pick(&[0, 4, 6, 127]) } else { layout.receivers().to_le_bytes()[0] };
         self.tape.config(receivers, &config);
         self.asked = None;
     }
 
     fn ask(&mut self) {
-        let map = Layout::for_receivers(self.receivers).expect("a profile").map_len();
+        let map = self.layout.map_len();
         let start = if self.once_in(3) { self.pick(&[0, 32, 96, 156, 276]) } else { self.random.below(map + 8) };
         let length = if self.once_in(3) { self.pick(&[60, 64, 96, 192]) } else { self.random.below(map + 8) };
         self.tape.ask(u16::try_from(start).expect("short"), u16::try_from(length).expect("short"));
@@ -170,7 +187,7 @@ impl Drawn {
         if !self.once_in(8) {
             self.image = self.image.wrapping_add(10);
         }
-        let map = match self.receivers {
+        let map = match self.layout.receivers() {
             1 => self.map::<1>(),
             2 => self.map::<2>(),
             3 => self.map::<3>(),
@@ -221,7 +238,53 @@ impl Drawn {
             area.set_uplink(Writer::<BaseStation>::claim(), Uplink::seal(Writer::<BaseStation>::claim(), &values));
         }
         let profile = Profile::<N>::seal(&reported, &[gps; N]);
-        [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes()].concat()
+        let hold = if self.layout.hold().is_some() { self.hold() } else { vec![] };
+        [link.as_bytes().as_slice(), profile.as_bytes(), area.as_bytes(), &hold].concat()
+    }
+
+    /// What the hold's place shows: mostly an object that follows the last one, with a number near the last one.
+    fn hold(&mut self) -> Vec<u8> {
+        self.hold_timestamp = match self.random.below(40) {
+            0 => self.number(),
+            1 => 0,
+            2..=20 => self.hold_timestamp,
+            _ => self.hold_timestamp.wrapping_add(100),
+        };
+        self.acknowledged = match self.random.below(40) {
+            0 => self.bits(),
+            1..=12 => self.acknowledged.wrapping_add(1),
+            13 => self.acknowledged.wrapping_sub(1),
+            _ => self.acknowledged,
+        };
+        let outcome = self.pick(&[
+            Outcome::Done,
+            Outcome::Done,
+            Outcome::Refused,
+            Outcome::Unknown,
+            Outcome::TooOld,
+            Outcome::Nothing,
+        ]);
+        let plausible = seeds::hold_values(self.hold_timestamp);
+        let values = HoldValues {
+            status: HoldStatusBits::from_bits(self.bits()),
+            temperature: self.f32(plausible.temperature),
+            acknowledged: [plausible.acknowledged[0], Acknowledged::new(self.acknowledged, outcome)],
+            ..plausible
+        };
+        let mut bytes = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &values).as_bytes().to_vec();
+        match self.random.below(24) {
+            0 => bytes.fill(0x00),
+            1 => bytes.fill(0xFF),
+            2 => bytes[46..].fill(5),
+            3 => {
+                // Another maker's object, a reserved outcome, or a bit without a meaning, each intact.
+                let at = self.pick(&[4, 5, 7, 50]);
+                bytes[at] ^= 1 << self.random.below(8);
+                reference::repair_frame_crc(&mut bytes);
+            }
+            _ => {}
+        }
+        bytes
     }
 
     fn damage(&mut self, miso: &mut Vec<u8>) {
@@ -269,18 +332,27 @@ const TRANSACTIONS: usize = 4_000;
 #[test]
 fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
     let mut seen = [0_u32; Verdict::ALL.len() + 1];
+    let mut holds = BTreeMap::<String, u32>::new();
     for seed in 0..TAPES {
         let tape = drawn(seed, TRANSACTIONS);
         let said = play(&tape, |told| {
             invariants::report(&told);
             seen[usize::from(told.report.verdict as u8)] += 1;
         });
+        // Absent, old or valid; and what became of the last command.
+        for line in said.lines().filter(|line| line.starts_with("hold ") && line.contains(" age=")) {
+            let (shown, sent) = (&line[..6], line.split_once(" sent ").expect("a report").1);
+            *holds.entry(shown.to_owned()).or_default() += 1;
+            *holds.entry(format!("sent {}", &sent[..1])).or_default() += 1;
+        }
         let c = Build::Sanitised.play(&tape);
         assert_same(&format!("tape {seed}, in Rust and in C"), &said, &c);
     }
     println!("{seen:?}");
     assert_eq!(seen.iter().sum::<u32>(), 200_000);
     assert!(seen[1..].iter().all(|count| *count > 1_000), "each verdict is met often: {seen:?}");
+    println!("{holds:?}");
+    assert!(holds.len() == 7 && holds.values().all(|count| *count > 1_000), "so is each case of the hold: {holds:?}");
 }
 
 #[test]

@@ -1,15 +1,16 @@
 //! The recorded transactions: a DPR that follows the design, and a flight controller that reads it, with one fault
 //! after another.
-use profile::criticality::{BaseStation, Dpr as DprRole, FlightController, Writer};
+use profile::criticality::{ActiveLoad, BaseStation, Dpr as DprRole, FlightController, Writer};
+use profile::hold::{Acknowledged, Outcome};
 use profile::image::Image;
 use profile::map::{Map, PortArea};
 use profile::ssi::client::{Client, Config, MAX_MAP};
 use profile::ssi::{self, Parsed, Request};
 use profile::uplink::Written;
 use profile::{
-    Command, CommandObject, GpsValues, HorusState, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, Object,
-    PortStatus, PortStatusBits, PortValues, Profile, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation,
-    Violations,
+    Command, CommandObject, GpsValues, HoldStatus, HoldValues, HorusState, Identifier, Layout, LinkStatus,
+    LinkStatusBits, LinkValues, Object, PortStatus, PortStatusBits, PortValues, Profile, ReportedValues, Uplink,
+    UplinkStatus, UplinkValues, Violation, Violations,
 };
 
 use super::support::seeds;
@@ -50,6 +51,8 @@ pub(crate) struct World<const N: usize> {
     /// The window that the DPR shows next.
     window: Option<Request>,
     port: PortArea,
+    /// What the hold's place has, if the DPR has one.
+    hold: Option<HoldStatus>,
     age_100us: u16,
     now_us: u64,
 }
@@ -68,9 +71,14 @@ impl<const N: usize> World<N> {
             fresh_is_wired: false,
             window: None,
             port: PortArea::EMPTY,
+            hold: None,
             age_100us: 53,
             now_us: START_US + LATENCY_US + 700,
         }
+    }
+
+    fn layout(&self) -> Layout {
+        self.client.config().layout
     }
 
     /// The map that was published with cycle number `n`.
@@ -104,7 +112,11 @@ impl<const N: usize> World<N> {
             age_100us: self.age_100us,
             ..seeds::link_values()
         }));
-        Map::<N>::new(image, self.port).as_bytes().to_vec()
+        let mut map = Map::<N>::new(image, self.port).as_bytes().to_vec();
+        if self.layout().hold().is_some() {
+            map.extend(self.hold.unwrap_or(HoldStatus::EMPTY).as_bytes());
+        }
+        map
     }
 
     /// One transaction in the flight controller's cycle.
@@ -114,7 +126,7 @@ impl<const N: usize> World<N> {
         let cycle = (self.now_us - START_US - LATENCY_US) / CYCLE_US;
         let published_us = START_US + LATENCY_US + cycle * CYCLE_US;
         let cycle = u32::try_from(cycle).expect("a short recording");
-        let window = self.window.map_or(0..Map::<N>::LEN, Request::window);
+        let window = self.window.map_or(0..self.layout().map_len(), Request::window);
         let show = |map: Vec<u8>| {
             let mut shown = map[window.clone()].to_vec();
             shown.resize(bytes, 0xFF);
@@ -135,7 +147,7 @@ impl<const N: usize> World<N> {
         }
         if !matches!(event, Event::Busy) {
             let request = mosi[..8].try_into().expect("eight bytes");
-            self.window = match ssi::parse(&request, Map::<N>::LEN) {
+            self.window = match ssi::parse(&request, self.layout().map_len()) {
                 Ok(Parsed::Window(window)) => Some(window),
                 _ => None,
             };
@@ -155,6 +167,13 @@ impl<const N: usize> World<N> {
         self.tape.ask(window.offset, window.length);
         // A request that the client refuses is part of the recording, too.
         let _ = self.client.ask(window);
+    }
+
+    /// Writes an uplink with the command that is being sent to the hold.
+    fn command(&mut self, timestamp: u32) {
+        self.tape.commanding(timestamp, 0x00C0, &[0x3C; 52]);
+        let values = UplinkValues { timestamp, ..UplinkValues::default() };
+        self.client.write(Written::FlightController(&Uplink::seal(Writer::<FlightController>::claim(), &values)));
     }
 
     fn write(&mut self, object: &[u8; 64]) {
@@ -477,6 +496,85 @@ fn edges() -> Tape {
     world.tape
 }
 
+/// A hold whose object is shown, hangs, expires and restarts, and the commands of a flight controller that reads it.
+fn hold() -> Tape {
+    let mut world = World::<3>::new(|config| {
+        config.layout = config.layout.with_hold();
+        config.read_bytes = 532;
+    });
+    world.port = port(true);
+    world.good(3);
+    let object = |timestamp, number, outcome| {
+        let acknowledged = [Acknowledged::new(7, Outcome::Refused), Acknowledged::new(number, outcome)];
+        Some(HoldStatus::seal(
+            Writer::<ActiveLoad>::claim(),
+            &HoldValues { acknowledged, ..seeds::hold_values(timestamp) },
+        ))
+    };
+    world.tape.send(0, 4.5);
+    world.hold = object(1_000, 40, Outcome::Done);
+    world.good(2);
+    world.tape.view();
+    world.tape.send(0, -2.5);
+    world.tape.send(1, 0.0);
+    world.command(5);
+    world.good(2);
+    world.hold = object(1_100, 41, Outcome::Refused);
+    world.read(Event::Busy);
+    world.read(Event::Flip(8 * 500 + 3));
+    world.tape.view();
+    world.good(2);
+    world.command(6);
+    // Every word, and every way in which a command is answered or lost.
+    for (n, (outcome, timestamp)) in
+        (0..).zip([(Outcome::Done, 1_200), (Outcome::Unknown, 1_300), (Outcome::TooOld, 1_400)])
+    {
+        world.tape.send(n + 1, 8.0);
+        world.command(7 + u32::from(n));
+        world.good(1);
+        world.hold = object(timestamp, 42 + u16::from(n), outcome);
+        world.good(1);
+    }
+    world.tape.send(4, f32::NAN);
+    world.hold = object(1_500, 50, Outcome::Done);
+    world.good(1);
+    world.tape.send(1, 0.0);
+    world.tape.give_up();
+    world.command(11);
+    world.tape.send(2, 0.0);
+    world.good(1);
+    world.tape.give_up();
+    world.hold = object(1_600, 52, Outcome::Done);
+    world.good(1);
+    world.tape.send(3, 0.0);
+    world.hold = object(0, 0, Outcome::Nothing);
+    world.good(1);
+    // The object stays the same until it is old; then there is none, another maker's, and one of HORUS's.
+    world.now_us += 290_000;
+    world.good(4);
+    world.hold = None;
+    world.good(1);
+    world.tape.view();
+    world.hold = object(100, 0, Outcome::Nothing);
+    world.good(1);
+    for identifier in [Identifier(0x4101), Identifier::REPORTED_POSITION] {
+        let mut bytes = *object(200, 0, Outcome::Nothing).expect("one").as_bytes();
+        bytes[4..6].copy_from_slice(&identifier.0.to_le_bytes());
+        super::support::reference::repair_frame_crc(&mut bytes);
+        let map = [&world.map(12)[..468], &bytes].concat();
+        world.tape.transaction(world.now_us, NO_FRESH, &map);
+        world.tape.view();
+    }
+    // Its place alone is a window like any other, and its clock is set back.
+    world.hold = object(300, 0, Outcome::Nothing);
+    world.ask(468, 64);
+    world.good(2);
+    world.ask(468, 65);
+    world.now_us -= 20_000;
+    world.good(1);
+    world.tape
+}
+
 /// Every recording, by name.
 pub(crate) fn all() -> Vec<(&'static str, Tape)> {
     use Event::{Busy, Cut, Flip, Good, Line, Slipped, Torn};
@@ -526,6 +624,7 @@ pub(crate) fn all() -> Vec<(&'static str, Tape)> {
         ("windows_and_silence", windows_and_silence()),
         ("limits", limits()),
         ("misplaced", misplaced()),
+        ("hold", hold()),
         ("edges", edges()),
     ]
 }

@@ -2,9 +2,11 @@
 //! CRC-32 stops nearly every mutation at once. So each invariant is checked twice: for the input as it is, and for the
 //! input with correct identifiers and CRCs, which must be accepted.
 use profile::{
-    Command, CommandObject, GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, PortStatus,
-    PortStatusBits, Profile, Rejection, ReportedPosition, ReportedStatus, Uplink, air,
-    criticality::{BaseStation, Dpr, FlightController, Writer},
+    Command, CommandObject, GpsObject, GpsStatus, HoldCommand, HoldObject, HoldStatus, HoldStatusBits, Identifier,
+    LinkStatus, LinkStatusBits, Object, PortStatus, PortStatusBits, Profile, Rejection, ReportedPosition,
+    ReportedStatus, Uplink, air,
+    criticality::{ActiveLoad, BaseStation, Dpr, FlightController, Function, Writer},
+    hold::{Answer, Commands, Executed, Intake},
     image::Image,
     map::Map,
     ssi::{
@@ -21,7 +23,7 @@ use super::tape::{self, TransactionData};
 pub(crate) type Invariant = fn(&[u8]);
 
 /// The name of each parser and its invariant: the fuzz targets.
-pub(crate) const ALL: [(&str, Invariant); 11] = [
+pub(crate) const ALL: [(&str, Invariant); 12] = [
     ("client", client),
     ("reported_position", reported_position),
     ("gps_object", gps_object),
@@ -33,6 +35,7 @@ pub(crate) const ALL: [(&str, Invariant); 11] = [
     ("port_status", port_status),
     ("written", written),
     ("map", map),
+    ("hold", hold),
 ];
 
 /// The invariants of every report of the flight controller's client.
@@ -386,4 +389,89 @@ fn map_of<const N: usize>(input: &[u8]) {
     port_status(&port[..64]);
     written(&port[64..128]);
     written(&port[128..]);
+}
+
+pub(crate) fn hold(input: &[u8]) {
+    judge_hold_object(input);
+    if input.len() == HoldObject::SIZE {
+        for identifier in [0x4100_u16, 0x41FF] {
+            let mut repaired = input.to_vec();
+            repaired[4..6].copy_from_slice(&identifier.to_le_bytes());
+            reference::repair_frame_crc(&mut repaired);
+            assert!(judge_hold_object(&repaired), "put right, it is accepted");
+        }
+    }
+    let mut commands = Commands::new();
+    let mut now_ms = 0;
+    // A step of 129 bytes is the time since the one before and an answer, whose uplinks are put right in every second.
+    for step in input.as_chunks::<{ 1 + Answer::SIZE }>().0 {
+        now_ms += u64::from(step[0] >> 1) * 16;
+        let mut bytes = step[1..].to_vec();
+        if step[0] & 1 == 1 {
+            for (uplink, identifier) in bytes.as_chunks_mut::<64>().0.iter_mut().zip([0x4200_u16, 0x4300]) {
+                uplink[4..6].copy_from_slice(&identifier.to_le_bytes());
+                reference::repair_frame_crc(uplink);
+            }
+        }
+        judge_answer(&mut commands, &bytes, now_ms);
+    }
+}
+
+fn judge_hold_object(bytes: &[u8]) -> bool {
+    let judged = HoldObject::verify(bytes);
+    let identifier = bytes.get(4..6).map_or(0, |bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
+    let expected = if identifier >> 8 == 0x41 { identifier } else { 0x4100 };
+    assert_eq!(judged.err(), reference::object(bytes, 64, expected));
+    assert_eq!(HoldStatus::verify(bytes).err(), reference::object(bytes, 64, 0x4100));
+    let mut intake = Intake::new();
+    assert_eq!(intake.receive(bytes, 0), judged);
+    assert_eq!(intake.is_shown(0), judged.is_ok());
+    let Ok(object) = judged else { return false };
+    assert_eq!(intake.receive(bytes, 1), Err(Rejection::Repeated));
+    let writer = Writer::<ActiveLoad>::claim();
+    assert_eq!(HoldObject::seal(writer, object.identifier(), &object.values()).as_bytes(), bytes);
+    if let Ok(status) = HoldStatus::verify(bytes) {
+        let mut expected = bytes.to_vec();
+        expected[56..60].fill(0);
+        seals_the_same(HoldStatus::seal(writer, &status.values()).as_bytes(), &expected, HoldStatusBits::USED);
+    }
+    true
+}
+
+/// What an answer makes a hold do is what its bytes say.
+fn judge_answer(commands: &mut Commands, bytes: &[u8], now_ms: u64) {
+    let before = commands.acknowledged();
+    let mut executed = [false; 2];
+    commands.take(Answer::read(bytes).expect("128 bytes"), now_ms, |writer, command: HoldCommand| {
+        let index = match writer {
+            Function::BaseStation => 0,
+            Function::FlightController => 1,
+            other => panic!("{other} commands nothing"),
+        };
+        assert!(!std::mem::replace(&mut executed[index], true), "once in an answer");
+        let payload = &bytes[64 * index + 8..64 * index + 60];
+        let word = u16::from_le_bytes([payload[2], payload[3]]);
+        assert!(matches!(
+            (word, command),
+            (1, HoldCommand::SetPoint(_))
+                | (2, HoldCommand::Lock)
+                | (3, HoldCommand::Unlock)
+                | (4, HoldCommand::ClearShock)
+        ));
+        assert_eq!(payload[8..12], [0; 4]);
+        if word == 3 { Executed::Refused } else { Executed::Done }
+    });
+    for (index, (before, after)) in before.into_iter().zip(commands.acknowledged()).enumerate() {
+        let uplink = &bytes[64 * index..64 * index + 64];
+        let ahead = after.number().wrapping_sub(before.number());
+        assert_eq!(ahead == 0, before == after, "an acknowledgement has a number of its own");
+        assert!(ahead < 0x8000 && (!executed[index] || ahead > 0));
+        if ahead > 0 {
+            assert_eq!(reference::object(uplink, 64, [0x4200, 0x4300][index]), None);
+            assert_eq!(uplink[8..10], after.number().to_le_bytes());
+            let (word, code) = (u16::from_le_bytes([uplink[10], uplink[11]]), after.code());
+            assert_eq!((word != 0, executed[index]), (true, code == 1 || code == 2));
+            assert!(code != 2 || word == 3);
+        }
+    }
 }

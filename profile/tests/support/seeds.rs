@@ -1,10 +1,12 @@
 //! The committed corpus: for each parser, valid inputs and inputs that are nearly valid. `cargo run -p profile
 //! --example corpus` writes it.
 use profile::{
-    Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Layout, LinkStatus,
-    LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus,
-    ReportedValues, ResetReason, Uplink, UplinkStatus, UplinkValues, Violation, air,
-    criticality::{BaseStation, Dpr, FlightController, Writer},
+    ABSENT_F32, Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HoldObject, HoldStatus,
+    HoldStatusBits, HoldValues, HorusState, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, PortStatus,
+    PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus, ReportedValues, ResetReason, Uplink,
+    UplinkStatus, UplinkValues, Violation, air,
+    criticality::{ActiveLoad, BaseStation, Dpr, FlightController, Writer},
+    hold::{Acknowledged, Answer, Outcome},
     image::Image,
     map::{Map, PortArea},
     ssi::{self, Request, client::Config},
@@ -104,6 +106,23 @@ pub(crate) fn port_values() -> PortValues {
     values
 }
 
+/// Hold-Status with every field in use.
+pub(crate) fn hold_values(timestamp: u32) -> HoldValues {
+    HoldValues {
+        timestamp,
+        status: HoldStatusBits::from_bits(0x0083),
+        temperature: 4.5,
+        humidity: 42.5,
+        set_point: 5.0,
+        vibration: [0.25, 0.5, ABSENT_F32],
+        greatest_shock: 38.5,
+        supply: 12.125,
+        output: -0.75,
+        acknowledged: [Acknowledged::new(0x1234, Outcome::Done), Acknowledged::new(0x5678, Outcome::TooOld)],
+        seconds: timestamp / 1_000,
+    }
+}
+
 /// An uplink with every field in use.
 pub(crate) fn uplink_values(timestamp: u32) -> UplinkValues {
     let mut payload = [0; Uplink::PAYLOAD];
@@ -138,6 +157,7 @@ pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
         ("port_status", port_status()),
         ("written", written()),
         ("map", maps()),
+        ("hold", hold()),
     ]
 }
 
@@ -164,7 +184,19 @@ fn tapes() -> Seeds {
     writing.command(1, 1);
     writing.uplink(2, 3, &[4; 52]);
     writing.transaction(60_000, NO_FRESH, &image(6)[..96]);
-    [("starting", started()), ("asking", asking), ("writing", writing)].map(|(name, tape)| (name.into(), tape.0)).into()
+    let mut commanding = Tape::default();
+    commanding.config(3, &Config { read_bytes: 532, ..Config::new(layout.with_hold()) });
+    for n in 0..4 {
+        let status = HoldStatus::seal(Writer::<ActiveLoad>::claim(), &hold_values(100 * n));
+        let map = [&image(n)[..], status.as_bytes()].concat();
+        commanding.transaction(10_000 * u64::from(n), NO_FRESH, &map);
+        commanding.send(n.to_le_bytes()[0], 4.5);
+        commanding.commanding(n, 3, &[4; 52]);
+    }
+    commanding.give_up();
+    commanding.view();
+    let tapes = [("starting", started()), ("asking", asking), ("writing", writing), ("commanding", commanding)];
+    tapes.map(|(name, tape)| (name.into(), tape.0)).into()
 }
 
 /// `valid` itself, and all the ways in which any object can nearly be valid.
@@ -348,5 +380,32 @@ fn maps() -> Seeds {
     let (before, uplinks) = map.as_bytes().split_at(276 + 64);
     seeds.push(("gps3-uplinks-exchanged".into(), [before, &uplinks[64..], &uplinks[..64]].concat()));
     seeds.push(("gps3-one-byte-short".into(), map.as_bytes()[..467].to_vec()));
+    seeds
+}
+
+fn hold() -> Seeds {
+    let writer = Writer::<ActiveLoad>::claim();
+    let mut seeds = around("valid", HoldStatus::seal(writer, &hold_values(10_000)).as_bytes());
+    seeds.extend(scrubbed(HoldObject::SIZE));
+    let start = HoldStatus::seal(writer, &HoldValues::absent(0));
+    seeds.push(("at-start".into(), start.as_bytes().to_vec()));
+    let theirs = HoldObject::seal(writer, Identifier(0x41FF), &start.as_object().values());
+    seeds.push(("of-another-maker".into(), theirs.as_bytes().to_vec()));
+    // Answers: the first has no command, then come all words, an unknown one, one that is repeated, and one too late.
+    let step = |time: u8, timestamp: u32, number: u8, word: u8| {
+        let mut values = UplinkValues { timestamp, ..UplinkValues::default() };
+        values.payload[..8].copy_from_slice(&[number, 0, word, 0, 0, 0, 0x90, 0x40]);
+        let mut answer = Answer::EMPTY;
+        let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
+        answer.set_uplink(base, Uplink::seal(base, &values));
+        answer.set_uplink(own, Uplink::seal(own, &values));
+        [&[time][..], answer.as_bytes()].concat()
+    };
+    let words: Vec<_> = (0..6).map(|n| step(12, 100 * u32::from(n), n, n)).collect();
+    seeds.push(("commands".into(), words.concat()));
+    let late = [step(0, 0, 0, 0), step(12, 100, 1, 2), step(12, 200, 1, 2), step(254, 200, 2, 2)];
+    seeds.push(("commands-repeated-and-too-late".into(), late.concat()));
+    let behind = [step(0, 500, 0, 0), step(13, 600, 1, 2), step(13, 100, 2, 3), step(13, 200, 2, 3)];
+    seeds.push(("commands-after-a-restart".into(), behind.concat()));
     seeds
 }

@@ -4,28 +4,37 @@
 //! `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape: it ends where a step is
 //! incomplete.
 //!
-//! | first byte, modulo 7 | step | what follows it |
+//! | first byte, modulo 10 | step | what follows it |
 //! |---|---|---|
-//! | 0 | a new client | u8 receivers, u16 bytes to read, u32 age limit, u32 silence, µs |
+//! | 0 | a new client | u8 receivers, +0x80 with a hold; u16 bytes to read, u32 age limit, u32 silence, µs |
 //! | 1 | requests a window | u16 offset, u16 length |
 //! | 2 | writes an object | 64 bytes |
 //! | 3 | a transaction | u64 began, u64 FRESH, µs; u16 count; that many bytes of MISO, at most 1024 |
 //! | 4 | views every object of the last transaction | |
 //! | 5 | seals a command and writes it | u32 timestamp, u8: odd for a self-test |
 //! | 6 | seals an uplink and writes it | u32 timestamp, u16 status, 52 bytes |
+//! | 7 | sends a command to the hold | u8: modulo 4 set-point, lock, unlock, clear the shock; f32 set-point |
+//! | 8 | gives that command up | |
+//! | 9 | seals an uplink with that command and writes it | u32 timestamp, u16 status, 52 bytes |
+//!
+//! A client with a hold gives one line more after each transaction, and one more in each view.
 use std::fmt::Write as _;
 
 use profile::criticality::{BaseStation, FlightController, Writer};
+use profile::hold::{Sender, Sent};
 use profile::ssi::Request;
-use profile::ssi::client::{Client, Config, MAX_MAP, MAX_WRITE, Report, Shown, View};
+use profile::ssi::client::{Client, Config, HoldReport, HoldTrack, MAX_MAP, MAX_WRITE, Report, Shown, View};
 use profile::uplink::Written;
 use profile::{
-    Command, CommandObject, Layout, LinkStatus, LinkValues, Object, PortStatus, Rejection, ReportedValues, Uplink,
-    UplinkStatus, UplinkValues, Violation,
+    Command, CommandObject, HoldCommand, HoldStatus, HoldValues, Layout, LinkStatus, LinkValues, Object, PortStatus,
+    Rejection, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation,
 };
 
 /// The longest MISO of a step.
 const MAX_MISO: usize = 1024;
+
+/// The bit of a configuration's number of receivers that stands for a hold.
+const WITH_HOLD: u8 = 0x80;
 
 /// The instant of FRESH where the line is not wired: it is in the future, where the client ignores it.
 pub(crate) const NO_FRESH: u64 = u64::MAX;
@@ -41,7 +50,8 @@ impl Tape {
     }
 
     pub(crate) fn config(&mut self, receivers: u8, config: &Config) {
-        let Config { read_bytes, age_limit_us, silence_us, .. } = config;
+        let Config { layout, read_bytes, age_limit_us, silence_us } = config;
+        let receivers = if layout.hold().is_some() { receivers | WITH_HOLD } else { receivers };
         let (age, silence) = (age_limit_us.to_le_bytes(), silence_us.to_le_bytes());
         self.step(0, &[&[receivers], &read_bytes.to_le_bytes(), &age, &silence]);
     }
@@ -69,6 +79,18 @@ impl Tape {
 
     pub(crate) fn uplink(&mut self, timestamp: u32, status: u16, payload: &[u8; 52]) {
         self.step(6, &[&timestamp.to_le_bytes(), &status.to_le_bytes(), payload]);
+    }
+
+    pub(crate) fn send(&mut self, which: u8, set_point: f32) {
+        self.step(7, &[&[which], &set_point.to_le_bytes()]);
+    }
+
+    pub(crate) fn give_up(&mut self) {
+        self.step(8, &[]);
+    }
+
+    pub(crate) fn commanding(&mut self, timestamp: u32, status: u16, payload: &[u8; 52]) {
+        self.step(9, &[&timestamp.to_le_bytes(), &status.to_le_bytes(), payload]);
     }
 }
 
@@ -159,7 +181,29 @@ fn report(said: &Report) -> String {
     text
 }
 
-fn view(view: &View<'_>) -> String {
+fn hold(values: &HoldValues) -> String {
+    let HoldValues { temperature, humidity, set_point, vibration: [x, y, z], greatest_shock, supply, output, .. } =
+        *values;
+    let mut text = format!(" t={} s={:04x}", values.timestamp, values.status.bits());
+    for value in [temperature, humidity, set_point, x, y, z, greatest_shock, supply, output] {
+        text += &format!(" {:08x}", value.to_bits());
+    }
+    values.acknowledged.iter().for_each(|one| text += &format!(" {}:{}", one.number(), one.code()));
+    text + &format!(" {}", values.seconds)
+}
+
+fn hold_report(said: &HoldReport, sent: Sent) -> String {
+    let (sent, number, outcome) = match sent {
+        Sent::Nothing => (0, 0, 0),
+        Sent::Waiting(number) => (1, number, 0),
+        Sent::Answered(number, outcome) => (2, number, outcome.code()),
+        Sent::Lost(number) => (3, number, 0),
+    };
+    let values = said.values.as_ref().map_or(String::new(), hold);
+    format!("hold {} age={}{values} sent {sent} {number} {outcome}\n", said.shown as u8, said.age_us)
+}
+
+fn view(view: &View<'_>, has_hold: bool) -> String {
     let (result, object) = shown(view.link());
     let mut text = format!("link {result}{}\n", object.map(LinkStatus::values).as_ref().map_or(String::new(), link));
     for index in 0..=6 {
@@ -203,7 +247,18 @@ fn view(view: &View<'_>) -> String {
             .map_or(String::new(), |v| format!(" t={} s={:04x} {}", v.timestamp, v.status.bits(), hex(&v.payload)));
         text += &format!("uplink {result}{values}\n");
     }
+    if has_hold {
+        let (result, object) = shown(view.hold());
+        text += &format!("hold {result}{}\n", object.map(HoldStatus::values).as_ref().map_or(String::new(), hold));
+    }
     text
+}
+
+/// The flight controller's end of the hold.
+#[derive(Default)]
+struct Hold {
+    track: HoldTrack,
+    sender: Sender<FlightController>,
 }
 
 /// The data of each transaction for checks.
@@ -217,14 +272,16 @@ pub(crate) struct TransactionData<'a> {
 pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> String {
     let mut rest = Rest(tape);
     let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");
+    let mut hold = Hold::default();
     let mut miso: &[u8] = &[];
     let mut text = String::new();
     while let Some([kind]) = rest.array() {
-        let said = match kind % 7 {
+        let said = match kind % 10 {
             0 => rest.array::<11>().map(|[receivers, b0, b1, a0, a1, a2, a3, s0, s1, s2, s3]| {
-                let made = Layout::for_receivers(receivers.into()).ok_or(Rejection::Window).and_then(|layout| {
+                let layout = Layout::for_receivers((receivers & !WITH_HOLD).into()).ok_or(Rejection::Window);
+                let made = layout.and_then(|layout| {
                     Client::new(Config {
-                        layout,
+                        layout: if receivers & WITH_HOLD == 0 { layout } else { layout.with_hold() },
                         read_bytes: u16::from_le_bytes([b0, b1]),
                         age_limit_us: u32::from_le_bytes([a0, a1, a2, a3]),
                         silence_us: u32::from_le_bytes([s0, s1, s2, s3]),
@@ -232,7 +289,7 @@ pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> St
                 });
                 let result = code(made.as_ref().map_err(|why| *why));
                 if let Ok(made) = made {
-                    (client, miso) = (made, &[]);
+                    (client, hold, miso) = (made, Hold::default(), &[]);
                 }
                 format!("config {result}\n")
             }),
@@ -247,8 +304,8 @@ pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> St
                 }
                 format!("write {}\n", code(written))
             }),
-            3 => transaction(&mut rest, &mut client, &mut miso, &mut told),
-            4 => Some(view(&client.view(miso))),
+            3 => transaction(&mut rest, &mut client, &mut hold, &mut miso, &mut told),
+            4 => Some(view(&client.view(miso), client.config().layout.hold().is_some())),
             5 => rest.array().map(|[t0, t1, t2, t3, which]| {
                 let command = if which % 2 == 0 { Command::ClearCounters } else { Command::SelfTest };
                 let timestamp = u32::from_le_bytes([t0, t1, t2, t3]);
@@ -256,13 +313,29 @@ pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> St
                 client.write(Written::Command(command, &object));
                 format!("command 0 {}\n", hex(object.as_bytes()))
             }),
-            _ => rest.array::<58>().map(|bytes| {
+            7 => rest.array().map(|[which, v0, v1, v2, v3]| {
+                let command = match which % 4 {
+                    0 => HoldCommand::SetPoint(f32::from_le_bytes([v0, v1, v2, v3])),
+                    1 => HoldCommand::Lock,
+                    2 => HoldCommand::Unlock,
+                    _ => HoldCommand::ClearShock,
+                };
+                hold.sender.send(&command).map_or("send none\n".to_owned(), |number| format!("send {number}\n"))
+            }),
+            8 => {
+                hold.sender.give_up();
+                Some("give up\n".to_owned())
+            }
+            kind => rest.array::<58>().map(|bytes| {
                 let ([t0, t1, t2, t3, s0, s1], payload) = bytes.split_first_chunk().expect("58 bytes");
-                let values = UplinkValues {
+                let mut values = UplinkValues {
                     timestamp: u32::from_le_bytes([*t0, *t1, *t2, *t3]),
                     status: UplinkStatus::from_bits(u16::from_le_bytes([*s0, *s1])),
                     payload: payload.try_into().expect("52 bytes"),
                 };
+                if kind == 9 {
+                    hold.sender.fill(&mut values.payload);
+                }
                 let object = Uplink::seal(Writer::<FlightController>::claim(), &values);
                 client.write(Written::FlightController(&object));
                 format!("own 0 {}\n", hex(object.as_bytes()))
@@ -276,6 +349,7 @@ pub(crate) fn play(tape: &[u8], mut told: impl FnMut(TransactionData<'_>)) -> St
 fn transaction<'a>(
     rest: &mut Rest<'a>,
     client: &mut Client,
+    hold: &mut Hold,
     miso: &mut &'a [u8],
     told: &mut impl FnMut(TransactionData<'_>),
 ) -> Option<String> {
@@ -296,5 +370,13 @@ fn transaction<'a>(
     let said = client.end(brought, began_us, Some(fresh_us));
     *miso = brought;
     told(TransactionData { began_us, config: *client.config(), report: &said });
-    Some(format!("begin {bytes} {}\n{}\n", hex(&mosi[..bytes.min(MAX_WRITE)]), report(&said)))
+    let mut text = format!("begin {bytes} {}\n{}\n", hex(&mosi[..bytes.min(MAX_WRITE)]), report(&said));
+    if client.config().layout.hold().is_some() {
+        let view = client.view(brought);
+        if let Some(Shown::Intact(status)) = view.hold() {
+            hold.sender.observe(status.as_object());
+        }
+        text += &hold_report(&hold.track.read(&view, began_us), hold.sender.sent());
+    }
+    Some(text)
 }

@@ -1,7 +1,9 @@
-//! Tests the behaviour of both machines against a small stand-in for the chip.
+//! Tests the behaviour of the machines against a small stand-in for the chip.
 
+mod answerer;
 mod blocking;
 mod capture;
+mod exchange;
 mod listener;
 mod poller;
 mod properties;

@@ -1,7 +1,9 @@
 //! Tests the poller against the stand-in.
 
 use st25r3916::poller::rest_within_us;
-use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, ReceiverMode, SendError, Step, Variant};
+use st25r3916::{
+    Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, ReceiverMode, SendError, SendState, Step, Variant,
+};
 
 use crate::stand_in::{Chip, Happening, Miso, Rig, told};
 
@@ -294,19 +296,19 @@ fn a_poller_tells_its_state() {
     assert_eq!(poller.state(), PollerState::Ready);
     rig.payload = vec![1; 20];
     let step = poller.prepare(20).unwrap();
-    assert_eq!(poller.state(), PollerState::PreparingClear);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::PreparingClear));
     assert_eq!(rig.poller(&mut poller, step), PollerEvent::Prepared);
-    assert_eq!(poller.state(), PollerState::Prepared);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::Prepared));
     let _ = poller.step(Input::Start);
-    assert_eq!(poller.state(), PollerState::LoadingHead);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::LoadingHead));
     let _ = poller.step(Input::Done(&[]));
-    assert_eq!(poller.state(), PollerState::Loaded);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::Loaded));
     let _ = poller.step(Input::Done(&[0]));
-    assert_eq!(poller.state(), PollerState::LoadingRest);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::LoadingRest));
     let _ = poller.step(Input::Done(&[]));
-    assert_eq!(poller.state(), PollerState::OnAir);
+    assert_eq!(poller.state(), PollerState::Sending(SendState::OnAir));
     let _ = poller.step(Input::Irq);
-    assert_eq!(poller.state(), PollerState::ReadingIrqs { last: false });
+    assert_eq!(poller.state(), PollerState::Sending(SendState::ReadingIrqs { last: false }));
     let _ = poller.step(Input::Done(&[0, 0xFB, 0x08, 0, 0, 0, 0, 0]));
     assert_eq!(poller.state(), PollerState::Sent);
     let _ = poller.step(Input::Failed);

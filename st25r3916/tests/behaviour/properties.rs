@@ -3,14 +3,16 @@
 
 use proptest::collection::vec;
 use proptest::prelude::*;
+use st25r3916::exchange::WINDOW_US;
+use st25r3916::executor::Machine;
 use st25r3916::listener::BUFFER;
 use st25r3916::poller::HEAD;
 use st25r3916::{
-    Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent, ReadMode, ReceiverMode, Step,
-    Transfer, Variant,
+    Answerer, AnswererEvent, Exchange, ExchangeEvent, FRAME_US, Input, Listener, ListenerConfig, ListenerEvent, Poller,
+    PollerConfig, PollerEvent, ReadMode, ReceiverMode, Step, Transfer, Variant,
 };
 
-use crate::stand_in::{Chip, Miso, Rig};
+use crate::stand_in::{Chip, Happening, Miso, Rig};
 
 /// One input of an executor.
 #[derive(Clone, Debug)]
@@ -89,13 +91,18 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Feeds the inputs and returns the outstanding step.
-fn feed_listener(machine: &mut Listener, said: &[Said]) -> Step<ListenerEvent> {
+/// Feeds the inputs and returns the outstanding step; `send` is the machine's other method, if it is permitted now.
+fn feed<M: Machine<Event: Copy>>(
+    machine: &mut M,
+    said: &[Said],
+    send: impl Fn(&mut M, usize) -> Option<Step<M::Event>>,
+) -> Step<M::Event> {
     let mut step = machine.step(Input::Start);
     for input in said {
         check(&step);
         step = match input {
-            Said::Start | Said::Send(_) => machine.step(Input::Start),
+            Said::Start => machine.step(Input::Start),
+            Said::Send(len) => send(machine, *len).unwrap_or(step),
             Said::Done(bytes) => machine.step(Input::Done(bytes)),
             Said::Answer(bytes) => machine.step(Input::Done(&answer(&step, *bytes))),
             Said::Irq => machine.step(Input::Irq),
@@ -107,22 +114,12 @@ fn feed_listener(machine: &mut Listener, said: &[Said]) -> Step<ListenerEvent> {
     step
 }
 
+fn feed_listener(machine: &mut Listener, said: &[Said]) -> Step<ListenerEvent> {
+    feed(machine, said, |machine, _| Some(machine.step(Input::Start)))
+}
+
 fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
-    let mut step = machine.step(Input::Start);
-    for input in said {
-        check(&step);
-        step = match input {
-            Said::Start => machine.step(Input::Start),
-            Said::Send(len) => machine.prepare(*len).unwrap_or(step),
-            Said::Done(bytes) => machine.step(Input::Done(bytes)),
-            Said::Answer(bytes) => machine.step(Input::Done(&answer(&step, *bytes))),
-            Said::Irq => machine.step(Input::Irq),
-            Said::Timeout => machine.step(Input::Timeout),
-            Said::Failed => machine.step(Input::Failed),
-        };
-    }
-    check(&step);
-    step
+    feed(machine, said, |machine, len| machine.prepare(len).ok())
 }
 
 /// Sends frames every 10 ms until one is received whole, at most 30 of them (back-off and bring-up take about ten).
@@ -168,6 +165,99 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
         check(&step);
     }
     false
+}
+
+/// Runs exchanges, each answered with `answer`, until one succeeds; `step` is outstanding. Returns how many failed.
+fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
+    let answer = [0xC3; 128];
+    rig.payload = vec![0xA5; 64];
+    rig.chip.clear_air();
+    let mut failed = 0;
+    for _ in 0..400 {
+        step = match step {
+            Step::Event(ExchangeEvent::Ready) => machine.prepare(64).ok()?,
+            Step::Event(ExchangeEvent::Loaded) => {
+                rig.chip.frame(rig.chip.now + 1_416 + 700, &answer);
+                Step::Transfer(Transfer::Short(Exchange::transmit()))
+            }
+            Step::Event(ExchangeEvent::Answer { len: 128, flags }) if flags.is_clean() => {
+                return (rig.buffer[1..=128] == answer).then_some(failed);
+            }
+            Step::Event(event) => {
+                failed += u32::from(matches!(event, ExchangeEvent::NoAnswer(_) | ExchangeEvent::Fault(_)));
+                step
+            }
+            _ => step,
+        };
+        let given = rig.carry_out(step);
+        step = machine.step(rig.input(given));
+        check(&step);
+    }
+    None
+}
+
+/// Sends frames every 20 ms until one is answered, at most 30 of them; `step` is outstanding.
+fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
+    rig.payload = vec![0xC3; 128];
+    rig.chip.clear_air();
+    let start = rig.chip.now;
+    rig.chip.senses_field(true);
+    for cycle in 1..=30 {
+        rig.chip.frame(start + cycle * 20_000, &[0xA5; 64]);
+    }
+    while rig.chip.now < start + 700_000 {
+        step = match step {
+            Step::Event(AnswererEvent::Frame { .. }) => match machine.answer(128) {
+                Ok(step) => step,
+                Err(_) => return false,
+            },
+            Step::Event(AnswererEvent::Loaded) => Step::Transfer(Transfer::Short(Answerer::transmit())),
+            Step::Event(AnswererEvent::Answered { confirmed: true }) => {
+                return rig.chip.sent.last().is_some_and(|(_, sent)| *sent == rig.payload);
+            }
+            step => step,
+        };
+        let given = rig.carry_out(step);
+        step = machine.step(rig.input(given));
+        check(&step);
+    }
+    false
+}
+
+/// What another side puts on the air after the frame.
+#[derive(Clone, Debug)]
+enum Heard {
+    /// Bytes of a frame, with these error bits at its end, if it has one.
+    Frame(Vec<u8>, Option<u8>),
+    Sync,
+    BrokenByte(u8),
+    Field(bool),
+}
+
+fn heard() -> impl Strategy<Value = (u64, Heard)> {
+    let heard = prop_oneof![
+        4 => (vec(any::<u8>(), 0..300), prop::option::of(prop_oneof![Just(0), Just(0x80), any::<u8>()]))
+            .prop_map(|(bytes, end)| Heard::Frame(bytes, end)),
+        2 => Just(Heard::Sync),
+        1 => (1..8_u8).prop_map(Heard::BrokenByte),
+        1 => any::<bool>().prop_map(Heard::Field),
+    ];
+    (0..12_000_u64, heard)
+}
+
+/// Puts it on the air, counted from `from`.
+fn play(chip: &mut Chip, from: u64, heard: &[(u64, Heard)]) {
+    for (at, what) in heard {
+        let at = from + at;
+        match what {
+            Heard::Frame(bytes, end) => {
+                chip.raw_frame(at, bytes, *end);
+            }
+            Heard::Sync => chip.at(at, Happening::Sync),
+            Heard::BrokenByte(bits) => chip.at(at, Happening::BrokenByte(*bits)),
+            Heard::Field(there) => chip.at(at, Happening::Irq(1, if *there { 0x10 } else { 0x08 })),
+        }
+    }
 }
 
 proptest! {
@@ -248,7 +338,7 @@ proptest! {
             for miso in [if high { Miso::StuckHigh } else { Miso::StuckLow }, Miso::Driven] {
                 rig.chip.miso = miso;
                 if reset {
-                    rig.chip.at(rig.chip.now, crate::stand_in::Happening::PowerUpReset);
+                    rig.chip.at(rig.chip.now, Happening::PowerUpReset);
                 }
                 let until = rig.chip.now + us;
                 let mut steps = 0;
@@ -262,5 +352,109 @@ proptest! {
             }
         }
         prop_assert!(listens_again(&mut rig, &mut machine, step));
+    }
+
+    #[test]
+    fn an_exchange_takes_anything_and_exchanges_again(variant in variant(), said in vec(said(), 0..300)) {
+        let mut machine = Exchange::new();
+        let step = feed(&mut machine, &said, |machine, len| machine.prepare(len).ok());
+        let mut rig = Rig::new(Chip::new(variant));
+        prop_assert!(exchanges_again(&mut rig, &mut machine, step).is_some());
+    }
+
+    #[test]
+    fn an_answerer_takes_anything_and_answers_again(
+        config in listener_config(),
+        variant in variant(),
+        said in vec(said(), 0..300),
+    ) {
+        let mut machine = Answerer::new(config);
+        let step = feed(&mut machine, &said, |machine, len| machine.answer(len).ok());
+        let mut rig = Rig::new(Chip::new(variant));
+        prop_assert!(answers_again(&mut rig, &mut machine, step));
+    }
+
+    #[test]
+    fn whatever_is_heard_an_exchange_ends_in_time_and_the_next_succeeds(
+        variant in variant(),
+        end_masks_receiver in any::<bool>(),
+        transmit_opens in any::<bool>(),
+        lateness in prop_oneof![Just(0_u64), 0..300_u64],
+        air in vec(heard(), 0..8),
+    ) {
+        let mut rig = Rig::new(Chip { end_masks_receiver, ..Chip::new(variant) });
+        let mut machine = Exchange::new();
+        prop_assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Ready)), ExchangeEvent::Ready);
+        rig.payload = vec![0x5A; 64];
+        let step = machine.prepare(64).expect("it is ready");
+        let mut event = rig.run(&mut machine, step);
+        prop_assert_eq!(event, ExchangeEvent::Prepared);
+        event = rig.run(&mut machine, Step::Event(event));
+        prop_assert_eq!(event, ExchangeEvent::Loaded);
+        let end = rig.chip.now + 1_419;
+        play(&mut rig.chip, end, &air);
+        if transmit_opens {
+            rig.chip.at(end, Happening::Unmask);
+        }
+        rig.lateness = lateness;
+        event = rig.run(&mut machine, Step::Transfer(Transfer::Short(Exchange::transmit())));
+        rig.lateness = 0;
+        prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
+        let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
+        prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
+        // What is still on the air does not disturb the next frame, and once it is over the next answer is received.
+        let ready = rig.run(&mut machine, Step::Event(event));
+        prop_assert_eq!(ready, ExchangeEvent::Ready);
+        let step = machine.prepare(64).expect("it is ready");
+        for expected in [ExchangeEvent::Prepared, ExchangeEvent::Loaded] {
+            event = rig.run(&mut machine, if expected == ExchangeEvent::Prepared { step } else { Step::Event(event) });
+            prop_assert_eq!(event, expected);
+        }
+        event = rig.run(&mut machine, Step::Transfer(Transfer::Short(Exchange::transmit())));
+        prop_assert_eq!(rig.chip.sent.last().map(|(_, sent)| sent), Some(&rig.payload));
+        let failed = exchanges_again(&mut rig, &mut machine, Step::Event(event));
+        prop_assert_eq!(failed, Some(u32::from(matches!(event, ExchangeEvent::NoAnswer(_)))));
+    }
+
+    #[test]
+    fn whatever_is_heard_an_answerer_answers_the_next_frame(
+        config in listener_config(),
+        variant in variant(),
+        end_masks_receiver in any::<bool>(),
+        db_clears_irqs in any::<bool>(),
+        lateness in prop_oneof![Just(0_u64), 0..300_u64],
+        answers in vec(prop::option::of(1..255_usize), 1..12),
+        air in vec(heard(), 0..20),
+    ) {
+        let mut rig = Rig::new(Chip { end_masks_receiver, db_clears_irqs, ..Chip::new(variant) });
+        let mut machine = Answerer::new(config);
+        rig.chip.senses_field(true);
+        prop_assert_eq!(rig.run(&mut machine, Step::Event(AnswererEvent::Listening)), AnswererEvent::Listening);
+        rig.payload = vec![0x5A; 254];
+        let start = rig.chip.now;
+        play(&mut rig.chip, start, &air);
+        rig.lateness = lateness;
+        let mut step = Step::Event(AnswererEvent::Listening);
+        let mut answers = answers.into_iter().cycle();
+        let mut steps = 0;
+        while rig.chip.now < start + 30_000 {
+            step = match step {
+                Step::Event(AnswererEvent::Frame { .. }) => match answers.next().flatten() {
+                    Some(len) => machine.answer(len).expect("a frame was delivered"),
+                    None => step,
+                },
+                Step::Event(AnswererEvent::Loaded) if answers.next().flatten().is_some() => {
+                    Step::Transfer(Transfer::Short(Answerer::transmit()))
+                }
+                step => step,
+            };
+            let given = rig.carry_out(step);
+            step = machine.step(rig.input(given));
+            check(&step);
+            steps += 1;
+            prop_assert!(steps < 3_000, "a busy loop");
+        }
+        rig.lateness = 0;
+        prop_assert!(answers_again(&mut rig, &mut machine, step));
     }
 }

@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use st25r3916::executor::Machine;
 use st25r3916::listener::BUFFER;
 use st25r3916::{Fault, Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant};
 
@@ -14,6 +15,7 @@ pub(crate) const ERROR: usize = 2;
 pub(crate) const RXS: u8 = 0x20;
 pub(crate) const RXE: u8 = 0x10;
 pub(crate) const TXE: u8 = 0x08;
+pub(crate) const NRE: u8 = 0x40;
 pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
@@ -37,6 +39,8 @@ pub(crate) enum Happening {
     /// The end of the frame on the air.
     TransmitEnd,
     PowerUpReset,
+    /// The receiver opens without a command.
+    Unmask,
 }
 
 /// The state of MISO.
@@ -73,6 +77,8 @@ pub(crate) struct Chip {
     pub(crate) transmits: bool,
     /// Whether a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
+    /// Whether the no-response timer raises I_nre.
+    pub(crate) no_response_ends: bool,
     /// Whether the IRQ pin is high whatever the registers hold.
     pub(crate) pin_stuck: bool,
     /// The error of the FIFO level.
@@ -91,6 +97,8 @@ pub(crate) struct Chip {
     pub(crate) misuse: Vec<String>,
     pub(crate) unmasked: bool,
     pub(crate) receiving: bool,
+    /// Whether a frame of its own is on the air.
+    pub(crate) sending: bool,
     pub(crate) schedule: BTreeMap<(u64, u32), Happening>,
     pub(crate) order: u32,
 }
@@ -119,6 +127,7 @@ impl Chip {
             supply_mv: 5_000,
             transmits: true,
             transmit_ends: true,
+            no_response_ends: true,
             pin_stuck: false,
             level_error: 0,
             stuck: None,
@@ -129,6 +138,7 @@ impl Chip {
             misuse: Vec::new(),
             unmasked: false,
             receiving: false,
+            sending: false,
             schedule: BTreeMap::new(),
             order: 0,
         }
@@ -204,14 +214,21 @@ impl Chip {
         self.a[0x31] & 0x10 != 0
     }
 
-    /// Whether a target's receiver is on, unmasked, and has the filter, the gain and the correlator that NFC-F needs.
+    /// Whether the receiver is on, unmasked, and has the filter, the demodulator, the gain and the correlator that
+    /// NFC-F needs in its role: a target's, or a poller's with its field on.
     fn receiver_listens(&self) -> bool {
+        let demodulator = match (self.a[3] & 0x80 != 0, self.identity & 0xF8) {
+            (true, _) => 0x2D,
+            (false, 0x28) => 0x3D,
+            (false, _) => 0xFD,
+        };
         self.oscillates()
             && self.a[2] & 0x40 != 0
-            && self.a[3] & 0x80 != 0
+            && self.a[3] & 0x80 != self.a[2] << 4 & 0x80
             && self.unmasked
+            && !self.sending
             && self.a[0x0A] & 0x04 == 0
-            && self.a[0x0B..=0x0E] == [0x13, 0x2D, 0x00, 0x00]
+            && self.a[0x0B..=0x0E] == [0x13, demodulator, 0x00, 0x00]
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
@@ -241,11 +258,13 @@ impl Chip {
         self.fifo_flags = 0;
         self.unmasked = false;
         self.receiving = false;
+        self.sending = false;
         self.schedule.retain(|_, what| {
             !matches!(
                 what,
                 Happening::Taken
                     | Happening::TransmitEnd
+                    | Happening::Irq(TIMER, NRE)
                     | Happening::Measured(_)
                     | Happening::Irq(MAIN, 0x80)
                     | Happening::Irq(TIMER, 0x80)
@@ -282,6 +301,7 @@ impl Chip {
                 self.senses_field(true);
                 self.receiving = self.receiver_listens();
                 if self.receiving {
+                    self.schedule.retain(|_, what| !matches!(what, Happening::Irq(TIMER, NRE)));
                     self.fifo.clear();
                     self.fifo_flags = 0;
                     self.irqs[MAIN] |= RXS;
@@ -306,7 +326,15 @@ impl Chip {
                 (Some(byte), Some((_, frame))) => frame.push(byte),
                 _ => self.fifo_flags |= 0x20,
             },
-            Happening::TransmitEnd => self.irqs[MAIN] |= TXE,
+            Happening::TransmitEnd => {
+                self.sending = false;
+                self.irqs[MAIN] |= if self.transmit_ends { TXE } else { 0 };
+                let steps = u64::from(self.a[0x10]) << 8 | u64::from(self.a[0x11]);
+                if self.a[2] & 0x40 != 0 && steps != 0 && self.no_response_ends {
+                    self.at(self.now + steps * 6_400 / 1_356, Happening::Irq(TIMER, NRE));
+                }
+            }
+            Happening::Unmask => self.unmasked = true,
             Happening::PowerUpReset => {
                 self.reset();
                 self.irqs = [0; 4];
@@ -452,9 +480,17 @@ impl Chip {
         match command {
             // Interrupts stay, so that the driver must handle an IRQ pin that is high already.
             0xC1 => self.reset(),
-            0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::Taken | Happening::TransmitEnd)),
+            0xC2 => {
+                self.sending = false;
+                self.receiving = false;
+                self.schedule.retain(|_, what| !matches!(what, Happening::Taken | Happening::TransmitEnd));
+            }
             0xC4 if !self.transmits => {}
             0xC4 => {
+                if self.a[3] & 0x80 != 0 && self.a[0x31] & 0x40 == 0 {
+                    return self.misuse.push("answer without a field".into());
+                }
+                (self.sending, self.receiving) = (true, false);
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
                 // The time of preamble, sync, LEN, payload and CRC-16, µs; a bit is 32 periods of 13.56 MHz.
@@ -462,12 +498,11 @@ impl Chip {
                 for byte in 0..ntx {
                     self.at(self.now + after(1 + byte), Happening::Taken);
                 }
-                if self.transmit_ends {
-                    self.at(self.now + after(ntx + 3) + 1, Happening::TransmitEnd);
-                }
+                self.at(self.now + after(ntx + 3) + 1, Happening::TransmitEnd);
             }
-            0xD0 => self.unmasked = false,
+            0xD0 => (self.unmasked, self.receiving) = (false, false),
             0xD1 => self.unmasked = true,
+            0xD5 => {}
             0xD6 => {
                 self.needs_oscillator("regulator adjustment");
                 if !self.adjusts {
@@ -603,15 +638,24 @@ impl Rig {
     }
 
     /// Runs a poller from `step` to its next event.
-    pub(crate) fn poller(&mut self, machine: &mut Poller, mut step: Step<PollerEvent>) -> PollerEvent {
-        for _ in 0..200 {
+    pub(crate) fn poller(&mut self, machine: &mut Poller, step: Step<PollerEvent>) -> PollerEvent {
+        self.run_within(machine, step, 200)
+    }
+
+    /// Runs a machine from `step` to its next event, which may be a listener's that has heard nothing for a second.
+    pub(crate) fn run<M: Machine>(&mut self, machine: &mut M, step: Step<M::Event>) -> M::Event {
+        self.run_within(machine, step, 600)
+    }
+
+    fn run_within<M: Machine>(&mut self, machine: &mut M, mut step: Step<M::Event>, steps: u32) -> M::Event {
+        for _ in 0..steps {
             let given = self.carry_out(step);
             step = machine.step(self.input(given));
             if let Step::Event(event) = step {
                 return event;
             }
         }
-        panic!("no event within 200 steps");
+        panic!("no event within {steps} steps");
     }
 
     /// Runs a poller from one event to its next.

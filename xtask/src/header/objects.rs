@@ -4,12 +4,13 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, Result, ensure};
-use profile::criticality::{Dpr, FlightController, Writer};
+use profile::criticality::{ActiveLoad, Dpr, FlightController, Writer};
+use profile::hold::{Acknowledged, Outcome};
 use profile::ssi::{self, Request};
 use profile::{
-    Command, CommandObject, GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues,
-    PortStatus, PortStatusBits, PortValues, ReportedPosition, ReportedStatus, ReportedValues, Uplink, UplinkStatus,
-    UplinkValues, Violation, Violations, crc,
+    Command, CommandObject, GpsObject, GpsStatus, GpsValues, HoldStatus, HoldStatusBits, HoldValues, Identifier,
+    LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, ReportedPosition, ReportedStatus,
+    ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations, crc,
 };
 
 /// The number of bytes that a command reserves, between its word and its CRC.
@@ -30,10 +31,12 @@ pub(crate) enum Kind {
     F64,
     /// The object's identifier, a u16.
     Identifier,
-    /// Three F32, along front, right and down.
+    /// Three F32, one along each axis.
     Axes,
     /// A u16 for each kind of access violation.
     Counts,
+    /// The acknowledgements of both writers' commands, each a number and an outcome, u16.
+    Acknowledged,
     /// A status word, a u16, by the prefix of its bits in C.
     Status(&'static str),
     /// A command's word, a u32.
@@ -59,7 +62,7 @@ impl Kind {
             Self::F64 => "binary64",
             Self::Axes => "3 x binary32",
             Self::Counts => "u16 of each kind",
-            Self::Bytes | Self::Zero => "",
+            Self::Acknowledged | Self::Bytes | Self::Zero => "",
             Self::Crc { .. } => "u32, big-endian",
         }
     }
@@ -226,7 +229,7 @@ impl Object {
 
 /// Returns all objects.
 pub(crate) fn all() -> Result<Vec<Object>> {
-    [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?]
+    [link_status()?, reported()?, gps()?, port_status()?, uplink()?, command()?, hold_status()?]
         .into_iter()
         .map(Object::whole)
         .collect()
@@ -427,4 +430,51 @@ fn command() -> Result<Object> {
             .field("word", Kind::Word, ("", ""), &word.word().to_le_bytes(), bytes)?
             .rest("reserved", Kind::Zero, "zero", COMMAND_RESERVED);
     object.crc("crc", "frame", "over all before", sealed.crc(), bytes)
+}
+
+fn hold_status() -> Result<Object> {
+    let object = Object::new(
+        ("hold_status", "Hold-Status"),
+        &[Identifier::HOLD_STATUS],
+        "HORUS_DPR_ID_HOLD_STATUS",
+        HoldStatus::SIZE,
+    );
+    let blank = HoldValues::absent(0);
+    let all = HoldStatusBits::from_bits(u16::MAX);
+    let seal = |values: &HoldValues| HoldStatus::seal(Writer::<ActiveLoad>::claim(), values);
+    let status = seal(&HoldValues { status: all, ..blank });
+    let axes = [F32, -F32, F32 + 1.0];
+    let vibrating = seal(&HoldValues { vibration: axes, ..blank });
+    let numbers = [Acknowledged::new(U16, Outcome::TooOld), Acknowledged::new(U16 + 1, Outcome::Refused)];
+    let acknowledged = seal(&HoldValues { acknowledged: numbers, ..blank });
+    let numbers: Vec<_> =
+        numbers.iter().flat_map(|one| [one.number().to_le_bytes(), one.code().to_le_bytes()]).collect();
+    let object = fields!(object, blank, seal;
+        timestamp: U32, "ms", "ms since the hold's start";
+        temperature: F32, "degrees Celsius", "degrees Celsius";
+        humidity: F32, "%", "relative, %";
+        set_point: F32, "degrees Celsius", "degrees Celsius";
+        greatest_shock: F32, "m/s2", "m/s2";
+        supply: F32, "V", "V";
+        output: F32, "", "-1 to 1";
+        seconds: U32, "s", "s since the hold's start";
+    );
+    object
+        .rest("reserved", Kind::Zero, "zero", 4)
+        .field(
+            "vibration",
+            Kind::Axes,
+            ("m/s2", "m/s2"),
+            axes.map(f32::to_le_bytes).as_flattened(),
+            vibrating.as_bytes(),
+        )?
+        .field(
+            "acknowledged",
+            Kind::Acknowledged,
+            ("", "u16 number, u16 outcome: base station's, own"),
+            numbers.as_flattened(),
+            acknowledged.as_bytes(),
+        )?
+        .head(Identifier::HOLD_STATUS, "HOLD_STATUS", all.bits(), status.as_bytes())?
+        .crc("crc", "frame", "over all before", status.crc(), status.as_bytes())
 }

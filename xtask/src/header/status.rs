@@ -3,9 +3,11 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, ensure};
-use profile::ssi::client::Verdict;
+use profile::hold::{Outcome, Words};
+use profile::ssi::client::{HoldShown, Verdict};
 use profile::{
-    Command, FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason, Violation,
+    Command, FixType, GpsStatus, HoldCommand, HoldStatusBits, HorusState, LinkStatusBits, PortStatusBits,
+    ReportedStatus, ResetReason, Violation,
 };
 
 use super::defines;
@@ -71,6 +73,7 @@ pub(crate) fn words() -> Result<Vec<Word>> {
     let gps = GpsStatus::new();
     let link = LinkStatusBits::new();
     let port = PortStatusBits::new();
+    let hold = HoldStatusBits::new();
     Ok(vec![
         word(
             "REPORTED",
@@ -143,8 +146,37 @@ pub(crate) fn words() -> Result<Vec<Word>> {
                 ("SELF_TEST_PASSED", port.with_self_test_passed(true).bits(), "the last one found nothing"),
                 ("SELF_TEST_FAILED", port.with_self_test_failed(true).bits(), "the last one found a fault"),
                 ("BUFFERS_OUT_OF_USE", port.with_buffers_out_of_use(true).bits(), "a buffer or image is out of use"),
+                ("HOLD_HEARD", port.with_hold_heard(true).bits(), "a frame of the hold came in the last 300 ms"),
+                ("HOLD_ACCEPTED", port.with_hold_accepted(true).bits(), "the last one was accepted"),
             ],
-            &[],
+            &[
+                (
+                    "HOLD_ACCEPTED_COUNT",
+                    port.with_hold_counts(15, 0).bits(),
+                    "objects of the hold accepted, mod 16",
+                    Code::Number,
+                ),
+                (
+                    "HOLD_REJECTED_COUNT",
+                    port.with_hold_counts(0, 7).bits(),
+                    "frames of the hold rejected, mod 8",
+                    Code::Number,
+                ),
+            ],
+        )?,
+        word(
+            "HOLD_STATUS",
+            "Hold-Status",
+            HoldStatusBits::USED,
+            &[
+                ("VALUES_VALID", hold.with_values_valid(true).bits(), "the values are valid"),
+                ("WITHIN_LIMITS", hold.with_within_limits(true).bits(), "the values are within the hold's limits"),
+                ("LOCKED", hold.with_locked(true).bits(), "locked"),
+                ("SENSOR_FAULT", hold.with_sensor_fault(true).bits(), "a sensor has a fault"),
+                ("MEMORY_FAULT", hold.with_memory_fault(true).bits(), "the hold has found a fault of its memory"),
+                ("SAFE_STATE", hold.with_safe_state(true).bits(), "the output is off, the lock stays as it is"),
+            ],
+            &[("RESET", 0x01C0, "why the hold last started", Code::Enumeration("reset"))],
         )?,
     ])
 }
@@ -221,7 +253,7 @@ impl Enumeration {
 }
 
 /// Returns the enumerations of the codes in status words.
-pub(crate) fn codes() -> [Enumeration; 3] {
+pub(crate) fn codes() -> [Enumeration; 4] {
     use {FixType as F, HorusState as S, ResetReason as R};
     let states = [
         S::Starting,
@@ -268,11 +300,24 @@ pub(crate) fn codes() -> [Enumeration; 3] {
         };
         (name, reason as u8, what)
     });
-    let reasons = "Why the DPR, or HORUS, last started. Other codes are reserved.";
+    let outcomes = [Outcome::Nothing, Outcome::Done, Outcome::Refused, Outcome::Unknown, Outcome::TooOld];
+    let outcomes = outcomes.map(|outcome| {
+        let (name, what) = match outcome {
+            Outcome::Nothing => ("NOTHING", "there was no command since the hold's start"),
+            Outcome::Done => ("DONE", "it was carried out"),
+            Outcome::Refused => ("REFUSED", "the hold's own limits forbid it"),
+            Outcome::Unknown => ("UNKNOWN", "its word is unknown"),
+            Outcome::TooOld => ("TOO_OLD", "its uplink had the same timestamp for more than 1 s"),
+        };
+        (name, outcome.code() as u8, what)
+    });
+    let reasons = "Why the DPR, HORUS or the hold last started. Other codes are reserved.";
+    let became = "What became of a command to the hold. Other codes are reserved.";
     [
         enumeration("state", "What HORUS is doing. Other codes are reserved.", "STATE_", &states),
         enumeration("fix", "A receiver's fix. Other codes are reserved.", "FIX_", &fixes),
         enumeration("reset", reasons, "RESET_", &resets),
+        enumeration("outcome", became, "OUTCOME_", &outcomes),
     ]
 }
 
@@ -305,6 +350,33 @@ pub(crate) fn verdicts() -> Enumeration {
         (name, verdict as u8, what)
     });
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
+}
+
+/// Returns the reader's cases of Hold-Status.
+pub(crate) fn hold_shown() -> Enumeration {
+    let cases = HoldShown::ALL.map(|shown| {
+        let (name, what) = match shown {
+            HoldShown::Absent => ("ABSENT", "the DPR shows none, or none was read yet"),
+            HoldShown::Old => ("OLD", "the last one has not changed for more than HORUS_DPR_HOLD_EXPIRY_US"),
+            HoldShown::Valid => ("VALID", "there is one"),
+        };
+        (name, shown as u8, what)
+    });
+    enumeration("hold_shown", "Whether there is a Hold-Status.", "HOLD_", &cases)
+}
+
+/// Returns the commands to the hold: name, word, effect.
+pub(crate) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
+    let commands = [HoldCommand::SetPoint(0.0), HoldCommand::Lock, HoldCommand::Unlock, HoldCommand::ClearShock];
+    commands.map(|command| {
+        let (name, what) = match command {
+            HoldCommand::SetPoint(_) => ("SET_POINT", "the value is the temperature to keep, degrees Celsius"),
+            HoldCommand::Lock => ("LOCK", "locks it"),
+            HoldCommand::Unlock => ("UNLOCK", "unlocks it"),
+            HoldCommand::ClearShock => ("CLEAR_SHOCK", "sets the greatest shock to 0"),
+        };
+        (name, command.encode().0, what)
+    })
 }
 
 /// Returns the name and the effect of a command to the DPR.

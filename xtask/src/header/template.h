@@ -42,12 +42,14 @@ extern "C" {
 @constants@
 /* The image for 1, 2, 3 or 5 receivers, bytes: Link-Status, Reported-Position, GPS1 to GPSn. */
 #define HORUS_DPR_IMAGE_BYTES(receivers) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * (receivers)))
-/* The memory map, bytes: the image, Port-Status, both uplinks. */
+/* The memory map, bytes: the image, Port-Status, both uplinks. With an active hold, its object follows. */
 #define HORUS_DPR_MAP_BYTES(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_BYTES)
 /* Offset of GPS1 to GPS5 in the map. */
 #define HORUS_DPR_GPS_AT(receiver) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * ((receiver) - 1U)))
 /* Offset of Port-Status in the map. */
 #define HORUS_DPR_PORT_STATUS_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_STATUS_OFFSET)
+/* Offset of the hold's object in the map, where there is a hold. */
+#define HORUS_DPR_HOLD_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_HOLD_OFFSET)
 
 @layouts@
 /* ---- objects on the wire: everything is little-endian except the CRCs, which are big-endian ---- */
@@ -121,6 +123,65 @@ typedef struct {
     uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* the writer's data */
 } horus_dpr_uplink_t;
 
+/* A command to the hold, as the hold has acknowledged it. */
+typedef struct {
+    uint16_t number;  /* its sequence number; 0 if there was none */
+    uint16_t outcome; /* horus_dpr_outcome_t */
+} horus_dpr_acknowledged_t;
+
+/* Values of Hold-Status. A value that is not known is NaN. */
+typedef struct {
+    uint32_t timestamp;                    /* ms since the hold's start, wraps; +100 in each */
+    uint16_t status;                       /* HORUS_DPR_HOLD_STATUS_... */
+    float temperature;                     /* degrees Celsius */
+    float humidity;                        /* relative, % */
+    float set_point;                       /* degrees Celsius */
+    float vibration[3];                    /* RMS along x, y, z over the last second, m/s2 */
+    float greatest_shock;                  /* since the start or since it was cleared, m/s2 */
+    float supply;                          /* V */
+    float output;                          /* -1 (cooling) to 1 (heating) */
+    horus_dpr_acknowledged_t base_station; /* the base station's last command */
+    horus_dpr_acknowledged_t own;          /* the flight controller's last command */
+    uint32_t seconds;                      /* time since the hold's start, s */
+} horus_dpr_hold_t;
+
+@hold@
+/* What is known of the hold after a transaction. */
+typedef struct {
+    horus_dpr_hold_shown_t shown; /* whether there is a Hold-Status */
+    horus_dpr_hold_t values;      /* the last one, with HORUS_DPR_HOLD_VALID only */
+    uint32_t age_us;              /* its age when the transaction began, us, not less than true; or AGE_UNKNOWN */
+} horus_dpr_hold_report_t;
+
+/* Follows Hold-Status from transaction to transaction. Zeros are its state before the first. */
+typedef struct {
+    horus_dpr_hold_t last;
+    uint64_t last_read_us; /* the instant at which it was first read */
+    uint64_t looked_us;    /* the instant of the last reading of its place */
+    uint32_t last_age_us;  /* its age when it was first read */
+    bool has_last;
+    bool has_looked;
+} horus_dpr_hold_track_t;
+
+/* What is known of the last command that was sent to the hold. */
+typedef enum {
+    HORUS_DPR_SENT_NOTHING = 0,  /* none was sent */
+    HORUS_DPR_SENT_WAITING = 1,  /* it is in every uplink, and not acknowledged yet */
+    HORUS_DPR_SENT_ANSWERED = 2, /* it is acknowledged, once and for all: see `outcome` */
+    HORUS_DPR_SENT_LOST = 3      /* it is no longer sent and was not acknowledged: done once or not at all */
+} horus_dpr_sent_t;
+
+/* The flight controller's commands to the hold, one at a time. Zeros are its state before the first. */
+typedef struct {
+    horus_dpr_sent_t sent;                         /* what is known of the last one; read it */
+    uint16_t number;                               /* its number; read it */
+    uint16_t outcome;                              /* horus_dpr_outcome_t, with HORUS_DPR_SENT_ANSWERED; read it */
+    uint16_t acknowledged;                         /* the number that the hold acknowledged last */
+    uint32_t hold_timestamp;                       /* the timestamp of the last Hold-Status */
+    uint8_t command[HORUS_DPR_HOLD_COMMAND_BYTES]; /* the bytes of the command that is waiting */
+    bool has_hold;
+} horus_dpr_sender_t;
+
 /* A range of bytes of the map. */
 typedef struct {
     uint16_t offset; /* of the first byte */
@@ -133,6 +194,7 @@ typedef struct {
     uint16_t read_bytes;   /* bytes that a transaction reads from the map's start: HORUS_DPR_PREFIX_BYTES or more */
     uint32_t age_limit_us; /* a position older than this is not shown, us */
     uint32_t silence_us;   /* the time without intact data after which the DPR is HORUS_DPR_SILENT, us */
+    bool hold;             /* whether the DPR has an active hold: the map is longer by its object; false unless set */
 } horus_dpr_config_t;
 
 /* The client's report after a transaction. */
@@ -234,9 +296,34 @@ uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps);
 horus_dpr_result_t horus_dpr_view_port(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_port_t *port);
 
+/* Hold-Status. HORUS_DPR_LENGTH if the client's configuration has no hold. */
+horus_dpr_result_t horus_dpr_view_hold(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_hold_t *hold);
+
 /* An uplink as stored: HORUS_DPR_ID_UPLINK_BASE_STATION or HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER. */
 horus_dpr_result_t horus_dpr_view_uplink(const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
     uint16_t identifier, horus_dpr_uplink_t *uplink);
+
+/* ---- the active hold; `miso` and `bytes` as for horus_dpr_end ---- */
+
+/* After each transaction: whether there is a Hold-Status, and how old it is. A transaction that did not read its place,
+ * met a busy DPR or read damaged bytes there only lets the last one age. */
+void horus_dpr_hold_read(horus_dpr_hold_track_t *track, const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
+    uint64_t began_us, horus_dpr_hold_report_t *report);
+
+/* Takes the acknowledgement from a Hold-Status that was read: see docs/design.md#commands-to-the-hold. */
+void horus_dpr_sender_observe(horus_dpr_sender_t *sender, const horus_dpr_hold_t *hold);
+
+/* Sends a command, HORUS_DPR_HOLD_SET_POINT and so on, from now on; its number is in `sender`. Returns false, without
+ * sending it, while another one is waiting or before a Hold-Status was observed. */
+bool horus_dpr_sender_send(horus_dpr_sender_t *sender, uint16_t word, float value);
+
+/* Stops sending the command that is waiting: it is lost. */
+void horus_dpr_sender_give_up(horus_dpr_sender_t *sender);
+
+/* Puts the command that is waiting, or none, at the beginning of an uplink's payload, for horus_dpr_seal_uplink. The
+ * rest stays as it is. Every uplink needs it, with a later timestamp in each, until the command is answered. */
+void horus_dpr_sender_fill(const horus_dpr_sender_t *sender, uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]);
 
 #ifdef __cplusplus
 }

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use profile::ssi::{client, client::Config, timing};
-use profile::{ABSENT_F32, ABSENT_F64, Command, GpsStatus, Layout, Uplink, Violation, crc, range};
+use profile::{ABSENT_F32, ABSENT_F64, Command, GpsStatus, Layout, Uplink, Violation, crc, hold, range};
 use serde_json::{Value, json};
 
 use super::{identifiers, objects, places};
@@ -13,9 +13,11 @@ use crate::header::status::{self, Bits, Code, Enumeration, Word};
 pub(super) fn description() -> Result<String> {
     let objects: Vec<_> = objects()?.iter().map(object).collect();
     let words: Vec<_> = status::words()?.iter().map(word).collect();
-    let maps = Layout::ALL.into_iter().map(map).collect::<Result<Vec<_>>>()?;
+    let layouts = Layout::ALL.into_iter().chain(Layout::ALL.map(Layout::with_hold));
+    let maps = layouts.map(map).collect::<Result<Vec<_>>>()?;
     let named = |(name, what): (&str, &str), value: u64| json!({ "name": name, "value": value, "what": what });
     let commands = Command::ALL.map(|command| named(status::command(command), command.word().into()));
+    let hold_commands = status::hold_words().map(|(name, word, what)| named((name, what), word.into()));
     let violations: Vec<_> = (0..).zip(Violation::ALL).map(|(n, kind)| named(status::violation(kind), n)).collect();
     let identifiers: Vec<_> =
         identifiers().iter().map(|(name, identifier)| json!({ "name": name, "value": identifier.0 })).collect();
@@ -33,8 +35,8 @@ pub(super) fn description() -> Result<String> {
             "byte_order": "big-endian",
         })
     });
-    let [state, fix, reset] = status::codes();
-    let enumerations = [state, fix, reset, status::verdicts()].map(|codes| enumeration(&codes));
+    let enumerations: Vec<_> =
+        status::codes().iter().chain(&[status::verdicts(), status::hold_shown()]).map(enumeration).collect();
     let description = json!({
         "$schema": "layout.schema.json",
         "generated": "by `cargo xtask layout`. Do not edit.",
@@ -51,6 +53,7 @@ pub(super) fn description() -> Result<String> {
         "status_words": words,
         "enumerations": enumerations,
         "commands": commands,
+        "hold_commands": hold_commands,
         "violations": violations,
         "maps": maps,
         "range": {
@@ -69,6 +72,8 @@ pub(super) fn description() -> Result<String> {
             "tolerance_share": client::TOLERANCE_SHARE,
             "expiry_us": client::EXPIRY_US,
             "uplink_expiry_ms": Uplink::EXPIRY_MS,
+            "hold_expiry_us": 1_000 * u64::from(hold::EXPIRY_MS),
+            "hold_frame_us": client::HOLD_FRAME_US,
         },
         "wire": {
             "max_clock_hz": timing::MAX_CLOCK_HZ,
@@ -98,7 +103,7 @@ fn object(object: &Object) -> Value {
 
 fn field(field: &Field) -> Value {
     let (kind, size) = match field.kind {
-        Kind::U16 | Kind::Identifier | Kind::Status(_) | Kind::Counts => ("u16", 2),
+        Kind::U16 | Kind::Identifier | Kind::Status(_) | Kind::Counts | Kind::Acknowledged => ("u16", 2),
         Kind::U32 | Kind::Word => ("u32", 4),
         Kind::F32 | Kind::Axes => ("f32", 4),
         Kind::F64 => ("f64", 8),
@@ -173,6 +178,7 @@ fn map(layout: Layout) -> Result<Value> {
     };
     Ok(json!({
         "receivers": layout.receivers(),
+        "hold": layout.hold().is_some(),
         "profile_bytes": layout.profile_len(),
         "image_bytes": layout.image_len(),
         "map_bytes": layout.map_len(),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use profile::{Command, Layout};
 
 use super::{identifiers, objects};
@@ -30,6 +30,16 @@ seq:
     repeat-expr: receivers
 ";
 
+const ACKNOWLEDGEMENT: &str = "  acknowledgement:
+    doc: of the last command to the hold
+    seq:
+      - id: number
+        type: u2
+      - id: outcome
+        type: u2
+        enum: outcome
+";
+
 /// Returns the whole description.
 pub(super) fn description() -> Result<String> {
     let mut text = HEAD.to_owned();
@@ -40,14 +50,26 @@ pub(super) fn description() -> Result<String> {
     for (name, kind) in [("port_status", "port_status"), ("base_station", "uplink"), ("flight_controller", "uplink")] {
         let _ = writeln!(text, "  - id: {name}\n    type: {kind}\n    if: is_map");
     }
-    let _ = write!(
-        text,
-        "instances:\n  is_map:\n    value: (_io.size - {start}) % {gps} != 0\n  receivers:\n    value: '(_io.size - {start} - (is_map ? {port} : 0)) / {gps}'\ntypes:\n"
-    );
+    let _ = writeln!(text, "  - id: hold_status\n    type: hold_status\n    if: has_hold");
+    let with_hold = first.with_hold().map_len() - first.image_len();
+    let rests = [0, port, with_hold].map(|bytes| bytes % gps);
+    ensure!(rests[0] != rests[1] && !rests[..2].contains(&rests[2]), "the length does not tell image and map");
+    let behind = format!("(has_hold ? {with_hold} : is_map ? {port} : 0)");
+    let instances = [
+        ("is_map", format!("(_io.size - {start}) % {gps} != 0")),
+        ("has_hold", format!("(_io.size - {start}) % {gps} == {}", rests[2])),
+        ("receivers", format!("'(_io.size - {start} - {behind}) / {gps}'")),
+    ];
+    text += "instances:\n";
+    for (name, value) in instances {
+        let _ = writeln!(text, "  {name}:\n    value: {value}");
+    }
+    text += "types:\n";
     let words = status::words()?;
     for object in objects()? {
         text += &structure(&object, &words);
     }
+    text += ACKNOWLEDGEMENT;
     text += "enums:\n";
     let named: Vec<_> = identifiers().iter().map(|(name, identifier)| (identifier.0.into(), name.clone())).collect();
     text += &enumeration("identifier", &named);
@@ -115,6 +137,7 @@ fn kind(field: &Field) -> String {
         Kind::F32 => "        type: f4\n".into(),
         Kind::F64 => "        type: f8\n".into(),
         Kind::Axes => repeated("f4", 3),
+        Kind::Acknowledged => repeated("acknowledgement", bytes / 4),
         Kind::Counts => repeated("u2", bytes / 2),
         Kind::Bytes | Kind::Zero => format!("        size: {bytes}\n"),
         Kind::Crc { .. } => "        type: u4be\n".into(),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use anyhow::{Context, Result};
 use profile::ssi::{client, client::Config};
-use profile::{Command, GpsStatus, Layout, Uplink, Violation, crc, image, range};
+use profile::{Command, GpsStatus, Layout, Uplink, Violation, crc, hold, image, range};
 
 use super::{identifiers, json, places};
 use crate::header::objects::{self, Field, Kind, Object};
@@ -34,8 +34,7 @@ pub(super) fn module() -> Result<String> {
     let identifiers = identifiers();
     let identifiers = identifiers.iter().map(|(name, identifier)| (name.as_str(), identifier.0.into(), ""));
     text += &enumeration("Identifier", "The kind of an object.", identifiers);
-    let [state, fix, reset] = status::codes();
-    for codes in [state, fix, reset, status::verdicts()] {
+    for codes in status::codes().into_iter().chain([status::verdicts(), status::hold_shown()]) {
         let Enumeration { name, title, values, .. } = codes;
         let values = values.iter().map(|(name, value, what)| (*name, (*value).into(), *what));
         text += &enumeration(&camel(name), title, values);
@@ -43,6 +42,8 @@ pub(super) fn module() -> Result<String> {
     let commands = Command::ALL.map(|command| (status::command(command), command.word()));
     let commands = commands.iter().map(|((name, what), word)| (*name, *word, *what));
     text += &enumeration("CommandWord", "What a command asks of the DPR.", commands);
+    let words = status::hold_words().map(|(name, word, what)| (name, word.into(), what));
+    text += &enumeration("HoldWord", "What a command asks of the hold; 0 is none.", words.into_iter());
     let violations = (0..).zip(Violation::ALL.map(status::violation)).map(|(place, (name, what))| (name, place, what));
     text += &enumeration("Violation", "Places in `PortStatus.violations`.", violations);
     for word in status::words()? {
@@ -51,8 +52,16 @@ pub(super) fn module() -> Result<String> {
     for object in objects::all()? {
         text += &class(&object);
     }
-    text += "\n#: The map for each number of receivers.\nMAPS: Dict[int, MapLayout] = {\n";
-    for layout in Layout::ALL {
+    text += "\n#: The map for each number of receivers.\n";
+    text += &maps("MAPS", Layout::ALL)?;
+    text += "\n#: The same where the DPR has an active hold.\n";
+    text += &maps("MAPS_WITH_HOLD", Layout::ALL.map(Layout::with_hold))?;
+    Ok(text)
+}
+
+fn maps(name: &str, layouts: [Layout; 4]) -> Result<String> {
+    let mut text = format!("{name}: Dict[int, MapLayout] = {{\n");
+    for layout in layouts {
         let (profile, image, map) = (layout.profile_len(), layout.image_len(), layout.map_len());
         let _ = writeln!(
             text,
@@ -60,7 +69,7 @@ pub(super) fn module() -> Result<String> {
             layout.receivers()
         );
         for place in places(layout)? {
-            let names = super::identifiers();
+            let names = identifiers();
             let name = names.iter().find(|(_, identifier)| *identifier == place.identifier);
             let (name, _) = name.context("an identifier without a name")?;
             let class = class_name(place.object);
@@ -89,6 +98,13 @@ fn constants() -> String {
         ("TOLERANCE_US", client::TOLERANCE_US.into(), "a sample may be read so much too early or too late"),
         ("TOLERANCE_SHARE", client::TOLERANCE_SHARE.into(), "and by one part in so many of the step"),
         ("EXPIRY_US", client::EXPIRY_US.into(), "the DPR does not show an image for longer than this"),
+        (
+            "HOLD_COMMAND_BYTES",
+            hold::COMMAND_SIZE as u64,
+            "a command to the hold, the beginning of an uplink's payload",
+        ),
+        ("HOLD_EXPIRY_US", 1_000 * u64::from(hold::EXPIRY_MS), "the DPR does not show Hold-Status for longer"),
+        ("HOLD_FRAME_US", client::HOLD_FRAME_US.into(), "the age of Hold-Status when the DPR gets it"),
         ("AGE_STEP_MS", GpsStatus::AGE_STEP_MS.into(), "the step of the age of a receiver's solution"),
         ("AGE_NEVER", json::never().into(), "the code of that age: there was no solution since HORUS's start"),
     ];
@@ -163,10 +179,8 @@ fn status_word(word: &Word) -> String {
             Some(Code::Age) => ", ms; None if there never was one",
             Some(Code::Number) | None => "",
         };
-        let _ = write!(
-            text,
-            "\n    @property\n    def {property}(self) -> {kind}:\n        \"\"\"{what}{note}\"\"\"\n        return {value}\n"
-        );
+        let _ = writeln!(text, "\n    @property\n    def {property}(self) -> {kind}:");
+        let _ = writeln!(text, "        \"\"\"{what}{note}\"\"\"\n        return {value}");
     }
     text
 }
@@ -182,6 +196,7 @@ fn types(field: &Field) -> (&'static str, usize, String) {
         Kind::F32 => ("<f4", 1, "float".into()),
         Kind::F64 => ("<f8", 1, "float".into()),
         Kind::Axes => ("<f4", 3, "Tuple[float, float, float]".into()),
+        Kind::Acknowledged => ("<u2", bytes / 2, "Tuple[int, int, int, int]".into()),
         Kind::Counts => ("<u2", bytes / 2, "Tuple[int, ...]".into()),
         Kind::Bytes | Kind::Zero => ("u1", bytes, "bytes".into()),
         Kind::Crc { .. } => (">u4", 1, "int".into()),

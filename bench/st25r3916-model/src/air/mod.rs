@@ -11,7 +11,7 @@
 //! | left out | why |
 //! |---|---|
 //! | propagation time | 1 ns at 30 cm |
-//! | faults of answers | the link has none: an answer is counted, and its user treats it as a violation |
+//! | answers, but for their number | a link that has them gives them a way of their own: [`AnswerPath`] |
 //!
 //! # Frames that meet
 //!
@@ -32,10 +32,12 @@
 //! the time calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever waits.
 
 mod account;
+mod answers;
 mod faults;
 mod flight;
 
 pub use account::{Counters, Heard, LastFrame, Origin, SentFrame};
+pub use answers::{AnswerFaults, AnswerPath, ForeignCard};
 pub use faults::AirFaults;
 
 use crate::Chip;

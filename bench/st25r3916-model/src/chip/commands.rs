@@ -37,8 +37,15 @@ impl Chip {
                 self.receiver.mask();
             }
             0xD1 => {
+                if core.config().unmask_clears_fifo && !self.receiver.busy() {
+                    self.transmitter.disturb(core);
+                    self.fifo.clear();
+                }
                 self.receiver.unmask(core.now());
-                core.cancel(Due::MaskReceive);
+                if timers::masking_receive(core) {
+                    self.receiver.mask_timer_ends(core.now());
+                    core.cancel(Due::MaskReceive);
+                }
                 self.check_silence();
                 if self.core.target() {
                     Field::has_hysteresis(&mut self.core);

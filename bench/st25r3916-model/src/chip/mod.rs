@@ -233,7 +233,12 @@ impl Chip {
             Due::TxStart => transmitter.starts(core, fifo),
             Due::TxMore => transmitter.goes_on(core, fifo),
             Due::TxLevel => transmitter.level(core, fifo),
-            Due::TxEnd => transmitter.ends(core, fifo),
+            Due::TxEnd => {
+                transmitter.ends(core, fifo);
+                if core.config().transmit_unmasks && !core.target() {
+                    receiver.unmask(core.now());
+                }
+            }
             Due::RxStart => receiver.starts(core, fifo, field, transmitter.busy()),
             Due::RxLevel => receiver.level(core, fifo),
             Due::RxEnd => receiver.ends(core, fifo),
@@ -245,8 +250,7 @@ impl Chip {
                 }
                 core.raise(irq::DCT);
             }
-            // The mask is over once its deadline has passed.
-            Due::MaskReceive => {}
+            Due::MaskReceive => receiver.mask_timer_ends(core.now()),
             Due::NoResponse => core.raise(irq::NRE),
             Due::GeneralPurpose => core.raise(irq::GPE),
             Due::WakeUp => timers::wake_up(core),
@@ -337,7 +341,11 @@ impl Chip {
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
-            self.transmitter.send(&mut self.core, &mut self.fifo, frame);
+            let answers = frame.is_answer();
+            let start = self.transmitter.send(&mut self.core, &mut self.fifo, frame);
+            if answers {
+                self.receiver.answers(&mut self.core, start);
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! A simple controller: transfers at 8 MHz, and the two bring-ups of the data sheet.
-#![allow(dead_code, reason = "each test file uses its share")]
 
 pub(crate) mod antenna;
+pub(crate) mod two_way;
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart, Technology, Variant};
 
@@ -200,6 +200,11 @@ impl Pair {
         mosi[0] = 0x9F;
         self.spi(side, &mosi)[1..].to_vec()
     }
+}
+
+/// The duration of `bits` bits at 424 kbit/s, ns.
+pub(crate) fn bits_ns_424(bits: u64) -> u64 {
+    antenna::bits_ns(bits)
 }
 
 /// A chip whose transmissions always start at the mean instant.

@@ -32,6 +32,10 @@
 //! age; a sample that must not be shown removes them at once. Values that are not valid by themselves are NaN, and
 //! their status bit is clear.
 //!
+//! **Hold.** A reader of a DPR with an active [hold](crate::hold) has a layout [with one](Layout::with_hold), reads or
+//! requests the map's end, and gives each [`View`] to a [`HoldTrack`], beside the client: it says whether there is a
+//! Hold-Status, and how old it is. A [`Sender`](crate::hold::Sender) puts commands into its uplinks.
+//!
 //! # Example
 //!
 //! ```
@@ -52,12 +56,14 @@
 pub mod asynch;
 #[cfg(feature = "embedded-hal")]
 pub mod blocking;
+mod hold;
 mod report;
 mod track;
 mod view;
 
 use core::mem;
 
+pub use hold::{HOLD_FRAME_US, HoldReport, HoldShown, HoldTrack};
 pub use report::{AGE_UNKNOWN, Failed, Report, Verdict};
 pub use track::{EXPIRY_US, TOLERANCE_US};
 pub use view::{Shown, View};
@@ -74,8 +80,8 @@ pub const PREFIX_BYTES: u16 = 96;
 
 const _: () = assert!(image::GPS == 96);
 
-/// The size of the longest map, that of five receivers, bytes.
-pub const MAX_MAP: usize = Map::<MAX_RECEIVERS>::LEN;
+/// The size of the longest map, that of five receivers with a hold, bytes.
+pub const MAX_MAP: usize = Map::<MAX_RECEIVERS>::LEN_WITH_HOLD;
 
 /// The longest meaningful MOSI, bytes: a request, and an object after it.
 pub const MAX_WRITE: usize = REQUEST_SIZE + Uplink::SIZE;

@@ -175,6 +175,6 @@ fn is_too_old(age_us: u32, config: &Config) -> bool {
 }
 
 /// An age plus the time since, µs; it never wraps.
-fn sum_us(age_us: u32, since_us: u64) -> u32 {
+pub(super) fn sum_us(age_us: u32, since_us: u64) -> u32 {
     u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
 }

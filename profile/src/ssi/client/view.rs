@@ -3,7 +3,7 @@ use core::ops::Range;
 
 use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
-use crate::{Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
+use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
 /// The content of an object's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,6 +120,13 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, Uplink::verify::<W>(bytes)))
     }
 
+    /// Hold-Status; `None` if it was not read, or the layout has no [hold](Layout::with_hold).
+    #[must_use]
+    pub fn hold(&self) -> Option<Shown<&'a HoldStatus>> {
+        let bytes = self.find(self.layout.hold()?)?;
+        Some(Shown::new(bytes, HoldStatus::verify(bytes)))
+    }
+
     /// Whether any object in it is intact; all of them are checked.
     pub(super) fn is_any_intact(&self) -> bool {
         let profile = (0..self.layout.objects()).filter_map(|index| self.object(index)?.intact()).count();
@@ -127,7 +134,8 @@ impl<'a> View<'a> {
         let port = self.port_status().and_then(Shown::intact).is_some();
         let base_station = self.uplink::<BaseStation>().and_then(Shown::intact).is_some();
         let flight_controller = self.uplink::<FlightController>().and_then(Shown::intact).is_some();
-        (profile > 0) | link | port | base_station | flight_controller
+        let hold = self.hold().and_then(Shown::intact).is_some();
+        (profile > 0) | link | port | base_station | flight_controller | hold
     }
 
     /// The map's first 96 bytes, if they were all read.

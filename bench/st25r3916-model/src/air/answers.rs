@@ -1,0 +1,242 @@
+//! The way back: answers from a listener to its poller.
+//!
+//! | covered | source |
+//! |---|---|
+//! | answers by event, on the poller's carrier: one that it is switched off under breaks off | load modulation |
+//! | seeded faults of answers, as of frames: none, late, damaged, cut, repeated | [`AirFaults`] |
+//! | a foreign card that answers the poller's frames, and its collisions with the listener's answers | see below |
+//!
+//! | left out | why |
+//! |---|---|
+//! | strength of the modulation, coupling, noise | the air is digital |
+//! | what a collision looks like | the receiver cannot follow it; both answers are lost or break off |
+//!
+//! An answer is carried by an [`Air`] of its own, in which the listener has the place of the sender. The owner passes
+//! it what either chip emits; a link without answers needs none.
+//!
+//! # A foreign card
+//!
+//! It answers a frame of the poller with random bytes in a whole frame of NFC-F: LEN and CRC-16 are right. If it begins
+//! while the listener answers, or the other way round, the answer on the air breaks off at that instant, and the
+//! other's sync is masked.
+
+use super::faults::within;
+use super::{Air, AirFaults, Counters, Heard};
+use crate::Chip;
+use crate::clock::{Clock, bits_ns};
+use crate::crc;
+use crate::event::{AirEvent, Chunk, FrameStart, Technology};
+use crate::rng::SplitMix;
+
+/// A card in the poller's field that does not belong to the link.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ForeignCard {
+    /// Probability that it answers a frame.
+    pub answers: f64,
+    /// The time from the end of the frame to its first bit, ns, as the ranges of [`AirFaults`].
+    pub after_ns: (u64, u64),
+    /// The bytes of its payload, at most 254.
+    pub payload: u8,
+}
+
+/// What goes wrong with answers. The default has no faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AnswerFaults {
+    /// The way's effect on the listener's answers, and on a foreign card's. A delay is a late answer; with
+    /// [`AirFaults::field_off`] the poller hears none.
+    pub way: AirFaults,
+    /// A card that answers as well.
+    pub foreign: ForeignCard,
+}
+
+/// The way of the answers from one listener to its poller.
+#[derive(Clone, Debug)]
+pub struct AnswerPath {
+    air: Air,
+    foreign: ForeignCard,
+    rng: SplitMix,
+    /// The first bit of the foreign card's next answer, ns.
+    due: Option<u64>,
+    /// The end of the foreign card's answer that is on the air, ns, and its data bits.
+    foreign_ends: Option<(u64, u32)>,
+    /// Whether the listener's answer that it is sending is on the air, and not lost in a collision.
+    answering: Option<bool>,
+    collisions: u64,
+    foreign_answers: u64,
+}
+
+/// Passes on what is a frame: the poller makes the carrier itself.
+fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
+    |at, event| {
+        if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
+            hears(at, event);
+        }
+    }
+}
+
+impl AnswerPath {
+    /// The way with these faults from time 0 on, reproducible from `seed`.
+    pub fn new(seed: u64, faults: AnswerFaults) -> Self {
+        Self {
+            air: Air::new(seed, faults.way),
+            foreign: faults.foreign,
+            rng: SplitMix::new(seed.wrapping_add(1)),
+            due: None,
+            foreign_ends: None,
+            answering: None,
+            collisions: 0,
+            foreign_answers: 0,
+        }
+    }
+
+    /// Changes the faults from `at` (virtual ns) on; `hears` gets what the poller receives until then.
+    pub fn set_faults(&mut self, at: u64, faults: AnswerFaults, mut hears: impl FnMut(u64, &AirEvent)) {
+        self.advance(at, &mut hears);
+        self.foreign = faults.foreign;
+        self.air.set_faults(at, faults.way, frames(&mut hears));
+    }
+
+    /// Takes what the poller emitted: the carrier that answers need, and the frames that a foreign card answers.
+    /// `hears` gets what the poller receives.
+    pub fn from_poller(&mut self, at: u64, event: &AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
+        self.advance(at, &mut hears);
+        match event {
+            AirEvent::FieldOn => self.air.from_poller(at, AirEvent::FieldOn, frames(&mut hears)),
+            AirEvent::FieldOff => {
+                (self.due, self.foreign_ends) = (None, None);
+                self.answering = self.answering.map(|_| false);
+                self.air.from_poller(at, AirEvent::FieldOff, frames(&mut hears));
+            }
+            AirEvent::FrameEnd { .. } if self.rng.hit(self.foreign.answers) => {
+                self.due = Some(at.saturating_add(within(&mut self.rng, self.foreign.after_ns)));
+            }
+            AirEvent::FrameStart(_) | AirEvent::Bytes(_) | AirEvent::FrameEnd { .. } => {}
+        }
+    }
+
+    /// Takes what the listener emitted; `hears` gets what the poller receives.
+    pub fn from_listener(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
+        self.advance(at, &mut hears);
+        match event {
+            AirEvent::FieldOn | AirEvent::FieldOff => return,
+            AirEvent::FrameStart(_) => {
+                self.answering = Some(self.foreign_ends.is_none());
+                if self.foreign_ends.take().is_some() {
+                    self.collide(at, &mut hears);
+                }
+            }
+            AirEvent::Bytes(_) | AirEvent::FrameEnd { .. } => {}
+        }
+        let on_air = self.answering == Some(true);
+        if matches!(event, AirEvent::FrameEnd { .. }) {
+            self.answering = None;
+        }
+        if on_air {
+            self.air.from_poller(at, event, frames(&mut hears));
+        }
+    }
+
+    /// The instant of its next own event for the poller, virtual ns.
+    pub fn next_event(&self) -> Option<u64> {
+        [self.air.next_event(), self.due, self.foreign_ends.map(|(at, _)| at)].into_iter().flatten().min()
+    }
+
+    /// Passes its events up to and including `to` (virtual ns) to the poller. Both chips must have emitted everything
+    /// up to that instant.
+    pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
+        loop {
+            let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
+            let begins = self.due.unwrap_or(u64::MAX);
+            if ends.min(begins) > to {
+                return self.air.advance(to, frames(&mut hears));
+            }
+            if begins < ends {
+                self.due = None;
+                self.foreign_begins(begins, &mut hears);
+            } else if let Some((at, bits)) = self.foreign_ends.take() {
+                self.air.from_poller(at, AirEvent::FrameEnd { bits }, frames(&mut hears));
+            }
+        }
+    }
+
+    /// Moves what each chip has emitted to the other, over `air` and back over this way, until both are silent, and
+    /// advances both ways.
+    pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
+        loop {
+            for (at, event) in poller.take_air().collect::<Vec<_>>() {
+                self.from_poller(at, &event, |at, event| poller.hear(at, event));
+                air.from_poller(at, event, |at, event| listener.hear(at, event));
+            }
+            for (at, event) in listener.take_air().collect::<Vec<_>>() {
+                air.from_listener(at, &event);
+                self.from_listener(at, event, |at, event| poller.hear(at, event));
+            }
+            air.advance(poller.now(), |at, event| listener.hear(at, event));
+            self.advance(listener.now(), |at, event| poller.hear(at, event));
+            if !poller.has_air() && !listener.has_air() {
+                return;
+            }
+        }
+    }
+
+    /// The counters of the answers so far: as sender the listener and a foreign card, as receiver the poller. An answer
+    /// that was lost in a collision before its first bit is in [`AnswerPath::collisions`] alone.
+    pub fn counters(&self) -> Counters {
+        self.air.counters()
+    }
+
+    /// The number of times two answers met.
+    pub fn collisions(&self) -> u64 {
+        self.collisions
+    }
+
+    /// The number of answers that a foreign card began.
+    pub fn foreign_answers(&self) -> u64 {
+        self.foreign_answers
+    }
+
+    /// Takes the answers at the poller's antenna since the last call, as [`Air::take_heard`].
+    pub fn take_heard(&mut self) -> Vec<Heard> {
+        self.air.take_heard()
+    }
+
+    /// Takes the faults since the last call, as [`Air::take_injected`].
+    pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
+        self.air.take_injected()
+    }
+
+    /// Two answers meet at `at`: the one on the air breaks off.
+    fn collide(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+        self.collisions += 1;
+        self.air.sending_breaks_off(at, &mut frames(hears));
+    }
+
+    fn foreign_begins(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+        if self.foreign_ends.is_some() {
+            // It is still answering an earlier frame.
+            return;
+        }
+        self.foreign_answers += 1;
+        if let Some(on_air) = &mut self.answering {
+            if std::mem::take(on_air) {
+                self.collide(at, hears);
+            }
+            return;
+        }
+        let mut data = vec![self.foreign.payload.saturating_add(1)];
+        data.extend((0..self.foreign.payload).map(|_| self.rng.up_to(255) as u8));
+        data.extend(crc::nfc_f(&data));
+        let (bits, bit_as) = (8 * data.len() as u32, Clock::new(0).cycles_as(32));
+        let start = FrameStart {
+            technology: Technology::NfcF,
+            bits_per_second: 424_000,
+            bit_as,
+            header_bits: 64,
+            byte_bits: 8,
+            load_modulation: true,
+            chunk: Chunk { data, parity_error: false },
+        };
+        self.foreign_ends = Some((at.saturating_add(bits_ns(64 + u64::from(bits), bit_as)), bits));
+        self.air.from_poller(at, AirEvent::FrameStart(start), frames(hears));
+    }
+}

@@ -1,0 +1,64 @@
+//! The answer to a hold's frame: both uplinks.
+use core::fmt;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    Rejection, Uplink,
+    criticality::{Writer, WritesUplink},
+};
+
+/// The payload of the answer: the uplink of the base station and that of the flight controller, each as it was written,
+/// or 0x00 throughout where there is none that is intact and at most [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) old.
+///
+/// Any 128 bytes can be read as one; [`Answer::uplink`] checks whether an uplink is valid.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Answer {
+    uplinks: [Uplink; 2],
+}
+
+impl Answer {
+    /// The size in bytes.
+    pub const SIZE: usize = 2 * Uplink::SIZE;
+
+    /// The answer without an uplink: zeros.
+    pub const EMPTY: Self = bytemuck::zeroed();
+
+    /// The answer in `bytes`. Its uplinks are not checked yet.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 128.
+    pub fn read(bytes: &[u8]) -> Result<&Self, Rejection> {
+        bytemuck::try_from_bytes(bytes).map_err(|_| Rejection::Length)
+    }
+
+    /// The uplink of role `W`, if it is intact.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Crc`] if it is damaged or there is none, [`Rejection::Identifier`] if it is another object.
+    pub fn uplink<W: WritesUplink>(&self) -> Result<&Uplink, Rejection> {
+        let [base_station, flight_controller] = &self.uplinks;
+        Uplink::verify::<W>(if W::INDEX == 0 { base_station.as_bytes() } else { flight_controller.as_bytes() })
+    }
+
+    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if there is none to hand on.
+    pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
+        let [base_station, flight_controller] = &mut self.uplinks;
+        *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
+    }
+
+    /// The bytes in their order on the wire.
+    #[must_use]
+    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
+        bytemuck::must_cast_ref(self)
+    }
+}
+
+impl fmt::Debug for Answer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Answer").field("uplinks", &self.uplinks).finish()
+    }
+}

@@ -1,0 +1,182 @@
+//! The sending of one frame, as a part of a machine: from its preparation to its last bit.
+//!
+//! It is what a poller's frame and an answer have in common. The machine around it decides when a frame is prepared,
+//! what follows its end, and how a failure is recovered from. [`crate::poller`] describes the steps.
+
+use crate::bring_up::IDLE_IRQS;
+use crate::machine::{Fault, Input, Short, Transfer};
+use crate::register as reg;
+use crate::status::{STATUS_READ, Status};
+use crate::{air_time_us, command};
+
+/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
+/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
+/// between two frames.
+pub const TRANSMIT_MARGIN_US: u32 = 100;
+/// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
+pub const HEAD: usize = 16;
+
+/// The state of a frame that is being sent; the diagram in [`crate::poller`] has the order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SendState {
+    /// The FIFO is being cleared.
+    PreparingClear,
+    /// Its length is being written.
+    PreparingLength,
+    /// Earlier interrupts and the FIFO level are being read.
+    CheckingFifo,
+    /// It is prepared.
+    Prepared,
+    /// The first bytes of the payload are being loaded.
+    LoadingHead,
+    /// The transmit command is due.
+    Loaded,
+    /// On air: the rest of the payload is being loaded.
+    LoadingRest,
+    /// On air: waiting for I_txe.
+    OnAir,
+    /// On air: the interrupt registers are being read.
+    ReadingIrqs {
+        /// Whether the frame's time is over: this read decides.
+        last: bool,
+    },
+}
+
+/// The reason why a frame cannot be prepared now. The machine is unchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SendError {
+    /// The last step was not an event that permits it.
+    NotReady,
+    /// The payload is empty or longer than [`crate::poller::MAX_PAYLOAD`].
+    Length,
+}
+
+/// The next action of the sending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sending {
+    Transfer(SendState, Transfer),
+    /// Wait for the IRQ pin, at most this many microseconds.
+    Wait(SendState, u32),
+    /// The FIFO is empty and the length is set.
+    Prepared,
+    /// The FIFO holds the first bytes: the transmit command is due.
+    Loaded,
+    Sent {
+        /// Whether I_txe confirmed it.
+        confirmed: bool,
+    },
+    Failed(Fault),
+}
+
+/// The sending of a frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Sender {
+    /// Fail if bytes are left in the FIFO after the frame.
+    check_left_over: bool,
+    /// The number of payload bytes of the present frame.
+    len: u8,
+    idle_irqs: u8,
+}
+
+impl Sender {
+    pub(crate) const fn new(check_left_over: bool) -> Self {
+        Self { check_left_over, len: 0, idle_irqs: 0 }
+    }
+
+    /// Begins a frame of `len` payload bytes, if the machine's state permits it (`ready`).
+    ///
+    /// # Errors
+    /// [`SendError`]; nothing has changed.
+    pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
+        let Ok(len @ 1..=254) = u8::try_from(len) else {
+            return Err(SendError::Length);
+        };
+        if !ready {
+            return Err(SendError::NotReady);
+        }
+        self.len = len;
+        Ok(short(SendState::PreparingClear, command::CLEAR_FIFO))
+    }
+
+    /// Takes one input in this state. After [`SendState::Prepared`] any input continues.
+    pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
+        match (state, input) {
+            (SendState::PreparingClear, Input::Done(_)) => {
+                let length = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
+                short(SendState::PreparingLength, length)
+            }
+            (SendState::PreparingLength, Input::Done(_)) => short(SendState::CheckingFifo, STATUS_READ),
+            (SendState::CheckingFifo, Input::Done(response)) => match Status::parse(response) {
+                Ok(Status { count: 0, .. }) => Sending::Prepared,
+                Ok(Status { count, .. }) => Sending::Failed(Fault::FifoCount { expected: 0, found: count }),
+                Err(fault) => Sending::Failed(fault),
+            },
+            (SendState::Prepared, _) => load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD)),
+            (SendState::LoadingHead, Input::Done(_)) => {
+                self.idle_irqs = 0;
+                Sending::Loaded
+            }
+            (SendState::Loaded, Input::Done(_)) => match usize::from(self.len).checked_sub(HEAD) {
+                None | Some(0) => self.wait(),
+                Some(rest) => load(SendState::LoadingRest, HEAD, rest),
+            },
+            (SendState::LoadingRest, Input::Done(_)) => self.wait(),
+            (SendState::Loaded | SendState::OnAir, Input::Irq) => read_irqs(false),
+            (SendState::Loaded | SendState::OnAir, Input::Timeout) => read_irqs(true),
+            (SendState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
+            _ => Sending::Failed(Fault::Executor),
+        }
+    }
+
+    /// Waits for the end of the frame, counted from the end of its load, which takes at least as long as on an SPI of
+    /// 10 MHz.
+    fn wait(&self) -> Sending {
+        let rest = u32::from(self.len).saturating_sub(HEAD as u32);
+        Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)
+    }
+
+    fn irqs(&mut self, response: &[u8], last: bool) -> Sending {
+        let status = match Status::parse(response) {
+            Ok(status) => status,
+            Err(fault) => return Sending::Failed(fault),
+        };
+        if status.flow_error() {
+            return Sending::Failed(Fault::FifoFlow);
+        }
+        let confirmed = status.is_set(reg::IRQ_TXE);
+        if confirmed && self.check_left_over && status.count != 0 {
+            return Sending::Failed(Fault::FifoCount { expected: 0, found: status.count });
+        }
+        if confirmed || last && status.count == 0 {
+            return Sending::Sent { confirmed };
+        }
+        if last {
+            return Sending::Failed(Fault::NoTransmitEnd);
+        }
+        self.idle_irqs += 1;
+        if self.idle_irqs >= IDLE_IRQS {
+            return Sending::Failed(Fault::IrqStuck);
+        }
+        self.wait()
+    }
+}
+
+/// Whether a fault lost one frame and nothing else, as far as is known: the chip is stopped and cleared, and brought up
+/// only if it happens again.
+pub(crate) const fn is_light(fault: Fault) -> bool {
+    matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. })
+}
+
+const fn short(state: SendState, short: Short) -> Sending {
+    Sending::Transfer(state, Transfer::Short(short))
+}
+
+const fn load(state: SendState, offset: usize, len: usize) -> Sending {
+    Sending::Transfer(state, Transfer::Load { offset, len })
+}
+
+const fn read_irqs(last: bool) -> Sending {
+    short(SendState::ReadingIrqs { last }, STATUS_READ)
+}
