@@ -36,8 +36,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Returns the DPR's image `ms` after HORUS's start, on a flight 150 m around a point, 20 m up and down, with half a
-/// minute for each turn. From 20 to 40 s of each minute the third receiver drifts away and is excluded.
+/// Returns the DPR's image `ms` after HORUS's start. The drone flies in a circle of 150 m around a point and by 20 m up
+/// and down; each turn takes half a minute. From 20 to 40 s of each minute the third receiver drifts away and is
+/// excluded.
 fn image(ms: u32) -> Vec<u8> {
     let seconds = f64::from(ms) / 1e3;
     let angle = TAU * seconds / 30.0;

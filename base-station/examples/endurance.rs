@@ -27,8 +27,8 @@ const HOUR: u64 = 360_000;
 /// The instant at which the first image arrives, µs since 1970.
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory from the first tenth of the work on, kB. The index of a recording's part grows
-/// while the part does, and is freed when the part ends.
+/// The limit for the growth of memory after the first tenth of the work, kB. The index of a recording's part grows
+/// while the part is written, and is freed when the part ends.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 /// The figures of a run.
@@ -46,12 +46,12 @@ pub(crate) struct Figures {
     pub(crate) bytes: u64,
     /// The number of arrivals that were read back unchanged.
     pub(crate) read: u64,
-    /// The memory of the process at each tenth of the recording, and at each tenth of the reading, kB.
+    /// The memory of the process, kB, at each tenth of the recording and then at each tenth of the reading.
     pub(crate) memory_kb: Vec<u64>,
 }
 
 impl Figures {
-    /// Returns the growth of memory from the first tenth on, kB.
+    /// Returns by how much memory has grown since the first tenth of the work, kB.
     #[must_use]
     pub(crate) fn growth_kb(&self) -> u64 {
         let first = self.memory_kb.first().copied().unwrap_or_default();

@@ -45,7 +45,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let bound = lines::udp("127.0.0.1:0".parse()?, Kind::MavlinkDatagrams, 0, clock, inlet.clone())?;
     let server = Server::start(station.clone(), "127.0.0.1:0".parse()?)?;
 
-    // This holds, for each watched drone and sample (ms of HORUS's time), the instant of sending, ns since the
+    // For each watched drone and each of its samples, this holds the instant at which the sample was sent, ns since the
     // beginning.
     let cycles = seconds as usize * 10;
     let sent: Arc<Vec<Vec<AtomicU64>>> =
@@ -68,7 +68,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
     let mut datagrams = 0_u64;
     for cycle in 0..cycles {
         for system in 1..=drones {
-            // The drones take turns within the tenth of a second.
+            // The drones send one after another within each tenth of a second.
             let due = Duration::from_millis(100) * cycle as u32 + Duration::from_millis(100) * (system - 1) / drones;
             sleep(due.saturating_sub(began.elapsed()));
             let time = 70_000 + 100 * cycle as u32;
@@ -131,7 +131,8 @@ fn messages(system: u32, sequence: u8, time: u32) -> Result<Vec<Vec<u8>>, Box<dy
     units.into_iter().map(message).collect()
 }
 
-/// Reads the page's events of a drone and returns the delay of each sample's first event after its datagram, ms.
+/// Reads the page's events of a drone. Returns, for each sample, the delay from its datagram to the first event with
+/// it, ms.
 fn watch(
     address: std::net::SocketAddr,
     system: u32,

@@ -31,17 +31,19 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 /// The length of the windows over which the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
 
-/// The number of samples with a smaller difference of arrival and timestamp from which on that difference counts.
+/// The number of samples that must have a smaller difference of arrival and timestamp than all before them until that
+/// difference is used.
 pub const AGREEING: u8 = 3;
 
-/// The shortest time over which samples with a smaller difference of arrival and timestamp must come, µs, so that one
-/// burst of messages does not suffice.
+/// The shortest time, µs, over which the samples with a smaller difference of arrival and timestamp must be spread, so
+/// that one burst of messages does not suffice.
 pub const AGREE_US: u64 = 1_000_000;
 
-/// The longest time over which samples with a smaller difference of arrival and timestamp may come, µs.
+/// The longest time, µs, over which the samples with a smaller difference of arrival and timestamp may be spread.
 pub const WITHIN_US: u64 = 10_000_000;
 
-/// Samples whose difference of arrival and timestamp is smaller than all before, and does not count yet.
+/// Samples whose difference of arrival and timestamp is smaller than all before, while they are too few for that
+/// difference to be used.
 #[derive(Clone, Copy, Debug)]
 struct Lower {
     began_us: u64,
@@ -49,7 +51,8 @@ struct Lower {
     largest_us: i64,
 }
 
-/// The smallest difference of arrival and timestamp so far, and the instant since which it may have risen.
+/// The smallest difference of arrival and timestamp so far, and the instant from which on the drift of the clocks may
+/// have increased it.
 #[derive(Clone, Copy, Debug)]
 struct Floor {
     difference_us: i64,
@@ -60,20 +63,20 @@ struct Floor {
 #[derive(Clone, Copy, Debug)]
 struct Window {
     began_us: u64,
-    /// The smallest difference in this window so far, and its instant.
+    /// The smallest difference of arrival and timestamp in this window so far, and the instant of that difference.
     least: Floor,
-    /// The smallest difference in the window before, if there was one.
+    /// The smallest difference of arrival and timestamp in the window before, if there was one.
     before: Option<Floor>,
 }
 
-/// What is known of one HORUS's samples since it started.
+/// The state of the comparison of one HORUS's timestamps with their arrivals, since that HORUS started.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ages {
-    /// The last timestamp as it arrived, and the same without wrapping, ms since the first.
+    /// The last timestamp as it arrived, ms, and that timestamp without wrapping, ms since the first one.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
     lower: Option<Lower>,
-    /// The number of samples so far, at most [`AGREEING`].
+    /// The number of samples so far, which is counted up to [`AGREEING`].
     taken: u8,
     window: Option<Window>,
     implausible: bool,
@@ -84,7 +87,7 @@ impl Ages {
     /// crystal. Returns the delay of the sample beyond the shortest delay, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
         let (unwrapped, difference_us) = self.difference(timestamp, at_us);
-        // Another object with the same timestamp is of the same cycle and is not another sample.
+        // An object with the timestamp of the last sample is of the same cycle, so it is not another sample.
         let another = self.last.is_none_or(|(last, _)| last != timestamp);
         self.last = Some((timestamp, unwrapped));
         let floor_us = self.floor_us(at_us, crystal);
@@ -115,7 +118,8 @@ impl Ages {
         (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
     }
 
-    /// Returns the smallest difference of arrival and timestamp, with the rise that is possible by `at_us`.
+    /// Returns the smallest difference of arrival and timestamp, plus the drift of the clocks that is possible by
+    /// `at_us`.
     fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
         self.floor.map(|floor| {
@@ -231,7 +235,7 @@ mod tests {
     #[test]
     fn a_window_is_compared_by_its_fastest_sample() {
         let mut ages = Ages::default();
-        // A quarter of all samples is held back for 0.9 s, first in one window and then in none.
+        // A quarter of all samples is held back for 0.9 s in one window, and none in the next window.
         for cycle in 0..9_000_u32 {
             let held = if cycle % 4 == 3 && cycle > 3_000 && cycle < 6_000 { 900_000 } else { 0 };
             ages.take(10 * cycle, 10_000 * u64::from(cycle) + held, true);
@@ -243,8 +247,8 @@ mod tests {
     fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
         let mut ages = Ages::default();
         for half in 0..=122_u32 {
-            // The sample with the shortest delay is at the start of the first window, and at the end of the second: 1 s
-            // in 60 s is below 2 %.
+            // The sample with the shortest delay is at the start of the first window, and at the end of the second one.
+            // The delay rises by 1 s between these two samples, which are 60 s apart: that is below 2 %.
             let late = match half {
                 0 => 0,
                 1..60 => 300_000,
@@ -258,8 +262,8 @@ mod tests {
 
     #[test]
     fn a_clock_off_by_just_2_percent_is_plausible() {
-        // The number is the time, ms, by which HORUS's clock falls behind the station's in each of two windows; 2 % are
-        // 600 ms.
+        // The first value is the time, ms, by which HORUS's clock falls behind the station's in each of two windows;
+        // 600 ms are 2 % of a window.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

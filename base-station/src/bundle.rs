@@ -30,8 +30,8 @@ impl<'a> Bundle<'a> {
         (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
     }
 
-    /// Returns the successive objects from `first` on, in the order of the image, that fill `bytes`; `None` if no
-    /// number of objects does.
+    /// Returns the successive objects from `first` on, in the order of the image, that fill `bytes`; `None` if `bytes`
+    /// has the total length of no such objects.
     #[must_use]
     pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
         (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))

@@ -46,8 +46,8 @@ pub const GAP_US: u64 = 2_000_000;
 ///
 /// # Errors
 ///
-/// Returns an error if the recording cannot be read or `to` not be written. A recording that is cut off is exported up
-/// to the place where it ends ([`Reader::torn`]).
+/// Returns an error if the recording cannot be read, or `to` cannot be written. A recording that is cut off is exported
+/// up to the place where it ends ([`Reader::torn`]).
 pub fn export<R: Read, W: Write>(
     reader: &mut Reader<R>,
     form: Form,

@@ -79,7 +79,7 @@ impl fmt::Display for DroneId {
     }
 }
 
-/// The place from which a sender's messages come.
+/// The source of a sender's messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Source {
     /// The number of the line over which the messages come.
@@ -92,7 +92,7 @@ pub struct Source {
     pub signed: bool,
 }
 
-/// One of the senders with the id of a drone.
+/// A sender that uses the id of a drone.
 #[derive(Clone, Debug)]
 struct Sender {
     source: Source,
@@ -100,7 +100,7 @@ struct Sender {
 }
 
 impl Sender {
-    /// Returns the rank of the sender for being kept; the sender with the least rank is dropped first.
+    /// Returns the rank by which a sender is kept: the sender with the least rank is dropped first.
     fn worth(&self) -> (bool, u64) {
         (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
     }
@@ -126,7 +126,8 @@ impl Fleet {
     pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
         let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
         let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
-        // If only one sender is known, its own state determines whether the message is from another sender.
+        // If only one sender has this id and source, that sender's own state determines whether the message is from
+        // another sender.
         let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
         if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
             let verdicts = sender.drone.take_bundle(at_us, bundle);
@@ -160,7 +161,7 @@ impl Fleet {
         self.drones.range(all).map(|(id, sender)| (*id, sender))
     }
 
-    /// Records in all senders with this drone's id that the others exist.
+    /// Records in each recent sender with this drone's id that another sender uses the id too, if there is one.
     fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
         if !verdicts.iter().any(|verdict| verdict.is_intact()) {
             return;
@@ -205,7 +206,7 @@ impl Fleet {
         self.drones.get(&id).map(|sender| &sender.drone)
     }
 
-    /// Returns the place from which a drone's messages come.
+    /// Returns the source of a drone's messages.
     #[must_use]
     pub fn source(&self, id: DroneId) -> Option<Source> {
         self.drones.get(&id).map(|sender| sender.source)
@@ -232,7 +233,7 @@ impl Fleet {
         changes
     }
 
-    /// Returns whether a sender is silent and another sender with its id continues the data of the same HORUS.
+    /// Returns whether a sender is silent while another sender with the same id continues the data of the same HORUS.
     fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
         let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
         let same = |other: &Sender| {

@@ -71,7 +71,7 @@ pub struct Judged {
     pub verdict: Verdict,
 }
 
-/// What is kept of a line from one message to the next.
+/// The state of a line that is kept from one message to the next.
 #[derive(Debug)]
 enum Line {
     Mavlink(Box<Receiver>),
@@ -95,7 +95,7 @@ pub struct Intake {
 pub struct Refused {
     /// The number of messages that are not signed with this station's key, or were replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong MAVLink checksum.
     pub bad_crc: u64,

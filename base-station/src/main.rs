@@ -203,7 +203,7 @@ struct Output {
     record: Option<PathBuf>,
 }
 
-/// The interval at which failures are checked for; the recorder tries again after twice that time.
+/// The interval at which the program checks for failures; the recorder tries again after twice that time.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
@@ -376,7 +376,7 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
-    // A user who names only the first part may mean the last flight, whose file has another number.
+    // A user who names only the first part may mean the newest recording, which is in a file with a higher number.
     let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
     if let Some(last) = more.last() {
         eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
@@ -420,7 +420,7 @@ fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
     Ok((Reader::new(BufReader::new(from)), bar))
 }
 
-/// Prints which parts of a recording could not be read, and returns whether there were any.
+/// Prints which parts of a recording could not be read. Returns whether there were such parts.
 fn told_torn<R: std::io::Read>(reader: &Reader<R>) -> bool {
     for why in reader.lost() {
         eprintln!("a chunk is damaged and left out ({why}); all before and behind it is there");
@@ -440,7 +440,7 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
     Ok(key(listen)?.map(Verifier::new))
 }
 
-/// The number of the link in this station's signatures. Each sender that has the key needs a number of its own.
+/// The number of the link in this station's signatures. Each sender that has the key needs a different number.
 const SIGNING_LINK: u8 = 254;
 
 /// Enables the station's own messages, as the arguments require.
@@ -539,7 +539,7 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
-    // A service is ended by the signal TERM; the recording must be whole then, too.
+    // A service manager ends the program by the signal TERM; the recording must be whole in that case, too.
     #[cfg(unix)]
     let mut term = signal(SignalKind::terminate())?;
     #[cfg(unix)]
@@ -553,8 +553,8 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
-/// Prints, for as long as this process runs, when the recorder or a line begins to fail, and when it works again,
-/// because the user may have no page or not look at it.
+/// Prints when the recorder or a line begins to fail, and when it works again, for as long as this process runs. The
+/// user may have no page open, or may not look at it.
 fn complain(station: Station) {
     thread::spawn(move || {
         let mut told = BTreeMap::<String, String>::new();

@@ -93,7 +93,8 @@ impl Place {
     #[must_use]
     pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
         let damaged = Shown::Damaged(profile::Rejection::Length);
-        // The layout with the most receivers has a place for every kind of object; only the bytes of this one are read.
+        // The layout with the most receivers contains every kind of object; only the bytes of the requested object are
+        // read.
         let [.., layout] = Layout::ALL;
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
@@ -130,7 +131,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// An object that [`Place::judge`] found intact and in its place.
+/// An intact object, as [`Place::judge`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Intact<'a> {
     /// Link-Status.

@@ -32,7 +32,7 @@ fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     }
 }
 
-/// A process that is ended when the test is over.
+/// A process that is ended when this value is dropped.
 struct Running(Child);
 
 impl Drop for Running {
@@ -120,8 +120,8 @@ fn fresh(page: SocketAddr) -> Vec<String> {
     fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
 }
 
-/// A thread that sends the data of flying drones with these system ids, each ten times a second, to one port, until
-/// this is dropped.
+/// A thread that sends the data of flying drones with these system ids to one port, ten times a second for each drone,
+/// until this value is dropped.
 struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
 
 impl Flying {
@@ -134,7 +134,7 @@ impl Flying {
             let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
             let began = Instant::now();
             while !told.load(Ordering::Relaxed) {
-                // The timestamps of the drones follow real time, whatever delays this thread.
+                // The timestamps of the drones follow real time, even if this thread is delayed.
                 let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
                 for forwarder in &mut forwarders {
                     forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
@@ -168,7 +168,7 @@ fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>
         };
         intake.take_each(carried, |_, _| true, all);
         assert_eq!(bytes.len(), record.found.len());
-        // The recorded message contains the publisher's verdict too.
+        // The recorded message also contains the verdicts of the publishing station.
         let told: Option<Vec<String>> = (carried.kind == Kind::Published).then(|| {
             let published = Published::read(&carried.bytes).unwrap();
             published.verdicts().map(|verdict| verdict.unwrap().code().to_owned()).collect()
@@ -202,13 +202,13 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let (south, _, south_udp) = publish("south", names[1]);
     let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
 
-    // The system id 3 is used by two drones, one of each station.
+    // Two drones have the system id 3; each station receives one of them.
     let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
     let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
     until("all drones are shown", || fresh(page) == drones);
     assert_eq!(state(page)["drone"]["id"], "north/1");
 
-    // Without a broker each station reports that and continues, and the data that it displays grow old.
+    // Without a broker, each station reports the lost connection and continues, and the data that it displays grow old.
     drop(broker);
     let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
     until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
@@ -224,8 +224,8 @@ fn a_page_fed_by_the_broker_shows_the_drones_of_all_stations() {
     let recorded = objects(all.clone(), "");
     assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
     for (station, file) in [("north", north), ("south", south)] {
-        // Each object that came through the broker, in order, is one that its station recorded, with the same bytes and
-        // verdict.
+        // Each object that came through the broker is one that the publishing station recorded, with the same bytes and
+        // verdict. The objects come in the order of that recording.
         let here = objects(file, station);
         let through = objects(all.clone(), station);
         let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
@@ -285,8 +285,8 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
     for page in [page, late] {
         let drones = state(page)["drones"].as_array().unwrap().len();
-        // A subscriber that was there before may show the first message as the drone `north/8`, because the message
-        // reached it when it was current and not as a retained one.
+        // A subscriber that was connected before may show the first message as the drone `north/8`: the message reached
+        // this subscriber when it was new, and not as a retained one.
         let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
@@ -304,7 +304,7 @@ fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
     authority
 }
 
-/// Makes a certificate for `host`, valid until this year, in `NAME.pem`, with its key in `NAME.key`.
+/// Writes a certificate for `host`, valid until this year, to `NAME.pem`, and its key to `NAME.key`.
 fn certificate(folder: &Path, authority: &CertifiedIssuer<'_, KeyPair>, name: &str, host: &str, until: i32) {
     let mut params = CertificateParams::new([host.to_owned()]).unwrap();
     params.distinguished_name.push(DnType::CommonName, name);
@@ -345,7 +345,7 @@ fn over_tls_only_an_authenticated_broker_and_station_exchange_data() {
     let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
-    // Arrivals that could not be published before there was a connection are reported for a while.
+    // A station reports for a while the arrivals that could not be published before there was a connection.
     let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
     until("nothing is wrong", || is_well(page) && is_well(north_page));
 

@@ -30,14 +30,15 @@ use serde_json::{Value, json};
 /// The time from one message of a drone to the next.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// The longest time until a page reports that data are old, ms: the requirement is "within 0.5 s".
+/// The longest time until a page reports that data are old, ms: the requirement is within half a second.
 const SAYS_OLD_WITHIN: f64 = 500.0;
 
-/// The longest pause, ms, between two runs of a script that is due every 10 ms; beyond it the machine was busy with
-/// other work.
+/// The longest pause, ms, between two runs of a script that is due every 10 ms. If a pause is longer, the machine was
+/// busy with other work.
 const UNDISTURBED: f64 = 60.0;
 
-/// The instant at which an image was taken, and the latest at which it was sent, ms since 1970.
+/// The instants of an image, ms since 1970: `taken`, at which the image was taken, and `gone`, by which it had been
+/// sent.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     taken: f64,
@@ -49,8 +50,9 @@ fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// A thread that records the time every 10 ms for as long as this lives, ms since 1970. Where there is a gap in its
-/// records, the machine did not run this process and the base station in it, so no measurement is valid then.
+/// A thread that records the time every 10 ms, ms since 1970, until this value is dropped. A gap between two records
+/// means that the machine did not run this process, and so not the base station in it either. A measurement during the
+/// gap is not valid.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }
@@ -102,7 +104,7 @@ struct Scene {
     forwarder: Forwarder,
     began: Instant,
     sent: u64,
-    /// The elapsed time that the test sets, µs, if the station has such a clock.
+    /// The elapsed time that the test sets, µs; it has no effect on a station that reads the system's clock.
     passed_us: Arc<AtomicU64>,
 }
 
@@ -329,7 +331,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     let after = now_ms() - last.taken;
     for age in &ages {
         let ms = age.strip_suffix(" s").and_then(|age| age.parse::<f64>().ok()).unwrap() * 1e3;
-        // On a machine with other work, the display may lag by two pushes and one frame of the screen.
+        // On a machine with other work, the display may lag by the time of two pushes and one frame of the screen.
         assert!((before - 250.0..=after + 50.0).contains(&ms), "{ages:?}, {before} to {after} ms");
     }
     scene.is_clean(&mut tab);
@@ -341,7 +343,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     let Some(mut tab) = tab("stale") else { return };
     let mut scene = Scene::begin();
     tab.open(&scene.address());
-    // The script records when the verdict changes, and how regularly the script itself runs: it is due every 10 ms.
+    // The script records the instants at which the verdict changes. It also records every 10 ms that it runs itself.
     tab.eval(
         "window.turns = []; window.beats = [];
         new MutationObserver(() => turns.push([Date.now(), document.body.className]))
@@ -361,7 +363,7 @@ fn the_page_marks_data_as_old_within_half_a_second() {
             let beats: Vec<f64> = beats.collect();
             beats.windows(2).map(|beats| beats[1] - beats[0]).fold(0.0, f64::max)
         };
-        // If other work stopped the browser, or the base station, the page cannot be measured.
+        // If other work stopped the browser or the base station, this measurement of the page is not valid.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
             let turns = tab.eval("turns");
             assert!(verdict.ends_with("OLD DATA"), "{verdict}, sent {last:?}, old at {at}; {turns}");
@@ -373,8 +375,8 @@ fn the_page_marks_data_as_old_within_half_a_second() {
     }
     println!("old after {took:?} ms; where the machine did not let the browser or the station run, {disturbed:?}");
     assert!(took.iter().all(|(_, since_gone)| *since_gone <= SAYS_OLD_WITHIN), "{took:?}");
-    // The last sample may be 10 ms older than the limit, because a timestamp is that of a cycle. Date.now() has whole
-    // milliseconds.
+    // The last sample may be 10 ms older than the limit allows, because its timestamp is that of a cycle. `Date.now()`
+    // returns whole milliseconds.
     assert!(took.iter().all(|(since_taken, _)| *since_taken >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
     // A state that was delayed by 200 ms on its way must not make data look younger.
@@ -407,12 +409,12 @@ fn a_page_that_lost_its_station_reconnects_by_itself() {
     drop(scene.server.take());
     tab.until("document.body.className === 'lost'");
     assert_eq!(tab.text("#verdict"), "NO CONNECTION TO THE BASE STATION");
-    // The pause is long enough for the browser to make an attempt that fails.
+    // The pause is long enough for the browser to try to connect once, and fail.
     sleep(Duration::from_millis(1_500));
     scene.server = Some(Server::start(scene.station.clone(), scene.page).unwrap());
     scene.fly_until(&mut tab, FRESH);
     assert_eq!(tab.eval("performance.timeOrigin"), loaded, "it was not loaded anew");
-    // The console reports only the failed connections.
+    // The failed connections are the only errors on the console.
     let troubles = tab.troubles();
     let network = |trouble: &String| trouble.starts_with("network: ") && trouble.contains("/events");
     assert!(troubles.iter().all(network), "{troubles:?}");
@@ -479,7 +481,7 @@ fn the_page_is_readable_on_each_screen_in_light_and_dark() {
         for scheme in ["light", "dark"] {
             tab.scheme(scheme);
             let seen = format!("matchMedia('(prefers-color-scheme: {scheme})').matches");
-            // The drawings of the page and their legend are drawn ten times a second.
+            // The page draws its diagrams and their legend ten times a second.
             scene.fly_until(
                 &mut tab,
                 &format!(
@@ -677,7 +679,7 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     for (name, said, change) in scenes {
         shows(&mut tab, &format!("{name}-before"), "live", "well", || _ = scene.send(|ms| well(ms, |_, _| {})));
         shows(&mut tab, name, said, "critical", || _ = scene.send(|ms| well(ms, change)));
-        // Screenshots take so long that messages seem to stop meanwhile.
+        // Taking a screenshot takes so long that the messages seem to stop meanwhile.
         let told = format!("document.title.startsWith('!! 7: ' + {})", json!(said));
         let mut sent = 0;
         while tab.eval(&told) != Value::Bool(true) {
@@ -1084,7 +1086,8 @@ fn a_playback_can_be_controlled_by_keyboard_alone() {
     tab.until("state.playback.at_s === 600");
     assert_eq!(player.now_us(), contents.last_us);
     tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
-    // The display equals the recording at that place. The test finds the place by reading the whole recording.
+    // The display equals the recording at the displayed instant. The test finds that instant in the recording by
+    // reading all of it.
     until(&mut tab, "time", "670.0 s");
     screenshot(&mut tab, "playback");
 

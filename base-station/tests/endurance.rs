@@ -14,8 +14,8 @@ fn a_recording_holds_all_that_arrived_and_takes_no_memory_for_it() {
     assert!(figures.is_good(), "{figures:?}");
     assert!(figures.growth_kb() < 4 << 10, "{figures:?}");
     assert_eq!((figures.arrivals, figures.parts), (60_600, 1));
-    // Each of the 600 damaged messages loses one object. A bit in an unprotected field would damage none, but no bit
-    // that flips here is in one.
+    // Each of the 600 damaged messages loses one object. A flipped bit in an unprotected field would not damage an
+    // object, but no bit that is flipped here is in such a field.
     assert_eq!(figures.refused, 600);
     assert_eq!(figures.shown, 60_000 * 5 - 600);
 }

@@ -19,7 +19,7 @@ use tokio::sync::oneshot;
 /// The time limit for each wait; a machine that is not busy needs a fraction of it.
 const BOUND: Duration = Duration::from_secs(30);
 
-/// The limits of connections, which are short so that the tests are.
+/// The limits of connections, which are short so that the tests take little time.
 const LIMITS: Limits = Limits { connections: 200, head: Duration::from_millis(400), stall: Duration::from_millis(600) };
 
 /// The page of a station with one drone, which receives data all the time.
@@ -107,7 +107,8 @@ fn all(stream: &mut TcpStream) -> Vec<u8> {
     }
 }
 
-/// A thread that reads states as a browser does. When it is ended, it returns the longest pause between two states.
+/// A thread that reads states as a browser does. Ending the thread returns the number of states and the longest pause
+/// between two of them.
 struct Watcher {
     ended: Arc<AtomicBool>,
     thread: thread::JoinHandle<(u64, Duration)>,
@@ -156,7 +157,8 @@ fn readers_that_take_nothing_are_given_up_and_hold_no_other_up() {
     for reader in &mut readers {
         write!(reader, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     }
-    // Each connection is closed although it has not read: the system reports a reset at the next write.
+    // The page closes each connection, although the client has not read from it: the system then reports a reset at the
+    // client's next write.
     let began = Instant::now();
     while !readers.is_empty() {
         assert!(began.elapsed() < BOUND, "{} readers are still there", readers.len());
@@ -188,8 +190,8 @@ fn the_page_answers_again_after_a_thousand_idle_connections() {
     let watcher = Watcher::start(&page);
     for _ in 0..5 {
         let mut idle: Vec<TcpStream> = (0..200).map(|_| page.connect()).collect();
-        // The connections beyond the limit are closed at once, and the others when they have sent no request for too
-        // long.
+        // The connections beyond the limit are closed at once. The others are closed when they have sent no request for
+        // too long.
         for stream in &mut idle {
             let bytes = all(stream);
             assert!(bytes.is_empty() || bytes.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&bytes));

@@ -34,7 +34,7 @@ fn messages(system: u8, image: &[u8]) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| forwarder.poll(SECOND, 0)).collect()
 }
 
-/// Returns an image that an attacker sealed: it is intact, and states an emergency or an impossible position.
+/// Returns an image that an attacker sealed: it is intact, but states an emergency or an impossible position.
 fn forged(drawn: &mut Drawn, timestamp: u32) -> Vec<u8> {
     let place = [(91.0, 8.0, 470.0), (47.0, f64::NAN, 1.0), (47.0, 500.0, 1.0), (47.0, 8.0, 1e300), (0.0, 0.0, 0.0)];
     let (latitude, longitude, altitude) = place[drawn.below(place.len() as u64) as usize];
@@ -70,10 +70,11 @@ struct Hour {
     intake: Intake,
     drawn: Drawn,
     now: u64,
-    /// The messages that arrive later: the instant, a number, the source and the bytes of each.
+    /// The messages that have not arrived yet: the instant of arrival and a serial number, and then the source and the
+    /// bytes.
     on_the_way: BTreeMap<(u64, u64), (String, Vec<u8>)>,
     count: u64,
-    /// Earlier messages, from which some are replayed.
+    /// Earlier messages; some of them are replayed.
     kept: Vec<(String, Vec<u8>)>,
 }
 
@@ -107,13 +108,13 @@ impl Hour {
     fn attack(&mut self) {
         let (system, began) = TRUE[self.drawn.below(3) as usize];
         let own = address(system.into(), 14_550);
-        // The message comes from the neighbour's own address, or from the drone's.
+        // The message comes from the true drone's address, or from an address of the neighbour.
         let from =
             if self.drawn.below(2) == 0 { own.clone() } else { address(200, 1_000 + self.drawn.below(50) as u16) };
         let time = self.time(began);
         match self.drawn.below(8) {
             0 => {
-                // The timestamp is ahead, by 1.9 s or by any amount.
+                // The timestamp is ahead of the true drone's time, by 1.9 s or by any amount.
                 let ahead = [1_900, 10 * self.drawn.below(1 << 24) as u32][self.drawn.below(2) as usize];
                 for bytes in messages(system, &forged(&mut self.drawn, time.wrapping_add(ahead))) {
                     self.send(0, from.clone(), bytes);
@@ -147,7 +148,7 @@ impl Hour {
                 let bytes = (0..self.drawn.below(300)).map(|_| self.drawn.next() as u8).collect();
                 self.send(0, from, bytes);
             }
-            // The messages are of drones that do not exist, from any address.
+            // The message is of a drone that does not exist, from any address.
             _ => {
                 for _ in 0..8 {
                     let (invented, port) = (4 + self.drawn.below(250) as u8, self.drawn.below(60_000) as u16);
@@ -176,7 +177,8 @@ impl Hour {
         }
     }
 
-    /// Returns whether the station shows the true drone with this id: its last sample, not old, with its own values.
+    /// Returns whether the station shows the true drone with this id: its last sample is shown, is not old, and has the
+    /// true drone's values.
     fn is_shown_true(&self, system: u8, began: u32) -> bool {
         let time = self.time(began);
         let sent = image(time);

@@ -1,4 +1,4 @@
-//! The tests without a process or a clock of their own in one binary: each file is a module of it.
+//! All tests that need neither a process nor a clock of their own, as modules of one binary.
 
 mod common;
 mod hostile;

@@ -36,7 +36,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Returns the HORUS time of each recorded image, ms, and the places where parts are cut off.
+/// Returns the HORUS time of each recorded image, ms, and the points at which parts are cut off, as text.
 fn recorded(parts: Vec<PathBuf>) -> (Vec<u32>, Vec<String>) {
     let mut times = vec![];
     let each = |record: base_station::recorder::Record| {
@@ -53,7 +53,8 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
     let file = folder.join("flight.mcap");
     let (mut child, _said, address) = start(&["record"], &file, "true");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    // After three seconds at 100 Hz the process is killed. The instants at which images were sent are compared.
+    // The process is killed after three seconds at 100 Hz. Its recording is then compared with the instants at which
+    // images were sent.
     let began = Instant::now();
     let mut sent = vec![];
     while began.elapsed() < Duration::from_secs(3) {
@@ -77,12 +78,12 @@ fn a_recorder_that_is_killed_loses_less_than_a_second() {
 fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     let folder = folder("full");
     let file = folder.join("flight.mcap");
-    // The parts have at most 128 KiB, in units of 512 bytes: about two chunks, each of half a second.
+    // The limit is 256 blocks of 512 bytes, so a part has at most 128 KiB: about two chunks, each of half a second.
     let (mut child, mut said, address) = start(&["record"], &file, "ulimit -f 256");
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let began = Instant::now();
     let (mut time, second) = (70_000, folder.join("flight.1.mcap"));
-    // When the first part is full, the recorder tries another one, as long as there are data to record.
+    // When the first part is full, the recorder begins another part, if there are still data to record.
     while !second.metadata().is_ok_and(|second| second.len() > 10_000) {
         assert!(began.elapsed() < BOUND && child.try_wait().unwrap().is_none(), "it has not tried again");
         socket.send_to(&image(time), address).unwrap();
@@ -94,8 +95,8 @@ fn a_recorder_survives_a_full_disk_and_keeps_what_it_wrote() {
     while !words.contains("recording works again") {
         assert!(said.read_line(&mut words).unwrap() > 0, "{words}");
     }
-    // A service is ended by TERM and not by the keyboard. The file is whole in this case too, which the program
-    // reports.
+    // A service manager ends a program by the signal TERM, not by the keyboard. The file must be whole in this case
+    // too, and the program reports that it is.
     let end = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(end.success());
     assert!(child.wait().unwrap().success());

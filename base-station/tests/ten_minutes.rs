@@ -55,7 +55,7 @@ struct Message {
     foreign: bool,
 }
 
-/// Puts `bytes`, sent at `now_us`, on their way, on which they may be lost, delayed, doubled or damaged.
+/// Puts `bytes`, sent at `now_us`, on their way to the base station. They may be lost, delayed, doubled or damaged.
 fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Message>) {
     let copies = if drawn.chance(15) { 2 } else { 1 };
     for _ in 0..copies {
@@ -71,7 +71,7 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
         }
-        // The same bit may have flipped twice, so that the message is intact again.
+        // If the same bit was flipped twice, the message is intact again.
         let damaged = bytes != original;
         on_the_way.push(Message { arrives_us: now_us + delay_us, bytes, damaged, foreign: false });
     }
@@ -81,8 +81,8 @@ fn carry(drawn: &mut Drawn, now_us: u64, bytes: &[u8], on_the_way: &mut Vec<Mess
     }
 }
 
-/// Returns the messages of ten minutes of HORUS's objects, as carried, every object that was sent, and the instants of
-/// sending.
+/// Returns the messages that carry ten minutes of HORUS's objects, with the instants of their arrival, and the set of
+/// all objects that were sent.
 fn flight(seed: u64, mavlink: bool) -> (Vec<Message>, HashSet<(Place, Vec<u8>)>) {
     let mut drawn = Drawn(seed);
     let (mut on_the_way, mut sent) = (vec![], HashSet::new());
@@ -144,7 +144,7 @@ fn over_mavlink_exactly_the_intact_objects_are_accepted() {
     let mut whole = 0_u64;
     for message in &messages {
         let received = receiver.datagram(0, &message.bytes);
-        // The objects' own CRCs detect the damage that MAVLink's checksum misses.
+        // The objects' own CRCs detect damage that MAVLink's checksum misses.
         whole += u64::from(!message.damaged);
         for received in received {
             judge.take(message, &received.bundle().unwrap());

@@ -206,7 +206,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
         // HORUS's first frame is that of its tick at 31 ms. The frame of the tick at 411 ms ends at 416 ms, and the run
         // ends before 424 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        // The DPR takes the first three cycles to find the sequence, and does not show them.
+        // The DPR uses the first three cycles to find the sequence, so it does not show them.
         let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
@@ -226,7 +226,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame() {
             // The requests have a valid CRC but ask for windows that do not exist, and the bytes in an object's place
             // are no object.
             Conduct::Lies => 75..=90,
-            // Only the first of the uplink objects is new; the others count as violations.
+            // Only the first of the repeated uplink objects is new; each of the others counts as a violation.
             Conduct::ReplaysUplink => 74..=74,
             // The DPR grants fewer transactions between two images than there are, which counts as one violation for
             // each image.

@@ -204,7 +204,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once() {
         let log: String = horus.node.take_log().iter().map(|line| format!("{line}\n")).collect();
         assert!(log.contains("the external clock has failed"), "{phase}: {log}");
 
-        // The external clock stays absent: HORUS runs on its internal oscillator without another restart.
+        // While the external clock stays absent, HORUS runs on its internal oscillator without another restart.
         assert!(!horus.run_to(restarted + 300 * MS), "{phase}: restarted again");
         let again = horus.frames(restarted);
         println!(
@@ -219,7 +219,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once() {
             assert!((pair[1].0 - pair[0].0).abs_diff(10 * MS) <= 3_000, "{phase}: {pair:?}");
         }
 
-        // The external clock works again: nothing changes before HORUS's next start, which uses it.
+        // When the external clock works again, nothing changes before HORUS's next start, which uses that clock.
         horus.node.input(|part, view, at| part.restore_hse(at, view));
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");

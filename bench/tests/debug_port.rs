@@ -6,13 +6,13 @@ use emulator_node::FindingKind;
 
 const MS: u64 = 1_000_000;
 
-/// The debug port's registers.
+/// The addresses of the debug port's registers.
 const ABORT: u8 = 0;
 const CONTROL: u8 = 4;
 const SELECT: u8 = 8;
 const READ_BUFFER: u8 = 0xC;
 
-/// The AHB-AP's registers, of bank 0.
+/// The addresses of the AHB-AP's registers, all in bank 0.
 const CSW: u8 = 0;
 const TAR: u8 = 4;
 const DRW: u8 = 0xC;
@@ -20,7 +20,7 @@ const DRW: u8 = 0xC;
 const POWER_UP: u32 = 1 << 28 | 1 << 30;
 const STICKY_ERR: u32 = 1 << 5;
 
-/// The core's debug registers, ARMv7-M C1.6.
+/// The addresses of the core's debug registers, ARMv7-M C1.6.
 const AIRCR: u32 = 0xE000_ED0C;
 const DHCSR: u32 = 0xE000_EDF0;
 const DCRSR: u32 = 0xE000_EDF4;

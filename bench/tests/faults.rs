@@ -24,7 +24,7 @@ const MS: u64 = 1_000_000;
 /// nominal rate of 32 kHz, and its oscillator may run at 17 kHz (DS9405 table 42); the nRF52840's takes 100 ms.
 const BITE: u64 = 200 * MS;
 
-/// The time in which HORUS starts and then sends at least four frames, ns.
+/// How long HORUS needs to start and then to send at least four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
 /// The kinds of damage after which a task no longer does its work.

@@ -391,7 +391,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has sent anything since the restart for which the voter could have excluded it anew.
+    // Since the restart no receiver has sent a message for which the voter could have excluded that receiver anew.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));

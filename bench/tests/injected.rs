@@ -178,7 +178,7 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
-/// The time in which HORUS starts and then sends at least four frames, ns.
+/// How long HORUS needs to start and then to send at least four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
 /// Runs HORUS from its start into the first millisecond of a frame; a frame takes nearly five.

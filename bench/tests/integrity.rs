@@ -156,7 +156,8 @@ fn a_flipped_bit_of_code_or_a_guard_word_stops_the_dpr() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // The word before `__ehot` is the last of a CRC's table, so the firmware continues to run with the damage.
+            // The word before `__ehot` is the last one of a CRC's table. Damage to that word does not keep the firmware
+            // from running.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
@@ -194,8 +195,8 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // At the next start the bit is still stuck and is reported from the first image on. Without the stuck bit no fault
-    // is reported.
+    // With the stuck bit the fault is reported from the first image after the next start on. Without it no fault is
+    // reported.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));

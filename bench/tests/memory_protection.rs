@@ -19,8 +19,8 @@ use st25r3916_model::AirEvent;
 /// The longest time from a task's last check-in to the watchdog's reset, ns; `faults.rs` explains the number.
 const BITE: u64 = 200 * MS;
 
-/// The longest period of both overwritten tasks, ns: each runs in every cycle of 10 ms, or the DPR's at the latest with
-/// the deadline of 12.5 ms.
+/// The longest period of both overwritten tasks, ns. HORUS's task runs in every cycle of 10 ms; the DPR's task runs in
+/// every cycle too, or at the latest at the deadline of 12.5 ms.
 const PERIOD: u64 = 15 * MS;
 
 /// The instruction `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
@@ -39,7 +39,7 @@ enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// Pushes registers until the stack is full, and beyond its end.
+    /// The task pushes registers until the stack is full, and continues beyond its end.
     Recurse,
 }
 

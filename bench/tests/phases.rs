@@ -105,15 +105,16 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
 /// The DPR's idle task wakes at every event and does the work that is due once a second. In the silence between two
 /// frames it is woken by the end of the pause after a transaction, 96 to 106 us after the transaction's end. Another
 /// transaction that ends 109 to 127 us after the first, which is as early as possible, coincides with that work. The
-/// DPR's whole seconds move by 400 us a second relative to HORUS's cycle. So in 25 s half of them occur in that
-/// silence, each at another distance.
+/// DPR's whole seconds move by 400 us a second relative to HORUS's cycle. In 25 s, therefore, the work of half of the
+/// seconds falls into that silence, each time at another distance from a frame.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // The number of patterns is a prime, so 100 cycles later, in the next second, another pattern takes its turn.
+    // The number of patterns is a prime, so a different pattern is used in each second, which is 100 cycles after the
+    // one before.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

@@ -36,8 +36,8 @@ struct Figures {
     last_bit: u64,
 }
 
-/// For each frame the times to the next rise of FRESH from the last tick before the frame, and from the frame's last
-/// bit, ns.
+/// For each frame, two times that end with the next rise of FRESH: from the last tick before the frame, and from the
+/// frame's last bit, ns.
 fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     let (mut tick, mut heard) = (None, None);
     log.events.iter().filter_map(move |event| match &event.what {
@@ -63,7 +63,7 @@ fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     Some((setup, bench))
 }
 
-/// The figures in [`EPISODE`] with a flight controller of this conduct.
+/// The figures in [`EPISODE`] with a flight controller that misuses the SSI by `conduct`, or an ordinary one.
 fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>) -> Figures {
     let mut bench = bench.clone();
     if let Some(conduct) = conduct {
@@ -85,8 +85,8 @@ fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>
     Figures { frames, accepted, rejected, announced, last_bit }
 }
 
-/// Compares the figures with each of `conducts` with those of a flight controller that makes no transaction at all. The
-/// SSI's tasks may delay a frame by at most `share_ns`.
+/// Compares the RFID side's figures under each of `conducts` with the figures under a flight controller that makes no
+/// transaction at all. The SSI's tasks may delay a frame by at most `share_ns`.
 fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_ns: u64) {
     let Some(warm) = warm::<C>() else { return };
     let quiet = figures(&warm, Some(Conduct::Silent));

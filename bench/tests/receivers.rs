@@ -377,10 +377,10 @@ fn a_thousand_failures_of_buses() {
 /// waits 100 ms and more for the receiver, and configures it (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, if the reads until then have
-/// removed all stored messages. The first message, within 200 ms, proves that the receiver is empty and is dropped
-/// (decision 16). The next solution comes 200 ms later, and a cycle, the air and the way to the base station take 50
-/// ms.
+/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, if the reads of the stuck
+/// line have already removed all stored messages. The first message, within 200 ms, proves that the receiver is empty
+/// and is dropped (decision 16). The next solution comes 200 ms later, and a cycle, the air and the way to the base
+/// station take 50 ms.
 const PROVED: u64 = 450 * MS;
 
 /// A MISO that is stuck high when HORUS starts reads like that of a receiver without messages. The bytes that come when

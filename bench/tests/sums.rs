@@ -5,7 +5,7 @@
 //! until all of them coincide. So each part of a path is measured separately, at its longest, on each clock, and the
 //! parts are added up. The sums have to keep the bounds of docs/design.md#timing, and no run may exceed the sums.
 //!
-//! | part | how it is measured |
+//! | path or share | how it is measured |
 //! |---|---|
 //! | the frame's way | from the last bit to FRESH, cut where the running task changes; the longest time of each piece |
 //! | the SSI task's way | from the end of a transaction that nothing masks to the release |
@@ -30,7 +30,7 @@ use emulator_node::Threads;
 const MS: u64 = 1_000_000;
 /// The instant from which on the link is up and the processor is examined, ns.
 const WARM: u64 = 300 * MS;
-/// The time for which the processor is examined, ns: one cycle, so that everything done once per cycle is included.
+/// How long the processor is examined, ns: one cycle of HORUS, so that everything done once per cycle is included.
 const LOOKED_AT: u64 = 10 * MS;
 /// The end of the log from which the flight controller's service times are taken, ns.
 const END: u64 = WARM + 500 * MS;
@@ -38,8 +38,8 @@ const END: u64 = WARM + 500 * MS;
 const CYCLE: u64 = 15;
 /// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4. There are eight levels, in the
-/// three upper bits.
+/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4. The three upper bits of BASEPRI
+/// give one of eight levels.
 const MASKS: [u32; 2] = [0x60, 0x80];
 
 /// What the DPR's processor did, examined after each of its cycles.
@@ -75,7 +75,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // If a task of that priority or a higher one runs, it is not masked.
+            // A priority is not masked while a task of that priority or of a higher one runs.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -105,8 +105,8 @@ impl<C: Cost> Watched<C> {
         served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
-    /// The time for which one service of the SSI preempts another task, ns: the end of a pause and the end of a
-    /// transaction.
+    /// How long one service of the SSI preempts another task, ns: the sum of the longest runs for the end of a pause
+    /// and for the end of a transaction.
     fn share(&self) -> u64 {
         let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
         SSI.iter().map(|&exception| self.longest(exception) + around).sum()

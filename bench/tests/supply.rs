@@ -153,8 +153,8 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs `count` courses of voltage one after the other, of either board's supply and of both; returns their number.
-/// `None` if the firmwares were not built.
+/// Runs the link with `count` courses of voltage one after the other, for the supply of either board and for both
+/// supplies together. Returns the number of courses. `None` if the firmwares were not built.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);

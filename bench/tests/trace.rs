@@ -37,7 +37,7 @@ fn a_decoder_reads_each_spi_byte_back_from_the_waves() {
             ]);
             trace.finish().unwrap();
             let waves = waves::read(&file);
-            // A logic decoder samples on the rising or on the falling edge of the clock.
+            // The values are sampled like in a logic decoder, on the rising or on the falling edge of the clock.
             let sampled = |group: &str, wire: &str, edge: &str| {
                 let data = changes(&waves, &format!("{group}.{group}_{wire}"));
                 let level = |at: u64| data.iter().take_while(|(when, _)| *when <= at).last().unwrap().1 == "1";

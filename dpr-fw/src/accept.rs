@@ -50,7 +50,7 @@ pub const fn same_sample(one_us: u64, other_us: u64) -> bool {
 pub struct Objects(u8);
 
 impl Objects {
-    /// The set of no objects.
+    /// The empty set.
     pub const NONE: Self = Self(0);
 
     /// Returns all objects of a profile of `receivers` receivers.
@@ -95,7 +95,7 @@ impl Objects {
     }
 }
 
-/// How a frame relates to the cycles that were received before it.
+/// The relation of a frame to the cycles that were received before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// No object of the frame is intact, so no timestamp is known.
@@ -109,11 +109,11 @@ pub enum Cycle {
 /// The verdict on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// Where the frame's objects lie in the profile.
+    /// The place of the frame's objects in the profile.
     pub place: Place,
-    /// When the sample of the frame was taken, from the frame's number in its cycle, µs on the DPR's clock.
+    /// The instant at which the frame's sample was taken, µs on the DPR's clock: from the frame's number in its cycle.
     pub sampled_us: u64,
-    /// How the frame relates to the cycles before it.
+    /// The relation of the frame to the cycles before it.
     pub cycle: Cycle,
     /// The objects of the frame that were accepted.
     pub accepted: Objects,
@@ -297,7 +297,7 @@ mod tests {
     use crate::commit::testing::{frames, profile};
     use proptest::prelude::*;
 
-    /// Returns when frame number `frame` ends if its cycle is sampled at `sampled_us`.
+    /// Returns the instant, µs, at which frame number `frame` ends if its cycle is sampled at `sampled_us`.
     fn end<const N: usize>(sampled_us: u64, frame: usize) -> u64 {
         sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
     }
@@ -416,7 +416,7 @@ mod tests {
     fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
         let mut acceptance = in_sequence::<5>();
         assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
-        // This is when a cycle's first frame would end at the earliest if HORUS sent it after the second.
+        // This instant is the earliest end of a cycle's first frame if HORUS sent that frame after the second one.
         let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
         let verdict = judge(&mut acceptance, 50, 0, sampled_us);
         assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));

@@ -73,7 +73,7 @@ pub struct Commit<const N: usize> {
     link: Link,
     /// The objects of HORUS in the image being filled.
     shown: Objects,
-    /// When the cycle in the image being filled was sampled, µs since start, if its second frame is waited for.
+    /// The instant, µs since start, of the sample in the image being filled, while its second frame is awaited.
     open: Option<u64>,
     /// Whether Port-Status and the uplinks have been copied into the image being filled.
     port_placed: bool,
@@ -222,8 +222,8 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Does what each deadline that has passed until `until_us` demands. Returns whether a deadline had passed, so that
-    /// an image was published.
+    /// Handles each deadline that has passed by `until_us`. Returns whether a deadline had passed, so that an image was
+    /// published.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);

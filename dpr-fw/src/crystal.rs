@@ -4,7 +4,7 @@
 //! HFINT). It never runs tasks on HFINT; docs/decisions/0023-start-and-clocks.md says why. The crystal takes 0.36 ms
 //! typically (PS v1.7, 5.4.4, start-up time).
 
-/// How often [`starts`] asks whether the crystal has started before it reports a failure.
+/// The number of times that [`starts`] asks whether the crystal runs before it reports a failure.
 const POLLS: u32 = 1_000;
 
 /// The least pause between two polls of the crystal, µs.
@@ -13,10 +13,10 @@ const PAUSE_US: u32 = 10;
 /// The least pause between two polls of the crystal, in cycles of the internal oscillator's 64 MHz.
 pub const PAUSE_CYCLES: u32 = 64 * PAUSE_US;
 
-/// The least time that the crystal has to start, ms: 27 times the typical start-up time.
+/// The shortest time that is granted to the crystal for its start, ms: 27 times the typical start-up time.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
-/// The longest that [`starts`] takes, ms: a delay loop of the processor takes up to twice the cycles asked for, the
+/// The longest duration of [`starts`], ms. A delay loop of the processor takes up to twice the cycles asked for, the
 /// internal oscillator may be 8 % slow, and the polls take some cycles too. The watchdog bites after 100 ms.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 

@@ -27,11 +27,11 @@ use crate::{
 pub trait Timer {
     /// Returns the counter's value.
     fn now_us(&self) -> u32;
-    /// Makes the timer call the task when the counter has the value `at_us`, or at once if it has passed that value.
+    /// Makes the timer call the task `deadline` at counter value `at_us`, or at once if that value has passed.
     fn set(&mut self, at_us: u32);
 }
 
-/// What other tasks have to tell the tasks `commit` and `deadline`.
+/// The information from other tasks that the tasks `commit` and `deadline` need.
 #[derive(Clone, Copy, Debug)]
 pub struct Notices<'a, S> {
     /// Whether a frame is arriving, so that its image is to be prepared. At other times no image is prepared, since the

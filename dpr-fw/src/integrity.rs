@@ -65,7 +65,7 @@ pub const SELF_TEST_SLICES: u32 = 3;
 /// The end of the lowest part of flash, the null page, which the memory protection unit denies to all accesses.
 pub const SHUT_END: u32 = NULL_PAGE_END;
 
-/// The most bytes of flash of the program; the next two are of the RAM for code and for stack and statics (`memory.x`).
+/// The sizes (`memory.x`), bytes: the program's flash, the RAM that holds code, and the RAM for stack and statics.
 const FLASH_BYTES: u32 = 96 * 1024;
 const CODE_BYTES: u32 = 64 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
@@ -79,16 +79,16 @@ pub const OBJECTS_PER_SLICE: u32 = 2;
 pub const IMAGE_DETECT_US: u32 =
     (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
 
-/// The time from a flipped bit in flash until Link-Status tells it, µs, at most: two passes over all 96 KiB of flash.
+/// The longest time until Link-Status reports a flipped bit in flash, µs: two passes over all 96 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
 
-/// The time from a flipped bit of code in RAM to the safe state, µs, at most: one pass over all RAM that holds code.
+/// The longest time from a flipped bit of code in RAM to the safe state, µs: one pass over all RAM that holds code.
 pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;
 
-/// The time from when a bit of RAM in use sticks until Link-Status tells it, µs, at most: one pass over that RAM.
+/// The longest time until Link-Status reports a bit of RAM in use that gets stuck, µs: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + FRAME_DEADLINE_US;
 
-/// The longest that a self-test lasts, µs: a pass over flash or one over RAM, whichever takes longer.
+/// The longest duration of a self-test, µs: a pass over flash or one over RAM, whichever takes longer.
 pub const SELF_TEST_US: u32 = {
     let (flash, ram) = (FLASH_DETECT_US / 2, RAM_DETECT_US);
     (if flash > ram { flash } else { ram }) / SELF_TEST_SLICES + FRAME_DEADLINE_US
@@ -194,7 +194,7 @@ impl<const N: usize> ImageCheck<N> {
     }
 }
 
-/// What the idle loop's findings are, for the commit task and the port task.
+/// The findings of the idle loop, which the commit task and the port task read.
 #[derive(Debug)]
 pub struct Integrity {
     /// The generation of the image that was found damaged; 0 if none was.
@@ -254,7 +254,7 @@ impl Integrity {
         matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
     }
 
-    /// Returns whether the self-test that has ended passed. Each result is returned once; without one this is `None`.
+    /// Returns whether the self-test that has ended passed; `None` if none has ended. Each result is returned once.
     pub fn take_result(&self) -> Option<bool> {
         let state = self.self_test.load(Ordering::Relaxed);
         let ended = state == PASSED || state == FAILED;
@@ -307,7 +307,7 @@ struct SelfTest {
     ram: Option<bool>,
 }
 
-/// Judges what the idle loop's slices find, and says what follows.
+/// Evaluates the findings of the idle loop's slices, and returns the consequence of each slice.
 #[derive(Debug, Default)]
 pub struct Judge {
     self_test: SelfTest,

@@ -12,9 +12,9 @@ use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 /// of two crystals and the jitter of a start-up. It is measured from each frame anew, not by a local tick, so that
 /// drift never adds up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// The time before and after the instant at which a frame should end in which nothing is published that can wait, µs.
-/// It is longer than publishing an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and longer than
-/// two crystals drift apart in a cycle.
+/// The time before and after the expected end of a frame in which the DPR publishes nothing that can wait, µs. It is
+/// longer than publishing an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and longer than two
+/// crystals drift apart in a cycle.
 pub const FRAME_DUE_US: u32 = 200;
 /// The time in which one frame counts as missed while HORUS is silent, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
@@ -77,7 +77,7 @@ impl Clock {
     }
 }
 
-/// Which frame the deadline is for.
+/// The frame for which the deadline waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
     /// The deadline waits for any frame; nothing was received yet, so none is missed.
@@ -194,8 +194,8 @@ impl<const N: usize> Monitor<N> {
         now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
     }
 
-    /// Returns what it means that the deadline has passed at counter value `now_us`, and however many others since;
-    /// `None` if it has not. The next deadline is then after `now_us`.
+    /// Returns what follows from the deadline and from all others that have passed by counter value `now_us`; `None` if
+    /// the deadline has not passed. The next deadline is then after `now_us`.
     pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
         if !self.has_lapsed(now_us) {
             return None;
@@ -235,7 +235,7 @@ pub struct Health {
     pub no_field: bool,
     /// Whether the program memory does not have the CRC that the build gave it.
     pub flash_fault: bool,
-    /// Why the DPR last started.
+    /// The reason for which the DPR last started.
     pub reset_reason: ResetReason,
     /// The number of accesses over SSI that were refused since start.
     pub access_violations: u32,
@@ -247,7 +247,7 @@ pub struct Health {
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     clock: Clock,
-    /// When the sample of the last accepted Reported-Position was taken, µs since start.
+    /// The instant at which the sample of the last accepted Reported-Position was taken, µs since start.
     reported_us: Option<u64>,
     accepted: u32,
     rejected: u32,
@@ -255,7 +255,7 @@ pub struct Link {
     missed: u32,
     sequence: Sequence,
     frozen: bool,
-    /// When a restart of HORUS was last noticed, µs since start.
+    /// The instant at which a restart of HORUS was last noticed, µs since start.
     restarted_us: Option<u64>,
 }
 

@@ -268,7 +268,7 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
-    /// Runs when the pause after a transaction is over. The next end then calls `ssi_end`, or has come and does so now.
+    /// Runs when the pause after a transaction is over. The next end calls `ssi_end`, at once if it has already come.
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();

@@ -80,7 +80,7 @@ pub enum FrontEnd {
 }
 
 impl FrontEnd {
-    /// Whether the front end works, as far as is known, and senses no field. After a fault other than silence: false.
+    /// Whether the front end works, as far as is known, and senses no field. False after a fault other than silence.
     #[must_use]
     pub const fn senses_no_field(self) -> bool {
         matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))

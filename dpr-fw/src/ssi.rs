@@ -41,7 +41,7 @@ pub type ReceiveArea = [u32; RECEIVE_BYTES / 4];
 
 const _: () = assert!(RECEIVE_BYTES.is_multiple_of(4));
 
-/// What a transaction asked for.
+/// The request that a transaction made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// The transaction asked for nothing.
@@ -89,8 +89,8 @@ impl<const LEN: usize> Windows<LEN> {
     }
 }
 
-/// The time for which the end of a transaction does not call the SSI task after that task has served the end of
-/// another, µs. It is longer than the time from a frame's last bit to its image with one run of the SSI task in it
+/// How long the end of a transaction does not call the SSI task after that task has served the end of another, µs. This
+/// time is longer than the time from a frame's last bit to its image with one run of the SSI task in it
 /// (docs/timing.md#sums). It is shorter than the least time from end to end of two transactions of 96 bytes
 /// ([`ssi::timing::SPACING_NS`]) less the time in which the first of the two is served.
 pub const PAUSE_US: u32 = 95;

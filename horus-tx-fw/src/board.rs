@@ -200,7 +200,7 @@ const fn pin(port: GpioPort, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
-/// Where one GNSS receiver is connected, and the period that HORUS asks of it.
+/// The connection of one GNSS receiver, and the period that HORUS requests from it.
 pub(crate) struct ReceiverPort {
     /// The time from one solution of the receiver to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
     pub(crate) period_ms: u16,

@@ -25,7 +25,7 @@ pub const EXTERNAL_HZ: u32 = 8_000_000;
 /// The frequency of the internal oscillator (HSI), Hz. Every start begins on it (RM0090 "Reset and clock control").
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// How often [`choose`] asks whether HSE is ready before it chooses HSI.
+/// The number of times that [`choose`] asks whether HSE is ready before it chooses HSI.
 const POLLS: u32 = 1_000;
 
 /// The least pause between two polls of HSE, µs; [`PAUSE_CYCLES`] has it in cycles of the internal oscillator.
@@ -34,11 +34,11 @@ const PAUSE_US: u32 = 10;
 /// The least pause between two polls of HSE, in cycles of the internal oscillator.
 pub const PAUSE_CYCLES: u32 = PAUSE_US * (INTERNAL_HZ / 1_000_000);
 
-/// The least time that HSE has to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE
-/// oscillator characteristics, start-up time). A clock that is fed in from outside takes less.
+/// The shortest time that HSE is granted to become ready, ms: five times the 2 ms that a crystal takes typically
+/// (DS9405, HSE oscillator characteristics, start-up time). A clock that is fed in from outside takes less.
 pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
 
-/// The longest that [`choose`] takes, ms: a delay loop of the processor takes up to twice the cycles asked for, the
+/// The longest duration of [`choose`], ms. A delay loop of the processor takes up to twice the cycles asked for, the
 /// internal oscillator may be 8 % slow, and the polls take some cycles too.
 pub const START_MAX_MS: u32 = START_MS * 5 / 2;
 

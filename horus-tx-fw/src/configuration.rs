@@ -60,7 +60,7 @@ use crate::{
 
 /// How long HORUS waits for an answer, ms. u-blox's receivers answer a configuration message within a second.
 pub const ANSWER_MS: u32 = 1_000;
-/// How often a configuration message is sent to a receiver that talks but does not answer.
+/// The number of times that a configuration message is sent to a receiver that talks but does not answer.
 pub const ATTEMPTS: u8 = 3;
 /// How long no intact message comes on a UART before HORUS tries the factory's rate, ms: longer than any period that
 /// HORUS asks for, and longer than a receiver takes to answer while it computes.
@@ -236,7 +236,7 @@ pub struct Configuration {
     /// The number of messages of this step that were not answered so far.
     unanswered: u8,
     standing: Standing,
-    /// The number of intact messages so far. The next field is when the last of them came, ms.
+    /// The number of intact messages so far. The next field is the instant at which the last of them came, ms.
     messages: u32,
     last_heard: Option<u32>,
 }

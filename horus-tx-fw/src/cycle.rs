@@ -37,12 +37,12 @@ use crate::{
     timing::timestamp,
 };
 
-/// What HORUS found when it started.
+/// HORUS's findings at its start: the clock, the reason of the start, and the receivers that were excluded before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// The clock that HORUS runs on.
     pub clock: Source,
-    /// Why the processor started.
+    /// The reason for which the processor started.
     pub reason: ResetReason,
     /// The receivers that were excluded before the start, in the form of [`Verdict::excluded`]. The module
     /// [`exclusions`](crate::exclusions) keeps them over a reset.

@@ -56,7 +56,7 @@ const _: () = assert!(RING >= 2 * MOST);
 /// How long each level of a recovery lasts, µs. The clock has 50 kHz, for which every I2C device is fast enough.
 pub const STEP_US: u16 = 10;
 
-/// The clocks of a recovery: a receiver that is sending a byte releases SDA after its eight bits and the acknowledge.
+/// The number of clocks in a recovery: a receiver that sends a byte releases SDA after eight bits and the acknowledge.
 const CLOCKS: u8 = 9;
 
 /// The number of ticks from a recovery that did not free the bus to the next one.
@@ -135,10 +135,10 @@ pub enum Order {
     Rejoin,
 }
 
-/// What a stream that has ended has brought, and what to do next.
+/// The bytes that a stream has brought when it has ended, and the next order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// Which of the bytes that were received belong to the receiver's stream.
+    /// The range of the received bytes that belong to the receiver's stream.
     pub stream: Range<usize>,
     /// What to do next.
     pub then: Order,

@@ -31,20 +31,20 @@ use crate::telemetry::Telemetry;
 /// The number of words that a slice verifies: it takes about 1 % of the processor's time on the pessimistic clock.
 pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// The most bytes of flash that the program may take, as in `memory.x`. The next constant is the same for RAM.
+/// The greatest size of the program in flash, bytes, as in `memory.x`. The next constant limits its size in RAM.
 pub(crate) const FLASH_BYTES: u32 = 112 * 1024;
 const RAM_BYTES: u32 = 32 * 1024;
 
-/// The longest that a slice may have to wait for the quiet part of the next cycle, µs.
+/// The longest time that a slice may have to wait for the quiet part of the next cycle, µs.
 const WAIT_US: u32 = 1_000 * CYCLE_MS;
 
-/// The time from a flipped bit in flash until the field is off, µs, at most: two passes over all 112 KiB of flash.
+/// The longest time from a flipped bit in flash until the field is off, µs: two passes over all 112 KiB of flash.
 pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + WAIT_US;
 
-/// The time from the change of a guard word until the field is off, µs, at most.
+/// The longest time from the change of a guard word until the field is off, µs.
 pub const GUARD_DETECT_US: u32 = SLICE_US + WAIT_US;
 
-/// The time from when a bit of RAM in use sticks until the field is off, µs, at most: one pass over that RAM.
+/// The longest time from a bit of RAM in use that gets stuck until the field is off, µs: one pass over that RAM.
 pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 
 const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);

@@ -6,7 +6,7 @@
 //! in [`horus_tx_fw::task`] from these attributes.
 //!
 //! | task | what calls it |
-//! | NMI, in `hw::clock` | the external clock fails |
+//! |---|---|
 //! | NMI, in `hw::clock` | the external clock has failed |
 //! | PVD, in `hw::supply` | the supply falls |
 //! | `slot` | the tick; a frame's slot |

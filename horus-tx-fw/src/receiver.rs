@@ -48,7 +48,7 @@ use crate::configuration::{Answer, VALSET};
 pub const BUFFER: usize = 256;
 /// The most bytes that one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
-/// The time for which a receiver counts as heard after an intact message, ms (docs/design.md#status-words, bit 7).
+/// How long a receiver counts as heard after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
 /// The longest period of a message kind that is accepted, ms (docs/design.md#validity). It is also the period before
@@ -99,7 +99,7 @@ impl Stamp {
     }
 }
 
-/// When a kind of message last brought a new time of week, and how often it does.
+/// The instant of the last message of one kind that brought a new time of week, and the period of that kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     arrived: Stamp,
@@ -212,7 +212,7 @@ impl Pace {
 /// The position, from NAV-PVT.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Position {
-    /// When NAV-PVT arrived, and how often it does.
+    /// The arrival of the last NAV-PVT message, and the period of these messages.
     pub pace: Pace,
     /// The kind of fix; `None` for a code that UBX reserves, or before the first message.
     pub fix: Option<FixType>,
@@ -239,7 +239,7 @@ pub struct Position {
 /// The attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attitude {
-    /// When NAV-ATT arrived, and how often it does.
+    /// The arrival of the last NAV-ATT message, and the period of these messages.
     pub pace: Pace,
     /// Whether all three angles are given.
     pub valid: bool,
@@ -254,7 +254,7 @@ pub struct Attitude {
 /// The accelerations, from ESF-INS. An acceleration that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acceleration {
-    /// When ESF-INS arrived, and how often it does.
+    /// The arrival of the last ESF-INS message, and the period of these messages.
     pub pace: Pace,
     /// Whether all three axes are given.
     pub valid: bool,
@@ -265,7 +265,7 @@ pub struct Acceleration {
 /// The latest values that one receiver has sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Solution {
-    /// When the receiver last sent an intact message.
+    /// The instant at which the receiver's last intact message arrived.
     pub last_heard: Stamp,
     /// The latest position, from NAV-PVT.
     pub position: Position,
@@ -303,7 +303,7 @@ pub struct Receiver {
     parser: Parser<FixedBuffer<BUFFER>, Proto27>,
     solution: Solution,
     counts: Counts,
-    /// When the last bytes arrived.
+    /// The instant at which the last bytes arrived.
     spoke: Stamp,
     answer: Option<Answer>,
 }

@@ -39,7 +39,7 @@ pub struct Backlog {
 }
 
 impl Backlog {
-    /// The most ticks that may lie between two reads: one read may fail, or give way to a message.
+    /// The greatest number of ticks between two reads of a receiver: one read may fail, or give way to a message.
     pub const TICKS: u8 = 2;
     /// The number of reads in a row that leave bytes in the receiver after which the bytes that come count as old.
     pub const BEHIND: u8 = 2;
@@ -185,7 +185,7 @@ impl Message {
 #[derive(Debug)]
 pub struct Outbox {
     bytes: [AtomicU8; MESSAGE],
-    /// 0 if no message waits. Otherwise the length of the message, with the bit [`FACTORY`] if that is its rate.
+    /// The length of the waiting message, with the bit [`FACTORY`] if that is its rate; 0 if no message waits.
     state: AtomicU32,
 }
 

@@ -192,13 +192,13 @@ pub struct Filter(Place);
 enum Place {
     #[default]
     Outside,
-    /// Outside of a message, after this number of filler bytes, counted up to [`Filter::NOTHING_MORE`].
+    /// The filter is outside of a message. The value is the number of filler bytes, up to [`Filter::NOTHING_MORE`].
     Filler(u8),
-    /// After the first of a message's two sync bytes.
+    /// The filter has taken the first of a message's two sync bytes.
     Sync,
-    /// After this number of bytes of class, identifier and length; the second value is the length so far.
+    /// The filter has taken this many bytes of class, identifier and length; the second value is the length so far.
     Header(u8, u16),
-    /// Inside a message, of which this number of bytes of payload and checksum are left.
+    /// The filter is inside a message, of which this number of bytes of payload and checksum are left.
     Body(u16),
 }
 

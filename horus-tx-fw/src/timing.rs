@@ -104,8 +104,8 @@ const fn round_up_10(us: u32) -> u32 {
     us.div_ceil(10) * 10
 }
 
-/// When each frame of a cycle is fired, µs after the tick. The profile states these times, since the DPR computes a
-/// sample's age from them ([`profile::air::send_slot_us`], with a table of the values).
+/// The instant at which each frame of a cycle is fired, µs after the tick. The profile states these times, since the
+/// DPR computes a sample's age from them ([`profile::air::send_slot_us`], with a table of the values).
 pub const SLOT_US: [u32; FRAMES] = {
     let mut slots = [0; FRAMES];
     let mut frame = 0;
@@ -137,7 +137,7 @@ const _: () = {
     }
 };
 
-/// [`SLOT_US`] in timer ticks: the values of the compare channels.
+/// The times of [`SLOT_US`] in timer ticks: the values of the compare channels.
 pub const SLOT_TICKS: [u32; FRAMES] = {
     let mut ticks = [0; FRAMES];
     let mut frame = 0;

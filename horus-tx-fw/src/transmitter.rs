@@ -70,7 +70,7 @@ impl Ticket {
 /// What happened in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// The number of the frame in its cycle for which the slot was.
+    /// The number, in its cycle, of the frame to which the slot belongs.
     pub frame: usize,
     /// The byte clocked in while the command was sent, or `None` if no frame was fired.
     pub fired: Option<u8>,

@@ -15,8 +15,8 @@
 //! | 5 | 2 of 2 | GPS3, GPS4, GPS5 | 180 | 3.606 |
 //!
 //! The length of a frame determines its place in the profile, because no two frames of one profile have the same
-//! length; each object's identifier confirms its place when it is [verified](crate::Object::verify). Only a length that
-//! no frame has rejects a frame as a whole. The CRC-16 decides nothing: a hit on GPS3 does not cost Reported-Position.
+//! length; each object's identifier confirms the place when the object is [verified](crate::Object::verify). Only a
+//! length that no frame has rejects a frame. The CRC-16 rejects nothing: damage to GPS3 leaves Reported-Position.
 //!
 //! # Example
 //!
@@ -40,7 +40,7 @@ use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
 /// The longest payload that an NFC-F frame can have, bytes: LEN is one byte and counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The longest payload of any profile, bytes: that of three receivers.
+/// The longest payload of any profile's frames, bytes: that of three receivers.
 pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
 /// The number of bytes before the payload that count in LEN: LEN itself.
@@ -49,8 +49,8 @@ pub const LEN_BYTES: usize = 1;
 /// The number of bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next, µs, in which the listener reads the first
-/// from its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next frame, µs. Within it the listener reads the
+/// first frame from its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
@@ -61,7 +61,7 @@ const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
 /// The number of 13.56 MHz carrier periods in a bit: 423.75 kbit/s.
 const BIT_CARRIER_PERIODS: u64 = 32;
 
-/// The shortest whole number of ns that is a whole number of carrier periods, 678.
+/// The number of ns in 678 carrier periods, the shortest time that is a whole number both of ns and of periods.
 const NS_PER_678_PERIODS: u64 = 50_000;
 
 /// The air time of a frame with `payload` bytes, from the first preamble bit to the last bit of the CRC-16: ns, rounded
@@ -76,7 +76,7 @@ pub const fn air_time_ns(payload: u8) -> u64 {
     (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
 }
 
-/// The [`air_time_ns`] of a profile's payload, which is never longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
+/// The [`air_time_ns`] of a payload, which must not be longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
 const fn air_time_us(payload: usize) -> u32 {
     let [payload, ..] = payload.to_le_bytes();
     let [b0, b1, b2, b3, ..] = air_time_ns(payload).div_ceil(1_000).to_le_bytes();
@@ -94,7 +94,7 @@ const fn air_time_us(payload: usize) -> u32 {
 /// | 3 | 100 | – |
 /// | 5 | 120 | 4130 |
 ///
-/// `horus-tx-fw` derives each from the work that has to be done before it, and asserts that these hold.
+/// `horus-tx-fw` derives each slot from the work that has to be done before it, and asserts that these values hold.
 #[must_use]
 pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     match (N, frame) {
@@ -119,7 +119,7 @@ pub const fn age_at_end_us<const N: usize>(frame: usize) -> Option<u32> {
     Some(slot + air_time_us(place.length()))
 }
 
-/// Frames per cycle for a profile of `receivers` receivers: 1, or 2 if it does not fit in one.
+/// The number of frames in a cycle for a profile of `receivers` receivers: 1, or 2 if one frame is too short for it.
 #[must_use]
 pub const fn frames(receivers: usize) -> usize {
     if receivers <= 3 { 1 } else { 2 }
@@ -133,7 +133,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// The place of frame number `frame`, from 0, of a profile of `N` receivers; `None` if there is no such frame.
+    /// The objects of frame number `frame`, from 0, of a profile of `N` receivers; `None` if there is no such frame.
     #[must_use]
     pub const fn of_frame<const N: usize>(frame: usize) -> Option<Self> {
         let objects = Profile::<N>::OBJECTS;
@@ -145,13 +145,13 @@ impl Place {
         }
     }
 
-    /// The number of the first object in its profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
+    /// The number of the frame's first object in its profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
     #[must_use]
     pub const fn first(self) -> usize {
         self.first
     }
 
-    /// The number of objects, at least one.
+    /// The number of the frame's objects, at least one.
     #[must_use]
     pub const fn count(self) -> usize {
         self.count
@@ -176,7 +176,7 @@ impl Place {
     }
 }
 
-/// The payloads of `profile`'s frames, in the order of sending. They are parts of it, not copies.
+/// The payloads of the frames of `profile`, in the order of sending, as slices of its bytes.
 pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = &[u8]> {
     let bytes = profile.as_bytes();
     (0..frames(N)).filter_map(|frame| {
@@ -185,11 +185,11 @@ pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = 
     })
 }
 
-/// The objects of a profile of `N` receivers that fit `payload`, determined by its length alone.
+/// The objects of a profile of `N` receivers that a frame with `payload` carries, by the payload's length alone.
 ///
 /// # Errors
 ///
-/// [`Rejection::Length`] if no frame of such a profile is that long.
+/// [`Rejection::Length`] if no frame of a profile of `N` receivers is that long.
 pub fn place<const N: usize>(payload: &[u8]) -> Result<Place, Rejection> {
     (0..frames(N))
         .filter_map(Place::of_frame::<N>)

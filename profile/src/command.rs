@@ -10,19 +10,19 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The action that the DPR carries out when its word is written (paper, section 2.1: actions are executed by writing
-/// defined words).
+/// The action that a command object requests of the DPR by its command word (paper, section 2.1: actions are executed
+/// by writing defined words).
 ///
 /// A command acts only on the DPR: the link to HORUS is one-way, and no object written over the SSI can change
 /// Link-Status's counters or an object of HORUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Command {
-    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; after it one command has been
-    /// carried out, this one. Link-Status's total of access violations and the counters of faults continue.
+    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; this command is then the only one
+    /// that is counted as carried out. Link-Status's total of access violations and the counters of faults continue.
     ClearCounters,
-    /// Begins one whole pass over the flash and over the RAM in use, in spare processor time. A pass under way is
-    /// finished first: the command is refused meanwhile.
+    /// Begins one whole pass over the flash and over the RAM in use, in spare processor time. While a pass is under
+    /// way, the command is refused, and the pass is finished.
     SelfTest,
 }
 
@@ -39,7 +39,7 @@ impl Command {
         }
     }
 
-    /// The command of a word; `None` if the DPR does not know it.
+    /// The command with this word; `None` if no command has it.
     #[must_use]
     pub fn from_word(word: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|command| command.word() == word)
@@ -49,15 +49,15 @@ impl Command {
 /// The contents of a command object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandValues {
-    /// The timestamp, ms on the flight controller's clock, wraps. Each command must be later than the one before it.
+    /// The timestamp, ms on the flight controller's clock, wraps. Each command's must be later than the one before.
     pub timestamp: u32,
     /// The command's [word](Command::word).
     pub word: u32,
 }
 
-/// A command object: 64 bytes, the last four of them the frame CRC of the others.
+/// A command object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`CommandObject::verify`] checks whether they are valid.
+/// Any 64 bytes can be read as a command object; [`CommandObject::verify`] checks whether they are a valid one.
 ///
 /// | bytes | |
 /// |---|---|
@@ -68,10 +68,10 @@ pub struct CommandValues {
 /// | 12..60 | zero |
 /// | 60..64 | [frame CRC](crate::crc) over 0..60 |
 ///
-/// It is written in the place of an [uplink](crate::Uplink), and its timestamps are judged like an uplink's, in a
-/// separate sequence: a repeated or older command is refused. It is carried out once and not stored;
-/// [Port-Status](crate::PortStatus) names the last accepted one. A flight controller that has restarted may have to
-/// send its first command three times, each with a later timestamp.
+/// A command is written in the place of an [uplink](crate::Uplink). Its timestamp is judged like an uplink's, in a
+/// separate sequence: a repeated or older command is refused. The DPR carries a command out once and does not store it;
+/// [Port-Status](crate::PortStatus) names the last accepted command. A flight controller that has restarted may have to
+/// send its first command three times, each time with a later timestamp.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct CommandObject {
@@ -108,7 +108,7 @@ impl CommandObject {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and a command that the DPR knows.
+    /// The command object in `bytes`, if it is intact and contains a command that the DPR knows.
     ///
     /// # Errors
     ///
@@ -129,7 +129,7 @@ impl CommandObject {
         Command::from_word(self.word.get()).filter(|_| clear)
     }
 
-    /// The contents.
+    /// The contents of the command object in plain numbers.
     #[must_use]
     pub const fn values(&self) -> CommandValues {
         CommandValues { timestamp: self.timestamp.get(), word: self.word.get() }

@@ -19,12 +19,12 @@
 //! # Use
 //!
 //! Each cell that is not empty is one implementation of [`Sends`]. Each object of the memory map is a type in
-//! [`object`] that names the only role that writes it. The rest follows: a role [may write](MayWrite) an object if it
-//! is that role, and it [may read](MayRead) an object if the table lets the writer send to it.
+//! [`object`] that names the only role that writes the object. The rest follows: a role [may write](MayWrite) an object
+//! if it is that role, and it [may read](MayRead) an object if the table lets the object's writer send to it.
 //!
-//! Functions that write an object into the [map](crate::map), or seal an [uplink](crate::Uplink) or a command, take a
-//! [`Writer`] of a role that may write it. A program claims its roles at its start; a function with the writer of one
-//! role cannot write an object of another:
+//! A function that writes an object into the [map](crate::map), or seals an [uplink](crate::Uplink) or a command, takes
+//! a [`Writer`] of a role that may write the object. A program claims its roles at its start. With the writer of one
+//! role it cannot write an object of another role:
 //!
 //! ```
 //! use profile::criticality::{BaseStation, Writer};
@@ -42,7 +42,7 @@
 //! let uplink = profile::Uplink::seal(Writer::<Horus>::claim(), &profile::UplinkValues::default());
 //! ```
 //!
-//! The flight controller's objects never reach HORUS, and this cannot be declared otherwise:
+//! The flight controller's objects never reach HORUS. Code cannot declare that HORUS reads them:
 //!
 //! ```compile_fail,E0277
 //! use profile::criticality::{Criticality, FlightController, Horus, MayRead, object::UplinkFrom};
@@ -82,7 +82,7 @@
 //! CommandObject::seal(Writer::<BaseStation>::claim(), 0, Command::SelfTest);
 //! ```
 //!
-//! The [hold](crate::hold) writes its own object alone, and nobody else does:
+//! The [hold](crate::hold) writes only its own object, and no other role writes that object:
 //!
 //! ```
 //! use profile::criticality::{ActiveLoad, Criticality, FlightController, MayRead, Writer, object};
@@ -139,8 +139,8 @@
 //! CommandObject::seal(Writer::<ActiveLoad>::claim(), 0, Command::SelfTest);
 //! ```
 //!
-//! It does not read HORUS's objects or the DPR's, nor does HORUS read its object, and this cannot be declared
-//! otherwise:
+//! The hold does not read the objects of HORUS or of the DPR, and HORUS does not read the hold's object. Code cannot
+//! declare otherwise:
 //!
 //! ```compile_fail,E0277
 //! use profile::criticality::{ActiveLoad, Criticality, MayRead, object};
@@ -164,16 +164,16 @@
 //! }
 //! ```
 //!
-//! These types prevent mistakes, at no cost at run time, but not intent: a program can claim any role. The receiver
-//! judges what comes over a wire by its CRC, its identifier and its timestamp.
+//! These types prevent mistakes, at no cost at run time, but not intent: a program can claim any role. Therefore the
+//! receiver of an object judges it by its CRC, its identifier and its timestamp.
 use core::{fmt, marker::PhantomData};
 
 /// The criticality of a communication (paper, Table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criticality {
-    /// A safety function relies on it.
+    /// A safety function relies on the communication.
     SafetyRelevant,
-    /// No safety function relies on it.
+    /// No safety function relies on the communication.
     NonCritical,
 }
 
@@ -186,7 +186,7 @@ impl fmt::Display for Criticality {
     }
 }
 
-/// A function that writes objects, as a value; [`Role`] is the same as a type.
+/// A function of the system that writes objects, as a value; [`Role`] is the same as a type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The base station.
@@ -222,9 +222,9 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// A function that writes objects, as a type. Only this module defines roles.
+/// A function of the system that writes objects, as a type. Only this module defines roles.
 pub trait Role: sealed::Sealed + Copy + fmt::Debug + 'static {
-    /// The function as a value.
+    /// The role as a value of [`Function`].
     const FUNCTION: Function;
 }
 
@@ -243,7 +243,7 @@ macro_rules! roles {
 roles! {
     /// The base station.
     BaseStation,
-    /// HORUS, which writes and reads nothing.
+    /// HORUS, which writes the profile and reads no object.
     Horus,
     /// The flight controller.
     FlightController,
@@ -255,11 +255,11 @@ roles! {
 
 /// The role sends to the role `To`: a cell of the [table](self) that is not empty.
 pub trait Sends<To: Role>: Role {
-    /// The criticality in the cell.
+    /// The criticality of what the role sends to the role `To`.
     const CRITICALITY: Criticality;
 }
 
-/// Each line is a cell, both as the implementation of [`Sends`] and as a result of [`criticality`].
+/// Each input line of this macro is a cell: it becomes an implementation of [`Sends`] and a result of [`criticality`].
 macro_rules! cells {
     ($($from:ident => $to:ident: $criticality:ident;)*) => {
         $(
@@ -268,7 +268,7 @@ macro_rules! cells {
             }
         )*
 
-        /// The criticality of what `from` sends to `to`; `None` if it may not send there.
+        /// The criticality of what `from` sends to `to`; `None` if `from` may not send to `to`.
         ///
         /// ```
         /// use profile::criticality::{Criticality, Function, criticality};
@@ -296,21 +296,21 @@ cells! {
     FlightController => ActiveLoad: NonCritical;
     ActiveLoad => BaseStation: NonCritical;
     ActiveLoad => FlightController: NonCritical;
-    // The DPR's own objects, by which a reader judges HORUS's, and the flight controller's commands.
+    // The DPR's own objects, by which a reader judges those of HORUS, and the flight controller's commands.
     Dpr => BaseStation: SafetyRelevant;
     Dpr => FlightController: SafetyRelevant;
     FlightController => Dpr: NonCritical;
 }
 
-/// The objects of the memory map, each with the only role that writes it.
+/// The objects of the memory map. Each names the only role that writes it.
 pub mod object {
     use core::marker::PhantomData;
 
     use super::{ActiveLoad, Dpr, FlightController, Horus, Role, WritesUplink};
 
-    /// An object, or the objects of a kind.
+    /// An object of the map, or all objects of one kind.
     pub trait MapObject {
-        /// The role that writes it; there is no other.
+        /// The only role that writes the object.
         type Writer: Role;
     }
 
@@ -332,13 +332,13 @@ pub mod object {
         LinkStatus by Dpr;
         /// Port-Status.
         PortStatus by Dpr;
-        /// The command object, which is not stored.
+        /// The command object, which the DPR does not store.
         Command by FlightController;
         /// Hold-Status, or the object of another maker's [hold](crate::hold).
         Hold by ActiveLoad;
     }
 
-    /// The uplink that `W` writes.
+    /// The uplink that the role `W` writes.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct UplinkFrom<W>(PhantomData<W>);
 
@@ -353,9 +353,9 @@ use object::MapObject;
 pub trait MayWrite<O: MapObject>: Role {}
 impl<W: Role, O: MapObject<Writer = W>> MayWrite<O> for W {}
 
-/// The role reads the object `O`, because the [table](self) lets its writer send to it.
+/// The role reads the object `O`, because the [table](self) lets the object's writer send to the role.
 pub trait MayRead<O: MapObject>: Role {
-    /// The criticality of the object to the role.
+    /// The criticality of the object for the role that reads it.
     const CRITICALITY: Criticality;
 }
 
@@ -363,11 +363,11 @@ impl<R: Role, O: MapObject<Writer: Sends<R>>> MayRead<O> for R {
     const CRITICALITY: Criticality = <O::Writer as Sends<R>>::CRITICALITY;
 }
 
-/// The role has an uplink: an object that it writes over the SSI and that the map stores.
+/// The role has an uplink: an object that the role writes over the SSI and that the map stores.
 pub trait WritesUplink: Role {
     /// The uplink's identifier.
     const IDENTIFIER: crate::Identifier;
-    /// The uplink's index among those of the map, from 0.
+    /// The index of the role's uplink among the uplinks of the map, from 0.
     const INDEX: usize;
 }
 
@@ -381,7 +381,7 @@ impl WritesUplink for FlightController {
     const INDEX: usize = 1;
 }
 
-/// A proof that the program may write what role `W` writes. It has no bytes and no cost.
+/// A proof that the program may write the objects of role `W`. The proof has no bytes and no cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Writer<W>(PhantomData<W>);
 
@@ -400,7 +400,7 @@ mod tests {
 
     use super::*;
 
-    /// The rows of this page's table, from `criticality`.
+    /// The rows of the table in this module's documentation, made from the results of `criticality`.
     fn table() -> String {
         let mut table = String::from("| from \\ to |");
         for to in Function::TABLE_1 {

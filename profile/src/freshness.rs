@@ -1,24 +1,24 @@
 //! Freshness: the meaning of a timestamp after the one before it.
 //!
-//! Whether a cycle may be shown is decided by [`sequence`](crate::sequence), which also uses the receiver's clock. This
-//! function is for recorded or forwarded data, whose time of arrival is meaningless.
+//! [`sequence`](crate::sequence) decides whether a cycle may be shown, and also uses the receiver's clock. The function
+//! here is for recorded or forwarded data, whose time of arrival is meaningless.
 use crate::CYCLE_MS;
 
 /// The relation of a timestamp to the one before it (paper, section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Freshness {
-    /// There is none before it.
+    /// The timestamp is the first; there is none before it.
     First,
-    /// It is ahead by a whole number of cycles: the data are new.
+    /// The timestamp is ahead by a whole number of cycles: the data are new.
     Fresh {
-        /// The number of cycles in between that did not arrive.
+        /// The number of cycles between the two timestamps that did not arrive.
         missed: u32,
     },
-    /// It is the same: HORUS is frozen, or a frame was repeated.
+    /// The timestamp is the same again: HORUS is frozen, or a frame was repeated.
     Frozen,
-    /// It is behind: HORUS has restarted and counts from 0, so its data do not continue the earlier ones.
+    /// The timestamp is behind: HORUS has restarted and counts from 0, so its data do not continue the earlier ones.
     Restarted,
-    /// It is ahead, but not by a whole number of cycles, which HORUS does not send.
+    /// The timestamp is ahead, but not by a whole number of cycles; HORUS does not send such timestamps.
     Irregular,
 }
 
@@ -30,11 +30,11 @@ impl Freshness {
     }
 }
 
-/// The relation of timestamp `now` to `previous`, the last one received; both in ms since HORUS start.
+/// The relation of timestamp `now` to `previous`, the last timestamp that was received; both in ms since HORUS's start.
 ///
-/// Timestamps wrap after 49.7 days, which is no restart: ahead means less than half of that ahead, behind is the rest.
-/// (2³² is no multiple of ten, so timestamps end in another digit after they wrapped; only differences count.) A HORUS
-/// that restarts after more than 24.8 days therefore looks like one whose timestamp advanced.
+/// Timestamps wrap after 49.7 days, which is no restart: a timestamp is ahead by less than half of that time, or else
+/// it is behind. (2³² is no multiple of ten, so timestamps end in another digit after they have wrapped; only
+/// differences count.) A HORUS that restarts after over 24.8 days therefore looks like one whose timestamp advanced.
 ///
 /// ```
 /// use profile::{Freshness, freshness};

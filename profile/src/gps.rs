@@ -1,4 +1,4 @@
-//! GPS1 to GPS5: the solution of each receiver (paper, Table 3).
+//! GPS1 to GPS5: each receiver's solution for position, attitude and acceleration (paper, Table 3).
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -11,11 +11,11 @@ use crate::{
 
 /// A receiver's solution in plain numbers.
 ///
-/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two of these are equal only
-/// if they contain no NaN; compare [sealed objects](GpsObject) to compare bits.
+/// A missing value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two `GpsValues` are equal
+/// only if they contain no NaN; compare [sealed objects](GpsObject) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsValues {
-    /// The timestamp, ms since HORUS start, wraps. It is that of the cycle, the same in every object of a profile.
+    /// The timestamp of the cycle, ms since HORUS's start, wraps; it is the same in every object of a profile.
     pub timestamp: u32,
     /// The validity of the values, and the receiver's state.
     pub status: GpsStatus,
@@ -36,8 +36,8 @@ pub struct GpsValues {
 }
 
 impl GpsValues {
-    /// Values without any solution at `timestamp`, ms: every value is NaN and every status bit clear, except those of a
-    /// solution's age, which mean that there never was one.
+    /// Values at `timestamp`, ms, of a receiver that never had a solution: every value is NaN and every status bit
+    /// clear, except the bits of the solution's age, which say that there never was one.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
@@ -54,9 +54,9 @@ impl GpsValues {
     }
 }
 
-/// A GPS object: 60 bytes, the last four of them the frame CRC of the others.
+/// A GPS object: 60 bytes. The last four are the frame CRC of the other 56.
 ///
-/// Any 60 bytes can be read as one; [`GpsObject::verify`] checks whether they are valid.
+/// Any 60 bytes can be read as a GPS object; [`GpsObject::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GpsObject {
@@ -88,8 +88,8 @@ const _: () = {
 impl GpsObject {
     /// Seals `values` in an object with its CRC.
     ///
-    /// `identifier` is one of [`Identifier::GPS`]; an object with another one is sealed as well, but verifies nowhere
-    /// in a profile.
+    /// `identifier` is one of [`Identifier::GPS`]. An object with another identifier is sealed as well, but no place of
+    /// a profile accepts it.
     #[must_use]
     pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
         Self {
@@ -108,7 +108,7 @@ impl GpsObject {
         .sealed()
     }
 
-    /// The object in `bytes`, if they are intact and the `expected` one.
+    /// The GPS object in `bytes`, if it is intact and has the `expected` identifier.
     ///
     /// # Errors
     ///
@@ -138,7 +138,7 @@ impl GpsObject {
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 
-    /// The contents, every number to the last bit.
+    /// The contents of the GPS object in plain numbers, unchanged to the last bit.
     #[must_use]
     pub fn values(&self) -> GpsValues {
         GpsValues {

@@ -1,7 +1,7 @@
 //! The identifiers of objects.
 use core::fmt;
 
-/// The kind of an object, which determines its place: the header word of every object (paper, section 2.1).
+/// The kind of an object, which determines the object's place: the header word of every object (paper, section 2.1).
 ///
 /// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not reveal
 /// that GPS1 is in the place of GPS2.
@@ -17,18 +17,18 @@ impl Identifier {
     pub const LINK_STATUS: Self = Self(0x4400);
     /// Port-Status, which the DPR writes.
     pub const PORT_STATUS: Self = Self(0x4401);
-    /// Command from the flight controller to the DPR.
+    /// A command from the flight controller to the DPR.
     pub const COMMAND: Self = Self(0x4301);
-    /// Uplink object from the flight controller.
+    /// The uplink of the flight controller.
     pub const UPLINK_FLIGHT_CONTROLLER: Self = Self(0x4300);
-    /// Uplink object from the base station.
+    /// The uplink of the base station.
     pub const UPLINK_BASE_STATION: Self = Self(0x4200);
-    /// First of the active load's objects; the last is 0x41FF. Each maker of a [hold](crate::hold) takes one.
+    /// The first identifier of the active load; the last is 0x41FF. Each maker of a [hold](crate::hold) takes one.
     pub const ACTIVE_LOAD: Self = Self(0x4100);
     /// Hold-Status, the object of this project's own hold.
     pub const HOLD_STATUS: Self = Self::ACTIVE_LOAD;
 
-    /// The GPS object of receiver `receiver`, 1 to 5.
+    /// The identifier of the GPS object of receiver `receiver`, 1 to 5.
     ///
     /// # Panics
     ///
@@ -53,13 +53,13 @@ impl Identifier {
         }
     }
 
-    /// Whether it is an identifier of the active load: 0x4100 to 0x41FF.
+    /// Whether this is an identifier of the active load: 0x4100 to 0x41FF.
     #[must_use]
     pub const fn is_active_load(self) -> bool {
         self.0 >> 8 == Self::ACTIVE_LOAD.0 >> 8
     }
 
-    /// Object number `index` of a profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5, and there are no others.
+    /// The identifier of object number `index` of a profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
     #[must_use]
     pub const fn of_object(index: usize) -> Option<Self> {
         match index {

@@ -7,8 +7,8 @@
 //! | 96 | [GPS1](crate::GpsObject) … GPSn | 60 each |
 //!
 //! The first 96 bytes hold what a flight controller that flies by HORUS needs in every control cycle. From offset 32 on
-//! the image is the [`Profile`] as HORUS sent it: base station and flight controller verify the same bytes that were
-//! sealed. The slot of an object that did not arrive, or was rejected, is zero and does not verify.
+//! the image is the [`Profile`] as HORUS sent it: base station and flight controller verify the bytes that HORUS
+//! sealed. The place of an object that did not arrive, or was rejected, is zero, and zeros do not verify.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -18,10 +18,10 @@ use crate::{LinkStatus, Object, Profile, Reading, Rejection, ReportedPosition};
 /// Offset of Link-Status.
 pub const LINK_STATUS: usize = 0;
 
-/// The offset of Reported-Position, and so of the profile.
+/// The offset of Reported-Position, where the profile begins.
 pub const REPORTED_POSITION: usize = LINK_STATUS + LinkStatus::SIZE;
 
-/// Offset of GPS1; the others follow it, 60 bytes each.
+/// The offset of GPS1; the other GPS objects follow it, 60 bytes each.
 pub const GPS: usize = REPORTED_POSITION + ReportedPosition::SIZE;
 
 const _: () = {
@@ -34,7 +34,7 @@ const _: () = {
 };
 
 /// The image of a DPR for a profile of `N` receivers.
-// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
+// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {
@@ -43,7 +43,7 @@ pub struct Image<const N: usize> {
 }
 
 impl<const N: usize> Image<N> {
-    /// The size in bytes: 156, 216, 276 or 396.
+    /// The size of the image in bytes: 156, 216, 276 or 396.
     pub const LEN: usize = LinkStatus::SIZE + Profile::<N>::SIZE;
 
     /// An image of zeros, in which no object verifies.
@@ -60,29 +60,29 @@ impl<const N: usize> Image<N> {
         self.link = link;
     }
 
-    /// The profile, its objects valid or not.
+    /// The profile in the image, its objects valid or not.
     #[must_use]
     pub fn profile(&self) -> &Profile<N> {
         let (_, profile) = self.as_bytes().split_at(REPORTED_POSITION);
         bytemuck::from_bytes(profile)
     }
 
-    /// Puts an accepted object in its place, unchanged.
+    /// Puts an accepted object in its place in the image, unchanged.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Identifier`] if this image has no place for it; the image is then unchanged.
+    /// [`Rejection::Identifier`] if this image has no place for the object; the image is then unchanged.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
         let index = object.index().ok_or(Rejection::Identifier)?;
         let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;
-        // Both have the length that belongs to the index.
+        // The place and the object have the same length, that of the object with this index.
         for (to, from) in slot.iter_mut().zip(object.as_bytes()) {
             *to = *from;
         }
         Ok(())
     }
 
-    /// The place of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), for
+    /// The bytes of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), for
     /// writing or clearing; `None` if there is no such object.
     #[must_use]
     pub fn object_mut(&mut self, index: usize) -> Option<&mut [u8]> {
@@ -99,13 +99,13 @@ impl<const N: usize> Image<N> {
         }
     }
 
-    /// The [`Image::LEN`] bytes in their order on the wire.
+    /// The [`Image::LEN`] bytes of the image in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
     }
 
-    /// The [`Image::LEN`] bytes in their order on the wire.
+    /// The [`Image::LEN`] bytes of the image in their order on the wire.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         bytemuck::bytes_of_mut(self)
@@ -145,8 +145,8 @@ impl<const N: usize> fmt::Debug for Image<N> {
 /// The results of verifying an image, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageReading<'a, const N: usize> {
-    /// Link-Status.
+    /// The result for Link-Status.
     pub link: Result<&'a LinkStatus, Rejection>,
-    /// The profile.
+    /// The results for the objects of the profile.
     pub profile: Reading<'a, N>,
 }

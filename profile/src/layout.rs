@@ -1,8 +1,8 @@
 //! The layout of a profile whose number of receivers is only known at run time.
 //!
 //! A firmware's number of receivers is fixed when it is compiled, so it uses [`Profile<N>`](Profile) and
-//! [`Image<N>`](Image). A bench, a base station or a tool gets it from an argument or from its configuration and uses
-//! this module. Every result comes from the const generics, so there is only one definition of each place.
+//! [`Image<N>`](Image). A bench, a base station or a tool gets the number from an argument or its configuration and
+//! uses this module. Every result comes from those two types, so there is only one definition of each offset and size.
 //!
 //! # Example
 //!
@@ -22,7 +22,7 @@ use crate::image::Image;
 use crate::map::Map;
 use crate::{Profile, Rejection};
 
-/// Calls a const generic for the number of receivers.
+/// Evaluates an expression in which the number of receivers is a constant, for a number known at run time.
 macro_rules! with_receivers {
     ($receivers:expr, $n:ident => $answer:expr) => {
         match $receivers {
@@ -68,7 +68,7 @@ impl Layout {
         Self { receivers, has_hold: false }
     }
 
-    /// Every layout without a hold, that of the fewest receivers first.
+    /// The layouts without a hold for every number of receivers, that of the fewest first.
     pub const ALL: [Self; 4] =
         [Self::of(Receivers::One), Self::of(Receivers::Two), Self::of(Receivers::Three), Self::of(Receivers::Five)];
 
@@ -84,37 +84,37 @@ impl Layout {
         }
     }
 
-    /// The same layout with a [hold](crate::hold), whose object follows in the map.
+    /// This layout with a [hold](crate::hold), whose object follows the uplinks in the map.
     #[must_use]
     pub const fn with_hold(self) -> Self {
         Self { has_hold: true, ..self }
     }
 
-    /// Receivers: 1, 2, 3 or 5.
+    /// The number of receivers: 1, 2, 3 or 5.
     #[must_use]
     pub const fn receivers(self) -> usize {
         with_receivers!(self.receivers, N => N)
     }
 
-    /// Objects of the profile, Reported-Position included: 2, 3, 4 or 6.
+    /// The number of objects of the profile, Reported-Position included: 2, 3, 4 or 6.
     #[must_use]
     pub const fn objects(self) -> usize {
         with_receivers!(self.receivers, N => Profile::<N>::OBJECTS)
     }
 
-    /// Bytes of the profile: 124, 184, 244 or 364.
+    /// The size of the profile in bytes: 124, 184, 244 or 364.
     #[must_use]
     pub const fn profile_len(self) -> usize {
         with_receivers!(self.receivers, N => Profile::<N>::SIZE)
     }
 
-    /// Bytes of the image: 156, 216, 276 or 396.
+    /// The size of the image in bytes: 156, 216, 276 or 396.
     #[must_use]
     pub const fn image_len(self) -> usize {
         with_receivers!(self.receivers, N => Image::<N>::LEN)
     }
 
-    /// Bytes of the map: 348, 408, 468 or 588; with a hold 412, 472, 532 or 652.
+    /// The size of the map in bytes: 348, 408, 468 or 588; with a hold 412, 472, 532 or 652.
     #[must_use]
     pub const fn map_len(self) -> usize {
         with_receivers!(self.receivers, N => if self.has_hold { Map::<N>::LEN_WITH_HOLD } else { Map::<N>::LEN })
@@ -150,7 +150,7 @@ impl Layout {
         with_receivers!(self.receivers, N => Image::<N>::place(index))
     }
 
-    /// Air frames of a cycle: 1 or 2.
+    /// The number of air frames in a cycle: 1 or 2.
     #[must_use]
     pub const fn frames(self) -> usize {
         air::frames(self.receivers())
@@ -166,7 +166,7 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if no frame of such a profile is that long.
+    /// [`Rejection::Length`] if no frame of a profile with this number of receivers is that long.
     pub fn objects_of(self, payload: &[u8]) -> Result<Objects<'_>, Rejection> {
         with_receivers!(self.receivers, N => air::objects::<N>(payload))
     }

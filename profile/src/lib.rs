@@ -3,7 +3,7 @@
 //! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and the solution of each of
 //! its GNSS receivers into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never gets an answer. The
 //! flight controller reads that RAM and forwards its contents, unchanged, to a base station. This crate has only the
-//! definitions that those four share: no driver, no clock, no memory but the caller's.
+//! definitions that these four share: no driver, no clock, and no memory but the caller's.
 //!
 //! # Design
 //!
@@ -21,8 +21,8 @@
 //! never filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. A slot that a scrub left at 0x00
 //! or 0xFF does not verify either, nor a bus that reads 0xFF.
 //!
-//! **The work does not depend on the data.** Every function that judges received bytes computes every CRC it needs and
-//! then decides; only a wrong length ends early. No function allocates, blocks, recurses or loops without a bound.
+//! **The work does not depend on the data.** A function that judges received bytes computes every CRC it needs before
+//! it decides; only a wrong length ends it early. No function allocates, blocks or recurses, and all loops are bounded.
 //!
 //! # Layout
 //!
@@ -42,16 +42,16 @@
 //! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
 //!
 //! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`]
-//! defines which of them travel in one frame, [`image`] their places in the DPR, [`ssi`] how a flight controller
-//! requests them, [`sequence`] which cycles continue the ones before them.
+//! defines which objects travel in one frame, [`image`] their places in the DPR, [`ssi`] how a flight controller
+//! requests them, [`sequence`] which cycles continue the cycles before them.
 //!
-//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s; where
-//! there is a [`hold`], the non-critical second function, a fourth: [`HoldStatus`]. A [`CommandObject`] is written and
-//! not stored. [`criticality`] defines who may write which of them.
+//! Three more objects of 64 bytes each follow the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. Where there
+//! is a [`hold`], the non-critical second function, [`HoldStatus`] is the fourth. A [`CommandObject`] is written and
+//! not stored. [`criticality`] defines which role may write which object.
 //!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
-//! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, which is used
-//! here. This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
+//! Rotorcraft*, Tables 2 and 3. The paper's text gives Reported-Position 60 bytes; its Table 2 adds up to 64, as here.
+//! This project defines the Link-Status object, the identifiers, the status bits, the units and the byte order.
 //!
 //! # Example
 //!
@@ -121,26 +121,26 @@ pub use reported::{ReportedPosition, ReportedValues};
 pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason};
 pub use uplink::{Uplink, UplinkStatus, UplinkValues};
 
-/// The HORUS cycle, ms: every timestamp exceeds the one before it by exactly this (paper, section 2.2).
+/// The cycle of HORUS, ms: every timestamp exceeds the timestamp before it by exactly this (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;
 
-/// An unknown binary32: the canonical quiet NaN, on the wire `00 00 C0 7F`.
+/// The value of a binary32 that is not known: the canonical quiet NaN, on the wire `00 00 C0 7F`.
 pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
 
-/// An unknown binary64: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
+/// The value of a binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
 pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 
-/// This compiles and runs the README's example.
+/// A test that compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// This compiles and runs the profile of another maker's hold.
+/// A test that compiles and runs the profile of another maker's hold.
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/profiles.md")]
 struct ProfilesGuide;
 
-/// This compiles and runs the Rust of the guide for developers of flight controllers.
+/// A test that compiles and runs the Rust code of the guide for developers of flight controllers.
 #[cfg(all(doctest, feature = "embedded-hal"))]
 #[doc = include_str!("../../docs/flight-controller.md")]
 struct FlightControllerGuide;

@@ -9,24 +9,24 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// The contents of Link-Status in plain numbers. Counters count since DPR start and wrap unless stated otherwise.
+/// The contents of Link-Status in plain numbers. Counters count since the DPR's start and wrap unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkValues {
-    /// The timestamp, ms since DPR start by the DPR's clock, not HORUS's; wraps.
+    /// The timestamp, ms since the DPR's start on the DPR's clock, not HORUS's; wraps.
     pub timestamp: u32,
     /// The state of the link.
     pub status: LinkStatusBits,
-    /// Objects accepted.
+    /// Objects of HORUS that the DPR accepted.
     pub objects_accepted: u32,
-    /// Objects rejected.
+    /// Objects of HORUS that the DPR rejected.
     pub objects_rejected: u32,
-    /// Frames received, accepted or not.
+    /// Frames of HORUS that the DPR received, whether their objects were accepted or not.
     pub frames_received: u32,
-    /// Frames that were due and did not arrive.
+    /// Frames of HORUS that were due and did not arrive.
     pub frames_missed: u32,
-    /// The age of Reported-Position when the image was made, in units of 100 µs; 65535 stands for that or more.
+    /// The age of Reported-Position when the image was made, in units of 100 µs; 65535 stands for that age or more.
     pub age_100us: u16,
-    /// Accesses over SSI that were refused; stays at 65535.
+    /// Accesses over the SSI that were refused; the counter stays at 65535.
     pub access_violations: u16,
 }
 
@@ -43,9 +43,9 @@ impl LinkValues {
     }
 }
 
-/// A Link-Status object: 32 bytes, the last four of them the frame CRC of the others.
+/// A Link-Status object: 32 bytes. The last four are the frame CRC of the other 28.
 ///
-/// Any 32 bytes can be read as one; [`LinkStatus::verify`] checks whether they are valid.
+/// Any 32 bytes can be read as Link-Status; [`LinkStatus::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LinkStatus {
@@ -91,7 +91,7 @@ impl LinkStatus {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and Link-Status.
+    /// The Link-Status in `bytes`, if it is intact.
     ///
     /// # Errors
     ///
@@ -102,7 +102,7 @@ impl LinkStatus {
         findings.check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// The contents.
+    /// The contents of Link-Status in plain numbers.
     #[must_use]
     pub const fn values(&self) -> LinkValues {
         LinkValues {

@@ -8,13 +8,13 @@
 //! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |
 //! | `LEN` + 192 | end, or the [object of the hold](crate::hold), where there is one | 64 | hold |
 //!
-//! All of it is one generation: the contents of a transaction were published at one instant. A place without an object
-//! that may be shown is zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
+//! The whole map is one generation: the contents of a transaction were published at one instant. A place without an
+//! object that may be shown is zeros, which do not verify. [`Map::PORT_STATUS`] and [`Map::uplink`] give the offsets.
 //!
-//! A DPR without a hold has no bytes for it: the map ends before it, and [`Map::LEN`] is without it in either case.
+//! A DPR without a hold has no bytes for its object: the map ends before it. [`Map::LEN`] never includes the hold.
 //!
-//! A transaction without a request reads the map from its start, so a flight controller that only clocks the image's
-//! bytes only reads the image.
+//! A transaction without a request reads the map from its start, so a flight controller that clocks only as many bytes
+//! as the image has reads only the image.
 //!
 //! Types enforce the write permissions: the functions here take the [writer](Writer) of the role that an object belongs
 //! to.
@@ -28,7 +28,7 @@ use crate::{
     image::{self, Image, ImageReading},
 };
 
-/// Port-Status and both uplinks: the part of the map about the SSI port.
+/// Port-Status and both uplinks: the part of the map that concerns the SSI port.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PortArea {
@@ -37,7 +37,7 @@ pub struct PortArea {
 }
 
 impl PortArea {
-    /// The size in bytes.
+    /// The size of this part of the map in bytes.
     pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
 
     /// Zeros, in which no object verifies.
@@ -61,19 +61,19 @@ impl PortArea {
         if W::INDEX == 0 { base_station } else { flight_controller }
     }
 
-    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if none may be shown.
+    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if no uplink of this role may be shown.
     pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
         let [base_station, flight_controller] = &mut self.uplinks;
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes in their order on the wire.
+    /// The bytes of this part of the map in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
     }
 
-    /// Its objects, each accepted or rejected separately.
+    /// The objects of this part of the map, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> PortReading<'_> {
         PortReading {
@@ -91,7 +91,7 @@ impl fmt::Debug for PortArea {
 }
 
 /// The memory map of a DPR for a profile of `N` receivers.
-// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
+// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Map<const N: usize> {
@@ -109,19 +109,19 @@ const _: () = {
 };
 
 impl<const N: usize> Map<N> {
-    /// The size in bytes: 348, 408, 468 or 588.
+    /// The size of the map in bytes, without a hold: 348, 408, 468 or 588.
     pub const LEN: usize = Image::<N>::LEN + PortArea::SIZE;
 
-    /// The size in bytes where there is a [hold](crate::hold): 412, 472, 532 or 652.
+    /// The size of the map in bytes with the object of a [hold](crate::hold): 412, 472, 532 or 652.
     pub const LEN_WITH_HOLD: usize = Self::LEN + HoldObject::SIZE;
 
-    /// Offset of Port-Status.
+    /// The offset of Port-Status in the map.
     pub const PORT_STATUS: usize = Image::<N>::LEN;
 
     /// Zeros, in which no object verifies.
     pub const EMPTY: Self = Self { image: Image::EMPTY, port: PortArea::EMPTY };
 
-    /// The map of an image and of the port's objects.
+    /// A map that consists of an image and of the port's objects.
     #[must_use]
     pub const fn new(image: Image<N>, port: PortArea) -> Self {
         Self { image, port }
@@ -159,13 +159,13 @@ impl<const N: usize> Map<N> {
         start..start + Uplink::SIZE
     }
 
-    /// The range of the hold's object, behind the map of a DPR without a hold.
+    /// The range of the hold's object in the map; it follows the map of a DPR without a hold.
     #[must_use]
     pub const fn hold() -> Range<usize> {
         Self::LEN..Self::LEN_WITH_HOLD
     }
 
-    /// The [`Map::LEN`] bytes in their order on the wire.
+    /// The [`Map::LEN`] bytes of the map in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
@@ -181,7 +181,7 @@ impl<const N: usize> Map<N> {
         Ok(map.verify())
     }
 
-    /// Its objects, each accepted or rejected separately.
+    /// The objects of the map, each accepted or rejected separately.
     #[must_use]
     pub fn verify(&self) -> MapReading<'_, N> {
         MapReading { image: self.image().verify(), port: self.port.verify() }
@@ -202,7 +202,7 @@ impl<const N: usize> fmt::Debug for Map<N> {
     }
 }
 
-/// The place of the profile's object number `index` in `map`, for code that passes on HORUS's objects; `None` if there
+/// The bytes of the profile's object number `index` in `map`, for code that passes on HORUS's objects; `None` if there
 /// is no such object, or if `map` is shorter than one for `N` receivers.
 #[must_use]
 pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
@@ -213,7 +213,7 @@ pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
     map.get_mut(Image::<N>::place(index)?)
 }
 
-/// The place of Link-Status in `map`; `None` if `map` is shorter.
+/// The bytes of Link-Status in `map`; `None` if `map` is shorter than Link-Status.
 #[must_use]
 pub fn link_status_mut<W: MayWrite<object::LinkStatus>>(
     _writer: Writer<W>,
@@ -223,7 +223,7 @@ pub fn link_status_mut<W: MayWrite<object::LinkStatus>>(
     from.first_chunk_mut()
 }
 
-/// The place of Port-Status and both uplinks in `map`, for the DPR, which has stored the uplinks of both writers;
+/// The bytes of Port-Status and both uplinks in `map`, for the DPR, which has stored the uplinks of both writers;
 /// `None` if `map` is shorter than one for `N` receivers.
 #[must_use]
 pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
@@ -234,8 +234,8 @@ pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
     from.first_chunk_mut()
 }
 
-/// The place of the hold's object in `map`, for code that passes it on; `None` if `map` is shorter than one with a hold
-/// for `N` receivers.
+/// The bytes of the hold's object in `map`, for code that passes the object on; `None` if `map` is shorter than one
+/// with a hold for `N` receivers.
 #[must_use]
 pub fn hold_mut<W: MayWrite<object::Hold>, const N: usize>(
     _writer: Writer<W>,
@@ -248,19 +248,19 @@ pub fn hold_mut<W: MayWrite<object::Hold>, const N: usize>(
 /// The results of verifying Port-Status and both uplinks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortReading<'a> {
-    /// Port-Status.
+    /// The result for Port-Status.
     pub status: Result<&'a PortStatus, Rejection>,
-    /// The uplink of the base station.
+    /// The result for the uplink of the base station.
     pub base_station: Result<&'a Uplink, Rejection>,
-    /// The uplink of the flight controller.
+    /// The result for the uplink of the flight controller.
     pub flight_controller: Result<&'a Uplink, Rejection>,
 }
 
 /// The results of verifying a map, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapReading<'a, const N: usize> {
-    /// The image.
+    /// The results for the objects of the image.
     pub image: ImageReading<'a, N>,
-    /// Port-Status and uplinks.
+    /// The results for Port-Status and both uplinks.
     pub port: PortReading<'a>,
 }

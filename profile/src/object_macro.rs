@@ -19,7 +19,7 @@ macro_rules! object {
         };
 
         impl $object {
-            /// The size in bytes.
+            /// The size of the object in bytes.
             pub const SIZE: usize = $size;
 
             /// Zeros, the contents of a slot before the first write. They do not verify.
@@ -31,44 +31,44 @@ macro_rules! object {
                 self.timestamp.get()
             }
 
-            /// The identifier in its header.
+            /// The identifier in the object's header.
             #[must_use]
             pub const fn identifier(&self) -> $crate::Identifier {
                 $crate::Identifier(self.identifier.get())
             }
 
-            /// Its status; bits without a meaning are ignored.
+            /// The status in the object's header; bits without a meaning are ignored.
             #[must_use]
             pub const fn status(&self) -> $status {
                 <$status>::from_bits(self.status.get())
             }
 
-            /// The frame CRC in it, right or wrong.
+            /// The frame CRC in the object, right or wrong.
             #[must_use]
             pub const fn crc(&self) -> u32 {
                 self.crc.get()
             }
 
-            /// The bytes in their order on the wire.
+            /// The bytes of the object in their order on the wire.
             #[must_use]
             pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
                 bytemuck::must_cast_ref(self)
             }
 
-            /// The object with the frame CRC of its contents.
+            /// This object with the frame CRC of its contents.
             fn sealed(mut self) -> Self {
                 let [covered @ .., _, _, _, _] = self.as_bytes();
                 self.crc = $crate::wire::CrcBe::new($crate::crc::frame(covered));
                 self
             }
 
-            /// Reads `bytes` as an object and checks its frame CRC; its contents are not checked yet.
+            /// Reads `bytes` as an object and checks the frame CRC; the contents are not checked yet.
             fn look(bytes: &[u8]) -> Result<(&Self, $crate::rejection::Findings), $crate::Rejection> {
                 let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| $crate::Rejection::Length)?;
                 Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))
             }
 
-            /// Reads `bytes` as an object, with the result of its frame CRC given.
+            /// Reads `bytes` as an object, where `intact` is the result of its frame CRC.
             fn found(bytes: &[u8; Self::SIZE], intact: bool) -> (&Self, $crate::rejection::Findings) {
                 let findings = $crate::rejection::Findings::new().check(intact, $crate::Rejection::Crc);
                 (bytemuck::must_cast_ref(bytes), findings)

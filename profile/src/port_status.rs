@@ -21,19 +21,19 @@
 //! | `TooMany` | – | see below |
 //! | `TooLong` | rest | MOSI is driven after the object: the eight bytes there are not idle |
 //!
-//! A transaction that is longer than 80 bytes is no violation: a longer read clocks as many bytes in. The DPR's
-//! peripheral drops the bytes after the 80th, which are not judged.
+//! A transaction that is longer than 80 bytes is no violation: the controller that clocks a longer read out clocks the
+//! same number of bytes in. The DPR's peripheral drops the bytes after the 80th, which are not judged.
 //!
-//! `TooMany` does not concern a part. It counts once when the transactions that the DPR grants between two images are
-//! used up (the next ones read 0xFF, and their writes are ignored). It also counts once for each transaction whose
-//! object arrives while those of two earlier transactions still wait to be judged: it is dropped, unless it is idle by
-//! its identifier and status.
+//! `TooMany` does not concern a part. It counts once when all transactions that the DPR grants between two images are
+//! used up (further transactions read 0xFF, and their writes are ignored). It also counts once for each transaction
+//! whose object arrives while the objects of two earlier transactions still wait to be judged: that object is dropped,
+//! unless it is idle by its identifier and status.
 //!
-//! So one transaction counts up to four times: request, object, rest, and `TooMany` if it is the last that is granted.
-//! (A dropped transaction only counts `TooMany`, and once more if it was the last that is granted.) Link-Status's
-//! [`access_violations`](crate::LinkValues::access_violations) is the total of all kinds since the DPR's start; no
-//! command clears it. A transaction shows in the first image that is published after the DPR has judged it, which may
-//! be the one after next.
+//! So one transaction counts up to four times: for its request, its object and its rest, and for `TooMany` if it is the
+//! last that is granted. (A transaction whose object is dropped counts once for `TooMany`, and once more if it is the
+//! last that is granted.) Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all
+//! kinds since the DPR's start; no command clears it. The counters show a transaction from the first image on that is
+//! published after the DPR has judged it, which may be the image after next.
 use core::{mem::offset_of, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
@@ -52,7 +52,7 @@ pub enum Violation {
     RequestDamaged,
     /// An intact request for a window that is empty or not in the map.
     WindowOutside,
-    /// A request or an object that ended in the middle.
+    /// A transaction that ended in the middle of a request or of an object.
     TooShort,
     /// An object with a wrong CRC.
     UplinkDamaged,
@@ -62,7 +62,7 @@ pub enum Violation {
     UplinkNotNewer,
     /// A command that the DPR does not know, or with reserved bytes that are not zero.
     CommandUnknown,
-    /// A command that cannot be carried out because one like it is under way.
+    /// A command that cannot be carried out because a command of the same kind is under way.
     CommandBusy,
     /// More transactions, or more objects, than the DPR grants.
     TooMany,
@@ -107,7 +107,7 @@ impl Violation {
         }
     }
 
-    /// The range of its counter in Port-Status.
+    /// The range of this kind's counter in Port-Status.
     #[must_use]
     pub const fn place(self) -> Range<usize> {
         let start = offset_of!(PortStatus, violations) + 2 * self.index();
@@ -135,26 +135,26 @@ impl Violation {
 pub struct Violations([u16; Violation::ALL.len()]);
 
 impl Violations {
-    /// No violations.
+    /// Counters that are all 0.
     #[must_use]
     pub const fn new() -> Self {
         Self([0; Violation::ALL.len()])
     }
 
-    /// The number of violations of this kind.
+    /// The number of violations of the kind `kind`.
     #[must_use]
     pub fn of(&self, kind: Violation) -> u16 {
         self.0.get(kind.index()).copied().unwrap_or(0)
     }
 
-    /// Counts `times` more of this kind.
+    /// Counts `times` more violations of the kind `kind`.
     pub fn count(&mut self, kind: Violation, times: u16) {
         if let Some(count) = self.0.get_mut(kind.index()) {
             *count = count.saturating_add(times);
         }
     }
 
-    /// The sum of all kinds.
+    /// The sum of the violations of all kinds.
     #[must_use]
     pub fn total(&self) -> u32 {
         self.0.iter().copied().map(u32::from).sum()
@@ -164,40 +164,40 @@ impl Violations {
 /// The contents of Port-Status in plain numbers. Counters of u16 saturate at 65535, those of u32 wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PortValues {
-    /// The timestamp of this object, ms since DPR start, wraps. It is up to one cycle before Link-Status's.
+    /// The timestamp of Port-Status, ms since the DPR's start, wraps. It is up to one cycle before Link-Status's.
     pub timestamp: u32,
     /// The state of the port.
     pub status: PortStatusBits,
-    /// Uplinks of both writers that were stored, since start or since the counters were cleared.
+    /// Uplinks of both writers that were stored, since the DPR's start or since the counters were cleared.
     pub uplinks_accepted: u32,
-    /// Commands that were carried out, since start or since the counters were cleared, including that command.
+    /// Commands carried out since the DPR's start, or since the counters were cleared, with the one that cleared them.
     pub commands_carried_out: u32,
     /// The timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if there was
     /// none.
     pub last_command_timestamp: u32,
-    /// The last command's word; 0 if there was none.
+    /// The word of the last command that was carried out; 0 if there was none.
     pub last_command: u32,
-    /// The time since the last uplink of the base station was stored, ms; 65535 if it is longer or there was none.
+    /// The time since the last uplink of the base station was stored, ms; 65535 also if it is longer or there was none.
     pub base_station_age_ms: u16,
-    /// The time since the last uplink of the flight controller was stored, ms; 65535 if it is longer or there was none.
+    /// The time since the flight controller's last uplink was stored, ms; 65535 also if it is longer or there was none.
     pub flight_controller_age_ms: u16,
-    /// Access violations by kind, since start or since the counters were cleared.
+    /// Access violations by kind, since the DPR's start or since the counters were cleared.
     pub violations: Violations,
-    /// Faults that the round-the-clock check found in images.
+    /// Faults that the DPR's round-the-clock check found in images.
     pub integrity_faults: u16,
-    /// Passes of the round-the-clock check over the flash.
+    /// Complete passes of the DPR's round-the-clock check over the flash.
     pub flash_passes: u16,
-    /// Stuck bits that scrubs found.
+    /// Stuck bits that the DPR's scrubs found in its RAM.
     pub stuck_bits: u16,
-    /// Receive buffers and images that were taken out of use.
+    /// Receive buffers and images that the DPR took out of use.
     pub buffers_out_of_use: u16,
-    /// The firmware's code of its last entry into the safe state; 0 if there was none since its supply came on.
+    /// The code of the DPR's last entry into the safe state; 0 if there was none since its supply came on.
     pub last_stop: u32,
 }
 
-/// A Port-Status object: 64 bytes, the last four of them the frame CRC of the others.
+/// A Port-Status object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`PortStatus::verify`] checks whether they are valid.
+/// Any 64 bytes can be read as Port-Status; [`PortStatus::verify`] checks whether they are a valid one.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|
@@ -274,7 +274,7 @@ impl PortStatus {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and Port-Status.
+    /// The Port-Status in `bytes`, if it is intact.
     ///
     /// # Errors
     ///
@@ -285,7 +285,7 @@ impl PortStatus {
         findings.check(object.identifier() == Identifier::PORT_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// The contents.
+    /// The contents of Port-Status in plain numbers.
     #[must_use]
     pub fn values(&self) -> PortValues {
         PortValues {

@@ -1,11 +1,11 @@
-//! A whole profile: Reported-Position and the GPS objects it derives from.
+//! A whole profile: Reported-Position and the GPS objects from which HORUS derives it.
 use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, ReportedValues, crc};
 
-/// The most receivers that a profile has room for (3oo5 redundancy; paper, section 2.3).
+/// The greatest number of receivers of a profile (3oo5 redundancy; paper, section 2.3).
 pub const MAX_RECEIVERS: usize = 5;
 
 /// The size of the largest profile, bytes.
@@ -13,14 +13,14 @@ pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 
 /// A profile of `N` receivers: Reported-Position, GPS1, … GPS`N`, contiguous.
 ///
-/// `N` is 1 (no redundancy), 2 (1oo2), 3 (triple modular redundancy) or 5 (3oo5); another does not compile:
+/// `N` is 1 (no redundancy), 2 (1oo2), 3 (triple modular redundancy) or 5 (3oo5); any other `N` does not compile:
 ///
 /// ```compile_fail,E0080
 /// let four = profile::Profile::<4>::EMPTY;
 /// ```
 ///
 /// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
-// Packing has no effect, because all fields have alignment 1; it proves this to bytemuck for every N.
+// Packing has no effect, because all fields have alignment 1; it proves to bytemuck that no N has padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -38,13 +38,13 @@ const _: () = {
 impl<const N: usize> Profile<N> {
     const SUPPORTED: () = assert!(matches!(N, 1 | 2 | 3 | 5), "a profile has 1, 2, 3 or 5 receivers");
 
-    /// The size in bytes: 124, 184, 244 or 364.
+    /// The size of the profile in bytes: 124, 184, 244 or 364.
     pub const SIZE: usize = {
         let () = Self::SUPPORTED;
         ReportedPosition::SIZE + N * GpsObject::SIZE
     };
 
-    /// The number of objects: 2, 3, 4 or 6.
+    /// The number of objects of the profile: 2, 3, 4 or 6.
     pub const OBJECTS: usize = {
         let () = Self::SUPPORTED;
         1 + N
@@ -56,14 +56,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::zeroed()
     };
 
-    /// The profile of these sealed objects, GPS1 first.
+    /// The profile that consists of these sealed objects; the GPS objects are in order, GPS1 first.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// Seals these values in a profile with all CRCs, GPS1's first.
+    /// Seals these values in a profile with all CRCs; `gps` begins with the values of GPS1.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
         let mut profile = Self::EMPTY;
@@ -93,14 +93,14 @@ impl<const N: usize> Profile<N> {
         bytemuck::from_bytes_mut(gps)
     }
 
-    /// The [`Profile::SIZE`] bytes in their order on the wire.
+    /// The [`Profile::SIZE`] bytes of the profile in their order on the wire.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         let () = Self::SUPPORTED;
         bytemuck::bytes_of(self)
     }
 
-    /// The [`Profile::SIZE`] bytes in their order on the wire, for reception.
+    /// The [`Profile::SIZE`] bytes of the profile in their order on the wire, for reception.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         let () = Self::SUPPORTED;
@@ -132,7 +132,7 @@ impl<const N: usize> Profile<N> {
         Ok(profile.verify())
     }
 
-    /// Its objects, each accepted or rejected separately. All are judged, whatever the result for the first of them.
+    /// The objects of the profile, each accepted or rejected separately. All are verified, whatever the results are.
     #[must_use]
     pub fn verify(&self) -> Reading<'_, N> {
         let mut gps = [Err(Rejection::Length); N];
@@ -160,9 +160,9 @@ impl<const N: usize> fmt::Debug for Profile<N> {
 /// The results of verifying a profile, object by object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<'a, const N: usize> {
-    /// Reported-Position.
+    /// The result for Reported-Position.
     pub reported: Result<&'a ReportedPosition, Rejection>,
-    /// GPS1 to GPS`N`.
+    /// The results for GPS1 to GPS`N`.
     pub gps: [Result<&'a GpsObject, Rejection>; N],
 }
 
@@ -181,14 +181,14 @@ impl<const N: usize> Reading<'_, N> {
     }
 }
 
-/// An accepted object of a profile of any kind.
+/// An accepted object of a profile, of either kind.
 ///
-/// [`Object::verify`] makes one of bytes that it accepts; one made in another way implies no verification.
+/// [`Object::verify`] makes an `Object` of bytes that it accepts; one made in another way implies no verification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
     Reported(&'a ReportedPosition),
-    /// One of GPS1 to GPS5, by its identifier.
+    /// One of the objects GPS1 to GPS5; its identifier says which.
     Gps(&'a GpsObject),
 }
 
@@ -220,8 +220,8 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Its number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if its identifier is another
-    /// one.
+    /// The object's number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if the object's
+    /// identifier is another one.
     #[must_use]
     pub const fn index(self) -> Option<usize> {
         match (self, self.identifier().object()) {
@@ -249,7 +249,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// The 64 or 60 bytes in their order on the wire.
+    /// The 64 or 60 bytes of the object in their order on the wire.
     #[must_use]
     pub const fn as_bytes(self) -> &'a [u8] {
         match self {

@@ -3,24 +3,24 @@ use core::{error::Error, fmt, hint::black_box};
 
 /// The reason why received bytes were not accepted.
 ///
-/// Where several reasons hold, it is the first in this order. Later versions may add more.
+/// Where several reasons hold, the first in the order below is given. Later versions may add more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
-    /// The length is wrong for this place.
+    /// The number of bytes is wrong for this object or request.
     Length,
-    /// The frame CRC does not fit: damaged, scrubbed, or never written.
+    /// The frame CRC does not fit the bytes: they are damaged, scrubbed, or were never written.
     Crc,
-    /// The frame CRC fits, but that over latitude and longitude does not: the sender had a fault when it sealed the
+    /// The frame CRC fits, but the CRC over latitude and longitude does not: the sender had a fault when it sealed the
     /// object.
     PositionCrc,
-    /// It is intact, but another object than the one that belongs here.
+    /// The bytes are intact, but are another object than the one that belongs in this place.
     Identifier,
-    /// It is an intact request for bytes outside the map.
+    /// The bytes are an intact request for a window that is not in the map.
     Window,
-    /// It is an intact command with an unknown word, or with reserved bytes that are not zero.
+    /// The bytes are an intact command with an unknown word, or with reserved bytes that are not zero.
     Command,
-    /// It is intact, and has the timestamp of the one before it.
+    /// The object is intact, but has the timestamp of the last accepted one.
     Repeated,
 }
 
@@ -40,9 +40,9 @@ impl fmt::Display for Rejection {
 
 impl Error for Rejection {}
 
-/// The findings of all checks of one object or request, gathered before any decision.
+/// The findings of all checks of one object or request, gathered before the decision.
 ///
-/// Each check is made and recorded whatever the others found, so the time for judging bytes does not depend on them.
+/// Each check is made and recorded whatever the others found, so the time for all of them does not depend on the bytes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,
@@ -53,7 +53,7 @@ impl Findings {
         Self { faults: 0 }
     }
 
-    /// Records `rejection` unless `good`.
+    /// Records `rejection` as a finding unless `good`.
     #[inline]
     pub(crate) fn check(self, good: bool, rejection: Rejection) -> Self {
         let bit = match rejection {
@@ -68,10 +68,10 @@ impl Findings {
         Self { faults: self.faults | u8::from(!good) << bit }
     }
 
-    /// Returns `accepted` if every check was good, or else the first reason against it.
+    /// Returns `accepted` if every check was good, or else the first reason for a rejection.
     #[inline]
     pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
-        // The optimiser must not see through this, because it could move a CRC into the branch that needs its result.
+        // `black_box` keeps the optimiser from moving a CRC's computation into the branch that needs its result.
         match black_box(self.faults).trailing_zeros() {
             0 => Err(Rejection::Length),
             1 => Err(Rejection::Crc),

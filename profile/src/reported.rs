@@ -12,12 +12,12 @@ use crate::{
 
 /// HORUS's report in plain numbers.
 ///
-/// An unknown value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two of these are equal
-/// only if they contain no NaN; compare [sealed objects](ReportedPosition) to compare bits.
+/// An unknown value is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and its status bit is clear. So two `ReportedValues` are
+/// equal only if they contain no NaN; compare [sealed objects](ReportedPosition) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportedValues {
-    /// The timestamp, ms since HORUS start, wraps; also the frame counter, with one [cycle](crate::CYCLE_MS) more in
-    /// each.
+    /// The timestamp, ms since HORUS's start, wraps. It also counts the frames: each profile has one
+    /// [cycle](crate::CYCLE_MS) more than the one before.
     pub timestamp: u32,
     /// The validity of the values, the number of agreeing receivers, and HORUS's state.
     pub status: ReportedStatus,
@@ -55,7 +55,7 @@ impl ReportedValues {
     }
 }
 
-/// Latitude and longitude with their own CRC: 20 bytes, a codeword within the object's.
+/// Latitude and longitude with their own CRC: 20 bytes, a codeword within the codeword of the object.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 struct Position {
@@ -78,9 +78,9 @@ impl Position {
     }
 }
 
-/// A Reported-Position object: 64 bytes, the last four of them the frame CRC of the others.
+/// A Reported-Position object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`ReportedPosition::verify`] checks whether they are valid.
+/// Any 64 bytes can be read as Reported-Position; [`ReportedPosition::verify`] checks whether they are a valid one.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ReportedPosition {
@@ -113,7 +113,7 @@ const _: () = {
 };
 
 impl ReportedPosition {
-    /// Seals `values` in an object with both CRCs: the position's first, which the frame's covers.
+    /// Seals `values` in an object with both CRCs: first the position CRC, which the frame CRC covers.
     #[must_use]
     pub fn seal(values: &ReportedValues) -> Self {
         Self {
@@ -131,12 +131,12 @@ impl ReportedPosition {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is Reported-Position and intact by both CRCs.
+    /// The Reported-Position in `bytes`, if it is intact by both CRCs.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`]
-    /// if latitude and longitude differ from the computed ones, [`Rejection::Identifier`] if they are another object.
+    /// if only latitude and longitude do not fit their CRC, [`Rejection::Identifier`] if they are another object.
     ///
     /// ```
     /// use profile::{Rejection, ReportedPosition, ReportedValues};
@@ -161,7 +161,7 @@ impl ReportedPosition {
         object.judge(findings)
     }
 
-    /// Adds the findings beside the frame CRC's.
+    /// Adds the findings of the checks other than the frame CRC, and decides.
     fn judge(&self, findings: Findings) -> Result<&Self, Rejection> {
         findings
             .check(crc::position_intact(self.position.as_bytes()), Rejection::PositionCrc)
@@ -169,7 +169,7 @@ impl ReportedPosition {
             .judge(self)
     }
 
-    /// The contents, every number to the last bit.
+    /// The contents of Reported-Position in plain numbers, unchanged to the last bit.
     #[must_use]
     pub fn values(&self) -> ReportedValues {
         ReportedValues {
@@ -185,7 +185,7 @@ impl ReportedPosition {
         }
     }
 
-    /// The position CRC in it, right or wrong.
+    /// The position CRC in the object, right or wrong.
     #[must_use]
     pub const fn position_crc(&self) -> u32 {
         self.position.crc.get()

@@ -5,17 +5,17 @@
 //! A CRC proves that an object is intact and an identifier that it is in its place. Neither proves that it is new: a
 //! frame that is repeated, delayed, reordered or inserted carries objects that verify. The timestamp and the receiver's
 //! own clock protect against these errors (IEC 61784-3: unintended repetition, unacceptable delay, incorrect sequence,
-//! insertion). A receiver of cycles keeps one [`Sequence`] and passes each cycle to it; it contains no clock and
-//! allocates nothing, and its work per cycle is bounded and small.
+//! insertion). A receiver of cycles keeps one [`Sequence`] and passes each cycle to it. A [`Sequence`] contains no
+//! clock and allocates nothing, and its work per cycle is bounded and small.
 //!
 //! A cycle is **in sequence** if its timestamp is that of the last cycle + 10 ms · (1 + missed), with at most
-//! [`MAX_MISSED`] missed, and if the same time has passed between their samples on the receiver's clock, within
-//! [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one that arrived,
-//! with any result.
+//! [`MAX_MISSED`] missed cycles, and if the same time has passed between the samples of both cycles on the receiver's
+//! clock, within [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one
+//! that arrived, whatever its judgement was.
 //!
-//! **Search.** At the start, and after any other step, nothing is shown until [`SEARCH_CYCLES`] cycles in a row have
-//! each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that opens the
-//! search has no predecessor to advance from, so it is not one of the three. The third of them is itself in sequence:
+//! **Search.** At the start, and after any cycle that is not in sequence, no cycle is shown until [`SEARCH_CYCLES`] in
+//! a row have each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that
+//! opens the search has no predecessor to advance from, so it is not one of them. The third is itself in sequence:
 //!
 //! | cycle since the start, or since HORUS restarted | [`Judgement`] |
 //! |---|---|
@@ -24,18 +24,18 @@
 //! | 3 | `Searching { found: 2 }` |
 //! | 4 | `InSequence { missed: 0 }` |
 //!
-//! Timestamps 20, 10, 20, 10, … never advance twice in a row, so none of them is ever shown.
+//! Timestamps 20, 10, 20, 10, … never advance twice in a row, so no cycle with them is ever shown.
 //!
 //! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because a single cycle may be late for
-//! many reasons. A clock that is wrong adds up: while cycles are in sequence, the timestamps' advance is compared with
-//! the receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more than 2 % of the
-//! receiver's time makes HORUS's clock implausible until a later window finds no such difference. A window closes with
-//! the first cycle that is at least 1 s after its start, so it is at most 1 s and one step long, and a clock that goes
-//! wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if as many cycles as possible are missed. A
-//! window that is broken off because the sequence is lost has no result.
+//! many reasons. The error of a wrong clock adds up. So while cycles are in sequence, the timestamps' advance is
+//! compared with the receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more
+//! than 2 % of the receiver's time makes HORUS's clock implausible until a later window has no such difference. A
+//! window closes with the first cycle that is at least 1 s after its start, so it is at most 1 s and one step long. A
+//! clock that becomes wrong, or right again, is detected within two windows: 2.1 s, or 2.6 s if as many cycles as
+//! possible are missed. A window that is broken off because the sequence is lost has no result.
 //!
-//! Instants are u64 µs, which never wrap (584 000 years), so no silence is too long: with a u32 counter, two cycles
-//! 71.6 minutes apart would look like neighbours.
+//! Instants are u64 µs, which never wrap (584 000 years), so that any length of silence is measured right. With a u32
+//! counter, two cycles 71.6 minutes apart would look like neighbours.
 //!
 //! # Example
 //!
@@ -54,22 +54,22 @@
 //! ```
 use crate::{CYCLE_MS, Freshness, freshness};
 
-/// Cycles that may be missing between two that are in sequence.
+/// The greatest number of missing cycles between two cycles that are in sequence.
 pub const MAX_MISSED: u32 = 25;
 
-/// The tolerance of the receiver's time between two cycles against their timestamps' step, µs; [`TOLERANCE_SHARE`] is
-/// added. It is a quarter of a cycle: room for a late start of transmission and a late interrupt, and less than half a
-/// cycle, so that no two steps are mistaken for each other.
+/// The tolerance, µs, for the difference between the receiver's time from one cycle to the next and the timestamps'
+/// step; [`TOLERANCE_SHARE`] is added. It is a quarter of a cycle: enough for a late start of transmission and a late
+/// interrupt, and less than half a cycle, so that no two steps are mistaken for each other.
 pub const TOLERANCE_US: u32 = 2_500;
 
-/// The divisor of the step that gives the tolerance of two clocks, 2 %: HORUS without its crystal is off by 1 %, the
-/// rest is margin.
+/// The timestamps' step is divided by this to get the tolerance for two clocks, 2 %. HORUS without its crystal deviates
+/// by 1 %; the rest is margin.
 pub const TOLERANCE_SHARE: u32 = 50;
 
-/// The tolerance of the 10 ms between two cycles during a search, µs.
+/// The tolerance for the 10 ms between two cycles during a search, either way, µs.
 pub const SEARCH_TOLERANCE_US: u32 = 500;
 
-/// The number of cycles in a row, each advancing by exactly one cycle, that find the sequence.
+/// The number of cycles in a row, each advancing by exactly one cycle, after which the sequence is found.
 pub const SEARCH_CYCLES: u8 = 3;
 
 /// The least length of the windows over which the clocks are compared, µs on the receiver's clock.
@@ -83,7 +83,7 @@ const fn step_us(missed: u32) -> u32 {
     1_000 * CYCLE_MS * (1 + missed)
 }
 
-/// The tolerance of the receiver's time around [`step_us`], either way, µs.
+/// The tolerance for the receiver's time between two cycles with `missed` missing ones in between, either way, µs.
 const fn tolerance_us(missed: u32) -> u32 {
     TOLERANCE_US + step_us(missed) / TOLERANCE_SHARE
 }
@@ -91,26 +91,26 @@ const fn tolerance_us(missed: u32) -> u32 {
 /// The judgement of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Judgement {
-    /// It continues the cycles before it, and may be shown.
+    /// The cycle continues the cycles before it, and may be shown.
     InSequence {
-        /// The number of cycles in between that did not arrive, at most [`MAX_MISSED`].
+        /// The number of cycles that did not arrive between the last cycle and this one, at most [`MAX_MISSED`].
         missed: u32,
     },
-    /// It is the first of all, or its step would be in sequence, but the sequence is not found yet.
+    /// The cycle is the first of all, or its step would be in sequence, but the sequence is not found yet.
     Searching {
-        /// The number of cycles in a row, including this one, that have advanced as the search requires: less than
+        /// The number of cycles in a row, this one included, that have advanced as the search requires: less than
         /// [`SEARCH_CYCLES`].
         found: u8,
     },
-    /// The timestamp is the last one again: HORUS is frozen, or a frame is repeated.
+    /// The cycle's timestamp is the last one again: HORUS is frozen, or a frame is repeated.
     Frozen,
-    /// The timestamp is before the last one: HORUS has restarted, or frames are reordered.
+    /// The cycle's timestamp is before the last one: HORUS has restarted, or frames are reordered.
     Restarted,
-    /// It is ahead, but not by a whole number of cycles, or by more than [`MAX_MISSED`] missing ones.
+    /// The timestamp is ahead, but not by a whole number of cycles, or more than [`MAX_MISSED`] cycles are missing.
     Irregular,
-    /// It is ahead by a possible step, but less time has passed than between the timestamps.
+    /// The timestamp is ahead by a possible step, but less time has passed than between the timestamps.
     Early,
-    /// It is ahead by a possible step, but more time has passed than between the timestamps.
+    /// The timestamp is ahead by a possible step, but more time has passed than between the timestamps.
     Late,
 }
 
@@ -125,30 +125,30 @@ impl Judgement {
 /// A cycle's sample: its timestamp, and its instant on the receiver's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sample {
-    /// HORUS's time, ms, wraps.
+    /// The timestamp that HORUS gave the sample, ms, wraps.
     pub timestamp: u32,
-    /// The receiver's time, µs, never wraps.
+    /// The instant of the sample on the receiver's clock, µs, never wraps.
     pub sampled_us: u64,
 }
 
 impl Sample {
-    /// The time on the receiver's clock from this sample to the instant `to_us`, µs; negative if that is before it.
+    /// The time on the receiver's clock from this sample to `to_us`, µs; negative if `to_us` is before the sample.
     #[must_use]
     pub const fn elapsed_us(&self, to_us: u64) -> i64 {
         to_us.wrapping_sub(self.sampled_us).cast_signed()
     }
 }
 
-/// The state about the cycles that have arrived.
+/// A receiver's state about the cycles that have arrived, by which it judges the next cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sequence {
     last: Option<Sample>,
-    /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] while the sequence is
-    /// held.
+    /// The number of cycles in a row that have advanced as the search requires; [`SEARCH_CYCLES`] as long as cycles are
+    /// in sequence.
     found: u8,
-    /// The beginning of the window over which the clocks are compared; meaningful while the sequence is held.
+    /// The first sample of the window over which the clocks are compared; meaningful only while cycles are in sequence.
     window: Sample,
-    /// The result of the last complete window; false while the sequence is not held.
+    /// Whether the clocks differed over the last complete window; false unless cycles are in sequence.
     clock_implausible: bool,
 }
 
@@ -159,9 +159,9 @@ impl Sequence {
         Self { last: None, found: 0, window: Sample { timestamp: 0, sampled_us: 0 }, clock_implausible: false }
     }
 
-    /// Judges a cycle, to be called once for each that arrives, in the order of arrival: `timestamp` in ms as HORUS
-    /// sent it, `sampled_us` the instant of its sample on the receiver's clock, µs, from a counter that never wraps.
-    /// Where the sample's instant is not known, the frame's arrival suffices, if it is a constant time later.
+    /// Judges a cycle. Call this once for each cycle that arrives, in the order of arrival: `timestamp` in ms as HORUS
+    /// sent it, `sampled_us` the instant of the cycle's sample on the receiver's clock, µs, from a counter that never
+    /// wraps. Where that instant is not known, the frame's arrival suffices, if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
@@ -181,8 +181,8 @@ impl Sequence {
         judgement
     }
 
-    /// Whether the sequence is held at the instant `now_us`, so that the next cycle can be shown: false at the start,
-    /// during the search, and after [`HOLD_US`] without a cycle.
+    /// Whether the sequence is found and not lost at the instant `now_us`, so that the next cycle can be shown: false
+    /// at the start, during the search, and after [`HOLD_US`] without a cycle.
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);
@@ -196,7 +196,7 @@ impl Sequence {
         self.clock_implausible
     }
 
-    /// The last cycle that arrived, with any result.
+    /// The sample of the last cycle that arrived, whatever its judgement was.
     #[must_use]
     pub const fn last(&self) -> Option<Sample> {
         self.last
@@ -224,7 +224,7 @@ impl Sequence {
         }
     }
 
-    /// Closes the window if it is long enough, and begins the next with `sample`.
+    /// Closes the window of the clock comparison if it is long enough, and begins the next window with `sample`.
     fn compare_clocks(&mut self, sample: Sample) {
         let receiver_us = self.window.elapsed_us(sample.sampled_us);
         if receiver_us >= i64::from(CLOCK_WINDOW_US) {

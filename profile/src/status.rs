@@ -1,9 +1,9 @@
 //! Status words as typed bit sets.
 //!
-//! Bits without a meaning are sent 0 and ignored when received, so that a later version can define them: the types here
-//! only hold bits with a meaning. A code that is reserved today reads as `None`.
+//! Bits without a meaning are sent as 0 and ignored when received, so that a later version can define them. The types
+//! here hold only bits that have a meaning. A code that is reserved today is read as `None`.
 
-/// UBX-NAV-PVT `fixType`.
+/// The type of a receiver's fix: `fixType` of the message UBX-NAV-PVT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum FixType {
@@ -22,7 +22,7 @@ pub enum FixType {
 }
 
 impl FixType {
-    /// The type with this UBX code; `None` for a code that UBX reserves.
+    /// The fix type with this UBX code; `None` for a code that UBX reserves.
     #[must_use]
     pub const fn from_ubx(code: u8) -> Option<Self> {
         match code {
@@ -48,7 +48,7 @@ impl FixType {
     }
 }
 
-/// HORUS's state.
+/// The state that HORUS reports about itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HorusState {
@@ -58,13 +58,13 @@ pub enum HorusState {
     Monitoring = 1,
     /// The position is outside the flight range.
     OutsideRange = 2,
-    /// Switched to the redundant flight controller.
+    /// HORUS has switched to the redundant flight controller.
     SwitchedToRedundant = 3,
-    /// Motors cut.
+    /// HORUS has cut the motors.
     MotorsCut = 4,
-    /// Emergency measure fired.
+    /// HORUS has fired the emergency measure.
     EmergencyFired = 5,
-    /// The state inputs contradict themselves, and nothing more severe is known.
+    /// HORUS's state inputs contradict each other, and nothing more severe is known.
     InputsContradict = 6,
     /// There was a position since HORUS's start, but there is none now.
     PositionLost = 7,
@@ -103,23 +103,23 @@ impl HorusState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ResetReason {
-    /// Its supply came on.
+    /// The processor's supply came on.
     #[default]
     PowerOn = 0,
-    /// Its reset pin was low.
+    /// The processor's reset pin was low.
     Pin = 1,
-    /// Its watchdog was not fed.
+    /// The processor's watchdog was not fed.
     Watchdog = 2,
-    /// It locked up: a fault while it handled a fault.
+    /// The processor locked up: a fault occurred while it handled a fault.
     Lockup = 3,
-    /// Software or a debugger requested it.
+    /// Software or a debugger requested the reset.
     Software = 4,
-    /// Its supply dipped, or another cause without a code of its own.
+    /// The supply dipped, or there was another cause that has no code of its own.
     BrownOutOrOther = 5,
 }
 
 impl ResetReason {
-    /// Whether the reset was unintended: all but power-on, pin and software.
+    /// Whether the reset was unintended: every reason but power-on, pin and software.
     #[must_use]
     pub const fn is_unasked(self) -> bool {
         matches!(self, Self::Watchdog | Self::Lockup | Self::BrownOutOrOther)
@@ -159,22 +159,22 @@ macro_rules! bit_set {
         pub struct $name(u16);
 
         impl $name {
-            /// The bits that have a meaning.
+            /// The bits of the status word that have a meaning.
             pub const USED: u16 = $used;
 
-            /// The word with no bit set.
+            /// The status word with no bit set.
             #[must_use]
             pub const fn new() -> Self {
                 Self(0)
             }
 
-            /// The word from the wire; bits without a meaning are dropped.
+            /// The status word from the wire; bits without a meaning are dropped.
             #[must_use]
             pub const fn from_bits(bits: u16) -> Self {
                 Self(bits & Self::USED)
             }
 
-            /// The word for the wire; bits without a meaning are 0.
+            /// The status word for the wire; bits without a meaning are 0.
             #[must_use]
             pub const fn bits(self) -> u16 {
                 self.0
@@ -191,7 +191,7 @@ macro_rules! bit_set {
                     self.0 & (1 << $bit) != 0
                 }
 
-                /// This status with that bit set to `on`; see the getter of the same name.
+                /// This status with the bit set to `on`; the getter without `with_` says what the bit means.
                 #[must_use]
                 pub const fn $with(self, on: bool) -> Self {
                     self.with(1 << $bit, if on { 1 << $bit } else { 0 })
@@ -204,24 +204,24 @@ macro_rules! bit_set {
 pub(crate) use bit_set;
 
 bit_set! {
-    /// Status of a GPS object.
+    /// The status of a GPS object.
     GpsStatus, used 0xFFFF;
-    /// Bit 4: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
+    /// Bit 4: latitude and longitude are valid, and so is the altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 4;
     /// Bit 5: pitch, yaw and roll are valid.
     attitude_valid, with_attitude_valid = 5;
     /// Bit 6: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 6;
-    /// Bit 7: a message of the receiver came in the last 250 ms.
+    /// Bit 7: bytes of an intact message came from the receiver within the last 250 ms.
     heard, with_heard = 7;
-    /// Bit 8: the solution is older than the receiver's own period allows.
+    /// Bit 8: the solution is older than the receiver's own period of sending allows.
     stale, with_stale = 8;
     /// Bit 9: the voter excluded this receiver.
     excluded, with_excluded = 9;
 }
 
 impl GpsStatus {
-    /// Bits 0-3: the receiver's fix; `None` for a code that UBX reserves.
+    /// Bits 0-3: the type of the receiver's fix; `None` for a code that UBX reserves.
     #[must_use]
     pub const fn fix_type(self) -> Option<FixType> {
         let [low, _] = self.0.to_le_bytes();
@@ -236,18 +236,18 @@ impl GpsStatus {
 
     /// The step of the age in [`solution_age_ms`](Self::solution_age_ms), ms.
     pub const AGE_STEP_MS: u16 = 25;
-    /// The largest value of [`solution_age_ms`](Self::solution_age_ms), ms; it stands for every age from it on.
+    /// The largest value of [`solution_age_ms`](Self::solution_age_ms), ms; it also stands for every greater age.
     pub const OLDEST_MS: u16 = 62 * Self::AGE_STEP_MS;
     const AGE: u16 = 0xFC00;
-    /// The code of a receiver that never had a solution.
+    /// The code of the age for a receiver that never had a solution.
     const NEVER: u16 = 63;
 
     /// Bits 10-15: the age of the receiver's solution at the tick, ms; `None` if there was none since HORUS's start.
     ///
     /// The age is the time from the arrival at HORUS of the newest NAV-PVT message with a new time of week, valid or
-    /// not, to the tick of the timestamp. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so the true one
-    /// exceeds it by less than a step, and it saturates at [`OLDEST_MS`](Self::OLDEST_MS). The epoch of the solution
-    /// precedes its arrival by the receiver's time for computing and sending it, 40 to 80 ms.
+    /// not, to the tick of the object's timestamp. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so the
+    /// true age exceeds it by less than a step, and it saturates at [`OLDEST_MS`](Self::OLDEST_MS). The epoch of the
+    /// solution is 40 to 80 ms before its arrival, which is the receiver's time for computing and sending it.
     #[must_use]
     pub const fn solution_age_ms(self) -> Option<u16> {
         match (self.0 & Self::AGE) >> 10 {
@@ -256,7 +256,7 @@ impl GpsStatus {
         }
     }
 
-    /// This status with bits 10-15 set to an age in ms, `None` for no solution; see
+    /// This status with bits 10-15 set to the age of a solution in ms, or `None` for no solution; see
     /// [`solution_age_ms`](Self::solution_age_ms).
     #[must_use]
     pub const fn with_solution_age_ms(self, age_ms: Option<u32>) -> Self {
@@ -264,8 +264,8 @@ impl GpsStatus {
         const OLDEST_MS: u32 = 62 * STEP_MS;
         let steps: u32 = match age_ms {
             None => 63,
-            // The minimum is computed without a branch, so that HORUS's time to fill a cycle does not depend on any
-            // age.
+            // The minimum is computed without a branch, so that the time that HORUS needs to fill a profile does not
+            // depend on an age.
             Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
         };
         let [steps, ..] = steps.to_le_bytes();
@@ -274,23 +274,23 @@ impl GpsStatus {
 }
 
 bit_set! {
-    /// Status of Reported-Position.
+    /// The status of Reported-Position.
     ReportedStatus, used 0xFFFF;
-    /// Bit 3: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
+    /// Bit 3: latitude and longitude are valid, and so is the altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 3;
     /// Bit 4: pitch, yaw and roll are valid.
     attitude_valid, with_attitude_valid = 4;
     /// Bit 5: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 5;
-    /// Bit 6: fewer receivers agree than are configured, or no majority of them reports an altitude on which all of
-    /// those agree.
+    /// Bit 6: fewer receivers agree than are configured, or Reported-Position has no altitude, which takes a quorum of
+    /// agreeing receivers that have one.
     degraded, with_degraded = 6;
-    /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. That oscillator is trimmed
-    /// to 1 % at 25 °C and is off by more over temperature (DS9405), and the cycle with it; the DPR detects more than 2
-    /// %.
+    /// Bit 7: HORUS runs on its internal oscillator, because its crystal's clock is missing. The internal oscillator is
+    /// trimmed to 1 % at 25 °C and deviates more over temperature (DS9405), and so does the length of HORUS's cycle;
+    /// the DPR detects a deviation of more than 2 %.
     without_crystal, with_without_crystal = 7;
-    /// Bit 12: HORUS has found a fault of its memory since its start, or stopped itself for one before it: flash, code
-    /// or RAM did not hold the written contents.
+    /// Bit 12: HORUS has found a fault of its memory since its start, or had stopped itself for such a fault before it:
+    /// flash, code or RAM did not hold the written contents.
     memory_fault, with_memory_fault = 12;
 }
 
@@ -340,9 +340,9 @@ impl ReportedStatus {
 }
 
 bit_set! {
-    /// Status of Link-Status.
+    /// The status of Link-Status.
     LinkStatusBits, used 0xF7FF;
-    /// Bit 0: frames arrive within their deadline.
+    /// Bit 0: frames of HORUS arrive within their deadline.
     link_up, with_link_up = 0;
     /// Bit 1: every object of the last cycle was accepted.
     all_accepted, with_all_accepted = 1;
@@ -360,16 +360,16 @@ bit_set! {
     uplink_rejected, with_uplink_rejected = 7;
     /// Bit 8: HORUS's timestamps are out of sequence; nothing is shown until the sequence is found again.
     out_of_sequence, with_out_of_sequence = 8;
-    /// Bit 9: in sequence, but over the last second HORUS's clock differed from the DPR's by more than 2 %.
+    /// Bit 9: cycles are in sequence, but over the last second HORUS's clock differed from the DPR's by more than 2 %.
     horus_clock_implausible, with_horus_clock_implausible = 9;
-    /// Bit 10: the DPR's program memory does not have the CRC that the build gave it.
+    /// Bit 10: the DPR's program memory does not have the CRC that was stored in it when the firmware was built.
     flash_fault, with_flash_fault = 10;
-    /// Bit 15: the RFID front end works and detects no field of the sender. If bit 5 is set, the field is unknown.
+    /// Bit 15: the RFID front end works and detects no field of HORUS. If bit 5 is set, the field is unknown.
     no_field, with_no_field = 15;
 }
 
 bit_set! {
-    /// Status of Port-Status.
+    /// The status of Port-Status.
     PortStatusBits, used 0xFFFF;
     /// Bit 0: the uplink of the base station is fresh, and is therefore shown.
     base_station_fresh, with_base_station_fresh = 0;
@@ -385,22 +385,22 @@ bit_set! {
     self_test_failed, with_self_test_failed = 5;
     /// Bit 6: fewer than three receive buffers, or fewer than four images, are in use.
     buffers_out_of_use, with_buffers_out_of_use = 6;
-    /// Bit 7: a frame came from the [hold](crate::hold) within the last 300 ms, accepted or not. Without a hold this
-    /// and all of the bits below are clear.
+    /// Bit 7: a frame came from the [hold](crate::hold) within the last 300 ms, accepted or not. In a DPR without a
+    /// hold this bit and bits 8 to 15 are clear.
     hold_heard, with_hold_heard = 7;
     /// Bit 8: the last frame from the hold was accepted.
     hold_accepted, with_hold_accepted = 8;
 }
 
 impl PortStatusBits {
-    /// Bits 9-12: the objects of the hold that were accepted since the DPR's start, modulo 16.
+    /// Bits 9-12: the number of the hold's objects that were accepted since the DPR's start, modulo 16.
     #[must_use]
     pub const fn hold_objects_accepted(self) -> u8 {
         let [count, _] = (self.0 >> 9 & 0x0F).to_le_bytes();
         count
     }
 
-    /// Bits 13-15: the frames from the hold that were rejected since the DPR's start, modulo 8.
+    /// Bits 13-15: the number of the hold's frames that were rejected since the DPR's start, modulo 8.
     #[must_use]
     pub const fn hold_objects_rejected(self) -> u8 {
         let [count, _] = (self.0 >> 13).to_le_bytes();
@@ -424,7 +424,7 @@ impl LinkStatusBits {
         ResetReason::from_bits(high >> 4 & 0x07)
     }
 
-    /// This status with bits 12-14 set to `reason`, and bit 6 to whether that reset was unintended.
+    /// This status with bits 12-14 set to `reason`, and bit 6 set if a reset for that reason is unintended.
     #[must_use]
     pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
         self.with(0x7000, reason.bits() << 12).with_unasked_reset(reason.is_unasked())

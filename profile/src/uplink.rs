@@ -10,7 +10,7 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// Status of an uplink. The writer and the readers define its bits; the DPR keeps all of them.
+/// The status of an uplink. The writer and the readers define its bits; the DPR keeps all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct UplinkStatus(u16);
 
@@ -31,9 +31,9 @@ impl UplinkStatus {
 /// The contents of an uplink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UplinkValues {
-    /// The timestamp, ms on the writer's clock, wraps. Each uplink of a writer must be later than the one before it.
+    /// The timestamp, ms on the writer's clock, wraps; later than that of the same writer's uplink before.
     pub timestamp: u32,
-    /// The writer's status.
+    /// The status bits, which the writer and the readers define.
     pub status: UplinkStatus,
     /// The writer's data; the DPR passes them on unchanged.
     pub payload: [u8; Uplink::PAYLOAD],
@@ -45,9 +45,9 @@ impl Default for UplinkValues {
     }
 }
 
-/// An uplink object: 64 bytes, the last four of them the frame CRC of the others.
+/// An uplink object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`Uplink::verify`] checks whether they are a valid one of a writer.
+/// Any 64 bytes can be read as an uplink; [`Uplink::verify`] checks whether they are a valid one of a given writer.
 ///
 /// | bytes | |
 /// |---|---|
@@ -59,19 +59,19 @@ impl Default for UplinkValues {
 ///
 /// # What the DPR accepts
 ///
-/// An uplink follows the [request](crate::ssi) of a transaction, and belongs to its writer alone: each has its own
-/// place in the [map](crate::map). The DPR stores it there, unchanged, if its CRC is right, if the identifier is one of
-/// the two, and if its timestamp is *newer* than that of the writer's last stored one: less than 2³¹ ms later, so that
-/// timestamps may wrap. The first uplink of a writer after the DPR's own start is newer.
+/// An uplink follows the [request](crate::ssi) of a transaction. Each writer has its own place in the
+/// [map](crate::map). The DPR stores the uplink there, unchanged, if its CRC is right, if its identifier is one of the
+/// two writers', and if its timestamp is *newer* than that of the writer's last stored uplink: less than 2³¹ ms later,
+/// so that timestamps may wrap. A writer's first uplink after the DPR's own start counts as newer.
 ///
-/// A repeated or older one is refused and has no effect. A writer that has restarted counts from 0 again, so its
+/// A repeated or older uplink is refused and has no effect. A writer that has restarted counts from 0 again, so its
 /// uplinks are older. The third uplink in a row, each newer than the one before it, is stored again, and the DPR drops
 /// the writer's earlier timestamps. So no single uplink that is repeated or delayed is taken for a new one. (A whole
-/// recording that is replayed in order looks like a writer that has restarted. Only the writer's own radio link or the
-/// flight controller could do that; they must protect it themselves.)
+/// recording that is replayed in order looks like a restarted writer. Only the writer's own radio link or the flight
+/// controller could replay one; they must protect it themselves.)
 ///
-/// An uplink without a newer one within [`Uplink::EXPIRY_MS`] is removed: its place is zeros, and its bit in
-/// [Port-Status](crate::PortStatus) is clear.
+/// An uplink that is not replaced by a newer one within [`Uplink::EXPIRY_MS`] is removed: its place is zeros, and the
+/// writer's bit in [Port-Status](crate::PortStatus) is clear.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Uplink {
@@ -90,7 +90,7 @@ impl Uplink {
     /// The number of bytes that the writer may use freely.
     pub const PAYLOAD: usize = 52;
 
-    /// The time without a newer one after which an uplink is no longer shown, ms.
+    /// The time after which an uplink is no longer shown if no newer one of the same writer came, ms.
     pub const EXPIRY_MS: u32 = 500;
 
     /// Seals `values` in an uplink of role `W` with its CRC.
@@ -117,32 +117,32 @@ impl Uplink {
         findings.check(object.identifier() == W::IDENTIFIER, Rejection::Identifier).judge(object)
     }
 
-    /// The contents.
+    /// The contents of the uplink in plain numbers.
     #[must_use]
     pub const fn values(&self) -> UplinkValues {
         UplinkValues { timestamp: self.timestamp.get(), status: self.status(), payload: self.payload }
     }
 }
 
-/// An object that followed a request, intact and known.
+/// An object that was written after a request, intact and of a known kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written<'a> {
     /// An uplink of the base station.
     BaseStation(&'a Uplink),
     /// An uplink of the flight controller.
     FlightController(&'a Uplink),
-    /// A command, and the object that contained it.
+    /// A command, and the object that contains the command.
     Command(Command, &'a CommandObject),
 }
 
 impl<'a> Written<'a> {
-    /// The object in `bytes`, if it is intact and one that may be written.
+    /// The object in `bytes`, if it is intact and a flight controller may write it over the SSI.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
-    /// if it is an object that no one may write over the SSI, [`Rejection::Command`] if it is a command that the DPR
-    /// does not know.
+    /// if they are an object that no one may write over the SSI, [`Rejection::Command`] if they are a command that the
+    /// DPR does not know.
     pub fn verify(bytes: &'a [u8]) -> Result<Self, Rejection> {
         let (uplink, findings) = Uplink::look(bytes)?;
         let command: &CommandObject = bytemuck::must_cast_ref(uplink);

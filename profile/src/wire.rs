@@ -27,19 +27,19 @@ little_endian! {
     U16Le, u16, 2;
     /// `u32`, least significant byte first.
     U32Le, u32, 4;
-    /// IEEE 754 binary32, least significant byte first; every bit pattern, also of a NaN's payload, passes unchanged.
+    /// IEEE 754 binary32, least significant byte first; every bit pattern passes unchanged, also a NaN's payload.
     F32Le, f32, 4;
-    /// IEEE 754 binary64, least significant byte first; every bit pattern, also of a NaN's payload, passes unchanged.
+    /// IEEE 754 binary64, least significant byte first; every bit pattern passes unchanged, also a NaN's payload.
     F64Le, f64, 8;
 }
 
-/// A CRC-32, most significant byte first: the order in which its bits continue the data as a polynomial.
+/// A CRC-32, most significant byte first: in this order its bits continue the data as coefficients of one polynomial.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct CrcBe([u8; 4]);
 
 impl CrcBe {
-    /// The content of the field until the CRC over the bytes before it is known.
+    /// The content of a CRC field until the CRC over the bytes before the field is known.
     pub(crate) const UNSEALED: Self = Self([0; 4]);
 
     #[inline]

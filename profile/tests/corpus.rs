@@ -1,4 +1,4 @@
-//! Replays the fuzz corpus: every committed input is tested in every ordinary test run.
+//! Replays the fuzz corpus, so that every ordinary test run tests every committed input.
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
 use crate::support;

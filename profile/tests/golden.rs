@@ -108,7 +108,7 @@ fn the_check_values_are_those_of_the_published_polynomials() {
 
 #[test]
 fn koopmans_notation_names_the_same_polynomials() {
-    // Koopman omits the constant term, which is 1; the usual notation omits x³².
+    // Koopman's notation omits the constant term, which is 1; the usual notation omits x³².
     assert_eq!(0xF8C9_140A_u32 << 1 | 1, crc::FRAME.poly);
     assert_eq!(0x9D7F_97D6_u32 << 1 | 1, crc::POSITION.poly);
 }

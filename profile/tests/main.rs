@@ -1,4 +1,5 @@
-//! The tests of the profile in one binary: each file is a module of it. The clients have one of their own.
+//! All tests of the profile in one binary: each file is a module of it. The tests of the clients have a binary of their
+//! own.
 
 mod corpus;
 mod detection;

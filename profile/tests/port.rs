@@ -1,4 +1,5 @@
-//! Tests Port-Status, uplinks, commands and the map: bytes written by hand, places, and acceptance.
+//! Tests Port-Status, uplinks, commands and the map: their bytes and offsets, written by hand, and what the DPR
+//! accepts.
 use profile::{
     Command, CommandObject, Identifier, Layout, LinkStatus, LinkValues, PortStatus, PortStatusBits, PortValues,
     Rejection, Uplink, UplinkValues, Violation, Violations,
@@ -144,7 +145,7 @@ fn a_command_with_any_other_bit_is_unknown() {
             assert_eq!(CommandObject::verify(&other), Err(Rejection::Command), "bit {bit}");
         }
     }
-    // No single upset, nor a few, turns one command into the other.
+    // The words of the two commands differ in so many bits that a few upsets cannot turn one into the other.
     assert!((Command::ClearCounters.word() ^ Command::SelfTest.word()).count_ones() >= 8);
 }
 
@@ -198,7 +199,7 @@ fn the_map_is_the_image_and_then_the_port<const N: usize>() {
     assert_eq!(Map::<N>::EMPTY, Map::new(Image::EMPTY, PortArea::EMPTY));
     assert_ne!(map, Map::EMPTY);
 
-    // The places of the writers are those.
+    // The functions that give a role's writer the place of its object give these same places.
     let mut written = vec![0; len + 192];
     *map::port_area_mut::<_, N>(DPR, &mut written).expect("in the map") = *port.as_bytes();
     *map::link_status_mut(DPR, &mut written).expect("in the map") = *LinkStatus::seal(&seeds::link_values()).as_bytes();

@@ -8,7 +8,7 @@ use crate::{DualWeights, NotADual, Polynomial, Weights};
 /// A polynomial and its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Named {
-    /// The name in tables.
+    /// The polynomial's name in tables.
     pub name: &'static str,
     /// The polynomial.
     pub polynomial: Polynomial,
@@ -41,10 +41,10 @@ pub const CRC_32Q: Named = named("CRC-32Q", 0xC0A0_A0D5);
 /// in Koopman's notation 0xF4ACFB13 is another polynomial. The published distances are those of 0xFA567D89.
 pub const OPC_UA_SAFETY: Named = named("OPC UA Safety", 0xFA56_7D89);
 
-/// All polynomials, with the profile's two first.
+/// All polynomials that are compared, with the profile's two first.
 pub const POLYNOMIALS: [Named; 6] = [FRAME, POSITION, IEEE_802_3, CRC_32C, CRC_32Q, OPC_UA_SAFETY];
 
-/// The length of latitude, longitude and the position CRC together, bits.
+/// The number of bits of latitude, longitude and the position CRC together.
 pub const POSITION_BITS: usize = 160;
 /// The length of a GPS object, bits.
 pub const GPS_BITS: usize = 8 * profile::GpsObject::SIZE;
@@ -58,7 +58,7 @@ pub const REQUEST_BITS: usize = 64;
 /// The lengths at which all polynomials are compared.
 pub const COMPARED: [usize; 3] = [POSITION_BITS, GPS_BITS, REPORTED_BITS];
 
-/// A CRC's code: a polynomial at a length of the codeword.
+/// The code of a CRC: a polynomial, and the length of the codeword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// The polynomial.
@@ -68,8 +68,8 @@ pub struct Code {
 }
 
 impl Code {
-    /// Every code that is judged, by length: all polynomials at the lengths of the profile, and the frame CRC at the
-    /// two other lengths on the SSI.
+    /// Every code that is judged, in the order of length: all polynomials at the lengths of the profile's objects, and
+    /// the frame CRC at the lengths of Link-Status and of a request on the SSI.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));
@@ -126,11 +126,11 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
         }
         Some((Code { named, bits }, DualWeights::from_counts(counts)))
     };
-    // A line that cannot be read makes its code missing, which is noticed when that code is requested.
+    // If a line cannot be read, its code is missing, and an error is reported when that code is requested.
     text.lines().filter(|text| !text.starts_with('#')).filter_map(line).collect()
 }
 
-/// The text of the committed file for these weights.
+/// The text of the file of committed weights, made from these weights.
 #[must_use]
 pub fn committed_text(duals: &[(Code, DualWeights)]) -> String {
     let mut text = String::from(

@@ -34,10 +34,11 @@ const PIECES_LOG2: u32 = 10;
 /// The number of histograms in which words are counted in turn. Adjacent words often have equal weights, and in one
 /// histogram an increment would wait for the store of the one before.
 const HISTOGRAMS: usize = 4;
-/// For each histogram the number of words of each weight in one piece: at most 2^22, which fits in a u32.
+/// For each histogram, the number of words of each weight in one piece. That number is at most 2^22, so it fits in a
+/// u32.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
-/// The number of words of the dual code by weight, from 0 to the length.
+/// The number of words of the dual code of each weight, from weight 0 to the length of the codeword.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DualWeights {
     counts: Vec<u64>,
@@ -105,7 +106,7 @@ struct Walk<const W: usize> {
 impl<const W: usize> Walk<W> {
     fn new(polynomial: Polynomial, length: usize) -> Self {
         let columns = polynomial.columns(length);
-        // Parity check j is made of bit j of every column.
+        // Parity check j consists of bit j of every column.
         let mut checks: Vec<[u64; W]> = (0..polynomial.degree())
             .map(|j| {
                 let mut check = [0; W];
@@ -219,8 +220,8 @@ impl<const W: usize> Walk<W> {
     }
 }
 
-/// Counts a word in the histogram. No counter can overflow: a word has at most 512 ones, and a piece has at most 2^22
-/// words.
+/// Counts a word in the histogram by its number of ones. No counter can overflow: a word has at most 512 ones, and a
+/// piece has at most 2^22 words.
 #[inline(always)]
 fn count_word<const W: usize>(histogram: &mut [u32; MAX_LENGTH + 1], word: &[u64; W]) {
     let weight = word.iter().fold(0_u32, |ones, part| ones.wrapping_add(part.count_ones()));

@@ -50,7 +50,7 @@ impl Nesting {
         outer_bits: crate::codes::REPORTED_BITS,
         inner: crate::codes::POSITION.polynomial,
         inner_bits: crate::codes::POSITION_BITS,
-        // Bytes 28 to 63 are sent after the position CRC.
+        // The bytes 28 to 63 are sent after the position CRC.
         bits_after: 8 * 36,
     };
 }
@@ -58,13 +58,13 @@ impl Nesting {
 /// One combination of a weight inside and a weight outside the inner codeword, with the search's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Examined {
-    /// Errors in the inner codeword.
+    /// The number of wrong bits in the inner codeword.
     pub inside: usize,
-    /// Errors elsewhere in the outer codeword.
+    /// The number of wrong bits elsewhere in the outer codeword.
     pub outside: usize,
-    /// The number of inner codewords with that many errors, each of which was tested.
+    /// The number of inner codewords with `inside` ones, each of which was tested.
     pub candidates: u64,
-    /// The number of words of the joint code that were found among them.
+    /// The number of words of the joint code that were found with these two weights.
     pub words: u64,
 }
 
@@ -92,7 +92,7 @@ impl Joint {
             (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
         let outside = Outside::new(&columns, outside);
         let mut examined = Vec::new();
-        // The inner words of a weight are only found when they are needed.
+        // The inner words of a weight are searched for only when that weight is examined.
         let mut inner_words: Vec<Words> = Vec::new();
         for total in 1.. {
             if nesting.outer.is_even() && total % 2 == 1 {
@@ -102,8 +102,8 @@ impl Joint {
             let mut complete = true;
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
-                    // The combination of weights cannot be searched, unless there are no inner words of that weight at
-                    // all.
+                    // This combination of weights cannot be searched. It is excluded only if no inner word has that
+                    // weight.
                     complete &= weight <= MAX_WEIGHT
                         && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
@@ -132,7 +132,7 @@ impl Joint {
             }
             if !words.is_empty() {
                 words.sort_unstable();
-                // All smaller total weights have been excluded, because otherwise the search would have ended before.
+                // All smaller total weights have been excluded; otherwise the search would have ended at one of them.
                 return Self { distance: Some(total), at_least: total, examined, words };
             }
             if !complete {
@@ -154,9 +154,9 @@ fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, thr
 struct Outside {
     places: Vec<u16>,
     columns: Vec<u32>,
-    /// The position of the column that has this value.
+    /// For each value of a column, the position of that column.
     singles: HashMap<u32, u16>,
-    /// The positions of two columns that have this sum, each pair once.
+    /// For each sum of two columns, the positions of all pairs of columns that have this sum, each pair once.
     pairs: HashMap<u32, Vec<[u16; 2]>>,
 }
 

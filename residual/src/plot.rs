@@ -17,7 +17,7 @@ const PANEL_HEIGHT: u32 = 520;
 const X: std::ops::Range<f64> = -6.0..-0.301;
 /// The plotted range of the probability, log10.
 const Y: std::ops::Range<f64> = -30.0..-2.0;
-/// The number of receivers of the profile for which each object's share of the bounds is drawn.
+/// The number of receivers in the profile for which the bounds are divided among the objects.
 const RECEIVERS: u32 = 3;
 
 /// The colours of the polynomials' lines: those of Okabe and Ito, which colour-blind readers can distinguish.
@@ -86,7 +86,7 @@ fn panel<'a>(
         (share(Sil::Three), "SIL 3, likewise".to_owned()),
         (share(Sil::Four), "SIL 4, likewise".to_owned()),
     ];
-    // Labels closer than a line of text would overlap, so one of them is moved to the right.
+    // Labels that are closer than the height of a line of text would overlap, so one of them is moved to the right.
     for (i, (bound, label)) in bounds.into_iter().enumerate() {
         let y = bound.log10();
         chart.draw_series(DashedLineSeries::new([(X.start, y), (X.end, y)], 8, 6, BLACK.mix(0.7).stroke_width(1)))?;

@@ -26,14 +26,14 @@ use crate::Weights;
 /// A bit error rate as a decimal: `digit` · 10^-`decade`, so that 1e-3 is exactly 1/1000.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitErrorRate {
-    /// The digit, 1 to 9.
+    /// The digit of the bit error rate, 1 to 9.
     pub digit: u32,
-    /// The decade, 1 to 9.
+    /// The negative exponent of ten of the bit error rate, 1 to 9.
     pub decade: u32,
 }
 
 impl BitErrorRate {
-    /// The rate that IEC 61784-3 assumes by convention where no lower one is proved: 1e-2.
+    /// The bit error rate that IEC 61784-3 assumes by convention if no lower one is proved: 1e-2.
     pub const CONVENTIONAL: Self = Self { digit: 1, decade: 2 };
 
     /// The bit error rates in the tables: 1e-6 to 5e-1 in steps of 1, 2, 5.
@@ -60,7 +60,7 @@ impl fmt::Display for BitErrorRate {
 pub fn undetected_exactly(weights: &Weights, rate: BitErrorRate) -> f64 {
     let denominator = 10_u32.pow(rate.decade);
     let (wrong, right) = (BigUint::from(rate.digit), BigUint::from(denominator - rate.digit));
-    // With a / b as the rate's p / (1 - p), Horner's rule gives Σ A_w a^w b^(n - w), from w = n down.
+    // With p / (1 - p) = a / b, Horner's rule gives Σ A_w a^w b^(n - w), beginning at w = n.
     let mut sum = BigUint::ZERO;
     let mut power = BigUint::from(1_u32);
     let undetected = weights.counts().iter().skip(1);
@@ -83,12 +83,12 @@ fn quotient(numerator: BigUint, denominator: &BigUint) -> f64 {
     mantissa * 2_f64.powi((exponent as i64 - shift as i64) as i32)
 }
 
-/// `value` as a mantissa from 1 to 2 and an exponent of 2.
+/// Splits `value` into a mantissa from 1 to 2 and the exponent of a power of 2.
 fn scientific(value: &BigUint) -> (f64, u64) {
     let exponent = value.bits() - 1;
     let top = if exponent > 63 { value >> (exponent - 63) } else { value << (63 - exponent) };
     let top = top.iter_u64_digits().next().unwrap_or(0);
-    // The mantissa has the highest 53 bits of the value exactly.
+    // The mantissa is exactly the highest 53 bits of the value.
     ((top >> 11) as f64 / 2_f64.powi(52), exponent)
 }
 
@@ -122,13 +122,13 @@ impl ErrorCurve {
         self.terms.iter().map(|(weight, count)| (count + weight * wrong + (length - weight) * right).exp()).sum()
     }
 
-    /// The probability that any of the codeword's bits is wrong.
+    /// The probability that at least one bit of the codeword is wrong, at a bit error rate of `p`.
     #[must_use]
     pub fn damaged(&self, p: f64) -> f64 {
         -(self.length as f64 * (-p).ln_1p()).exp_m1()
     }
 
-    /// P_re,cond: the probability that a damaged codeword goes undetected.
+    /// P_re,cond, the probability that a damaged codeword goes undetected, at a bit error rate of `p`.
     #[must_use]
     pub fn conditional(&self, p: f64) -> f64 {
         self.undetected(p) / self.damaged(p)
@@ -150,10 +150,11 @@ impl ErrorCurve {
 /// The largest value of a function of the bit error rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
-    /// The least of 200 rates a decade at which the function is within a millionth of its largest value. Most of these
-    /// functions rise to a plateau, on which rounding errors alone would determine the rate of the maximum.
+    /// The bit error rate of the maximum: the least of 200 rates per decade at which the function is within a millionth
+    /// of its largest value. Most of these functions rise to a plateau, on which rounding errors alone would determine
+    /// the rate.
     pub bit_error_rate: f64,
-    /// The maximum.
+    /// The largest value of the function.
     pub value: f64,
 }
 
@@ -177,7 +178,7 @@ fn maximum(function: impl Fn(f64) -> f64) -> Maximum {
     let rates: Vec<f64> = logarithmic(STEPS_PER_DECADE).collect();
     let values: Vec<f64> = rates.iter().map(|p| function(*p)).collect();
     let best = (0..rates.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
-    // The golden-section search runs between the two neighbours of the best step.
+    // The golden-section search runs between the two rates beside the best one.
     let (mut low, mut high) = (rates[best.saturating_sub(1)], rates[(best + 1).min(rates.len() - 1)]);
     let golden = (5_f64.sqrt() - 1.0) / 2.0;
     let mut value = values[best];
@@ -221,7 +222,7 @@ mod tests {
 
     #[test]
     fn at_one_half_every_word_is_as_probable_as_any() {
-        // There are 2^n words, and 2^k - 1 of them are codewords other than the one that was sent.
+        // There are 2^n error patterns, and 2^k - 1 of them change the codeword into another one.
         let exact = undetected_exactly(&weights(8, 0x07, 24), BitErrorRate { digit: 5, decade: 1 });
         assert_eq!(exact, 65_535.0 / 16_777_216.0);
     }

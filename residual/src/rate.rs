@@ -54,7 +54,7 @@ impl Sil {
     /// All safety integrity levels in the comparison.
     pub const ALL: [Self; 3] = [Self::Two, Self::Three, Self::Four];
 
-    /// Its number.
+    /// The number of the level: 2, 3 or 4.
     #[must_use]
     pub const fn number(self) -> u32 {
         match self {
@@ -111,28 +111,30 @@ impl ProfileCurves<'_> {
         CYCLES_PER_HOUR * damaged - self.residual_per_hour(p)
     }
 
-    /// The most residual errors per hour at any bit error rate, if at most one object is rejected in `minutes` minutes.
+    /// The most residual errors per hour at any bit error rate, if at most one object is rejected every `minutes`
+    /// minutes.
     #[must_use]
     pub fn residual_per_hour_limited(&self, minutes: f64) -> f64 {
         let conditional = self.reported.conditional_maximum().value.max(self.gps.conditional_maximum().value);
         60.0 / minutes * conditional / (1.0 - conditional)
     }
 
-    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they stay so up to a
-    /// rate of 0.5.
+    /// The bit error rate up to which the residual errors per hour do not exceed `limit`; None if they do not exceed it
+    /// up to a rate of 0.5.
     #[must_use]
     pub fn holds_up_to(&self, limit: f64) -> Option<f64> {
         crossing(|p| self.residual_per_hour(p), limit)
     }
 
-    /// The bit error rate at which one object is rejected in `minutes` minutes on average.
+    /// The bit error rate at which, on average, one object is rejected every `minutes` minutes.
     #[must_use]
     pub fn one_rejected_per(&self, minutes: f64) -> Option<f64> {
         crossing(|p| self.rejected_per_hour(p), 60.0 / minutes)
     }
 }
 
-/// The least bit error rate, from 1e-15 up, at which the function exceeds `limit`, rounded down.
+/// The least bit error rate, from 1e-15 up, at which the function exceeds `limit`, rounded down; None if there is no
+/// such rate.
 fn crossing(function: impl Fn(f64) -> f64, limit: f64) -> Option<f64> {
     let steps = (1..).map(|step| 1e-15 * 10_f64.powf(f64::from(step) / 100.0)).take_while(|p| *p < 0.5).chain([0.5]);
     let mut low = 1e-15;

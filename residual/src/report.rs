@@ -112,7 +112,7 @@ impl Analysis {
 pub struct Claim {
     /// The claim's text.
     pub claim: String,
-    /// Whether it holds.
+    /// Whether the claim holds.
     pub holds: bool,
     /// The number that determines whether the claim holds.
     pub figure: String,
@@ -130,7 +130,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds the searches and injections to the codes' results, which takes less than a minute.
+    /// Adds the results of the searches and of the injections to those of the codes, which takes less than a minute.
     #[must_use]
     pub fn new(analysis: Analysis, threads: NonZero<usize>) -> Self {
         let joint = Joint::search(&Nesting::REPORTED_POSITION, threads);
@@ -479,7 +479,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// The name of a table for which the text has no such marks.
+    /// Returns a message with the name of a table for which the text has no such comments.
     pub fn refresh(&self, text: &str) -> Result<String, String> {
         self.tables().into_iter().try_fold(text.to_owned(), |text, (name, table)| {
             let begin = format!("<!-- table: {name} -->\n");
@@ -550,7 +550,7 @@ fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     text
 }
 
-/// The JSON of a code.
+/// The results for one code, as JSON.
 #[derive(Serialize)]
 struct CodeJson {
     polynomial_koopman: String,
@@ -586,7 +586,7 @@ struct ProfileJson {
     residual_errors_per_hour: Vec<(String, f64)>,
     #[serde(serialize_with = "in_order")]
     rejected_objects_per_hour: Vec<(String, f64)>,
-    /// The rate is None if the claim holds at any rate.
+    /// For each claim, the bit error rate up to which it holds; None if it holds at any rate.
     #[serde(serialize_with = "in_order")]
     holds_up_to_bit_error_rate: Vec<(String, Option<f64>)>,
     #[serde(serialize_with = "in_order")]
@@ -636,7 +636,7 @@ struct ReportJson {
     claims: Vec<Claim>,
 }
 
-/// Writes pairs as a JSON object, in their order.
+/// Writes pairs of a name and a value as a JSON object, in their order.
 fn in_order<S: Serializer, T: Serialize>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

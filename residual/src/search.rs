@@ -25,7 +25,7 @@ pub const MAX_WEIGHT: usize = 10;
 /// The greatest length at which codewords can be searched, bits.
 pub const MAX_LENGTH: usize = 1 << PLACE_BITS;
 
-/// The number of bits in an entry that give the position of one set bit.
+/// The number of bits of an entry that state the position of one set bit.
 const PLACE_BITS: usize = 12;
 const BUCKETS: usize = 1 << 16;
 
@@ -39,8 +39,8 @@ pub struct Words {
 impl Words {
     /// Finds the codewords of `length` bits that have `weight` ones and begin at bit 0.
     ///
-    /// The work grows as the number of ways to choose weight / 2 of the bits, and the memory as its root: for 512 bits
-    /// the search takes seconds up to weight 8, for 160 bits up to weight 10.
+    /// The work grows as the number of ways to choose weight / 2 of the bits, and the memory as the square root of that
+    /// number. For 512 bits the search takes seconds up to weight 8, and for 160 bits up to weight 10.
     ///
     /// # Panics
     ///
@@ -48,7 +48,8 @@ impl Words {
     #[must_use]
     pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
         assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
-        // The upper bits of a sum select its bucket, so the columns of a polynomial of lower degree are shifted up.
+        // A bucket is selected by the upper bits of a sum. So the columns of a polynomial of lower degree are shifted
+        // up.
         let aligned = |column| column << (32 - polynomial.degree());
         let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
         let half = (weight - 1) / 2;
@@ -67,20 +68,20 @@ impl Words {
         Self { length, words }
     }
 
-    /// The words, each as the positions of its set bits in rising order from 0. Bit i is the coefficient of x^i, which
-    /// is sent i bits before the last.
+    /// The words of this weight that begin at bit 0, each as the positions of its set bits in rising order. Bit i is
+    /// the coefficient of x^i, which is sent i bits before the last.
     #[must_use]
     pub fn starting_at_0(&self) -> &[Vec<u16>] {
         &self.words
     }
 
-    /// The number of words of this weight that begin at any bit: A_w.
+    /// The number of words of this weight, whichever bit they begin at: A_w.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| (self.length - span(word) + 1) as u64).sum()
     }
 
-    /// All words of this weight, which begin at any bit.
+    /// All words of this weight, whichever bit they begin at.
     pub fn everywhere(&self) -> impl Iterator<Item = Vec<u16>> {
         self.words.iter().flat_map(move |word| {
             (0..=self.length - span(word)).map(move |shift| word.iter().map(|place| place + shift as u16).collect())
@@ -103,12 +104,12 @@ fn place_all(middle: &[u16], highest: Option<usize>) -> Vec<u16> {
 /// The sums of all sets of `half` columns without the first column, in buckets.
 struct Halves {
     half: usize,
-    /// The index of the first entry of each bucket, and one more index at the end.
+    /// The index of the first entry of each bucket, and finally the index behind the last entry.
     begins: Vec<u32>,
     /// The buckets that are not empty.
     occupied: Vec<usize>,
-    /// For each set the sum's lower 16 bits, then the positions, 12 bits each, with the lowest position in the highest
-    /// bits. The entries of a bucket are in order of their highest position.
+    /// An entry for each set of columns: the lower 16 bits of the sum, then the positions, 12 bits each, with the
+    /// lowest position in the highest bits. The entries of a bucket are in the order of their highest position.
     entries: Vec<u64>,
 }
 
@@ -141,7 +142,7 @@ impl Halves {
     /// Finds all pairs of halves whose sums add up to `target`. All positions of one half lie below those of the other
     /// and below `limit`.
     fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
-        // A thread is only started if it has enough work.
+        // Another thread is started only if there is enough work for it.
         let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
         let next = AtomicUsize::new(0);
         let work = || {
@@ -198,8 +199,8 @@ impl Halves {
     }
 }
 
-/// Calls `visit` with the sum and the positions of every set of `size` columns without the first, in order of the
-/// highest position.
+/// Calls `visit` with the sum and the positions of every set of `size` columns without the first column. The sets come
+/// in the order of their highest position.
 fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
     fn below(
         columns: &[u32],

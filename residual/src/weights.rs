@@ -28,7 +28,7 @@ pub enum NotADual {
     /// The identity gives a fraction or a negative number where a count of codewords should be.
     #[error("the number of codewords of weight {weight} is not a natural number")]
     Count {
-        /// The weight.
+        /// The weight for which the identity gives no natural number.
         weight: usize,
     },
     /// The identity does not give exactly one word of weight 0, or not 2^(n - r) words in all.
@@ -62,7 +62,7 @@ impl Weights {
             return Err(NotADual::Words { counted, check_bits });
         }
         let length = dual.length();
-        // For j from n down to 0, R is replaced by R (1 - z) + B_j (1 + z)^(n - j).
+        // For each j from n down to 0, the sum R is replaced by R (1 - z) + B_j (1 + z)^(n - j).
         let mut sum = vec![BigInt::ZERO; length + 1];
         let mut binomials = vec![BigInt::ZERO; length + 1];
         binomials[0] = BigInt::from(1);
@@ -97,7 +97,7 @@ impl Weights {
         Ok(Self { counts, check_bits })
     }
 
-    /// A_0 to A_n.
+    /// The numbers of codewords A_0 to A_n, in the order of weight.
     #[must_use]
     pub fn counts(&self) -> &[BigUint] {
         &self.counts
@@ -121,7 +121,7 @@ impl Weights {
         self.nonzero().map(|(weight, _)| weight).next().unwrap_or(self.length() + 1)
     }
 
-    /// The weights above 0 that codewords have, and the number of codewords of each weight.
+    /// The weights above 0 that occur, and the number of codewords of each.
     pub fn nonzero(&self) -> impl Iterator<Item = (usize, &BigUint)> {
         self.counts.iter().enumerate().skip(1).filter(|(_, count)| **count != BigUint::ZERO)
     }

@@ -16,9 +16,9 @@ use profile::{
 use crate::joint::Joint;
 use crate::{Polynomial, Words, codes};
 
-/// The greatest length of bursts of which all are injected, bits.
+/// The greatest length of bursts, bits, up to which every burst is injected.
 pub const EXHAUSTIVE_BURST: usize = 16;
-/// The greatest number of wrong bits of which all patterns are injected.
+/// The greatest number of wrong bits up to which every error pattern is injected.
 pub const EXHAUSTIVE_ERRORS: usize = 3;
 /// The seed of all random samples.
 const SEED: u64 = 0x4852_5553_2026_0001;
@@ -36,7 +36,7 @@ impl Object {
     /// Both kinds of object.
     pub const ALL: [Self; 2] = [Self::ReportedPosition, Self::Gps];
 
-    /// Its name in tables.
+    /// The object's name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -93,7 +93,7 @@ impl Object {
         }
     }
 
-    /// The reason for which `profile` rejects `bytes` as an object of this kind; None if it accepts them.
+    /// The reason for which `profile` rejects `bytes` as an object of this kind; None if `profile` accepts them.
     #[must_use]
     pub fn rejection(self, bytes: &[u8]) -> Option<Rejection> {
         match self {
@@ -108,9 +108,10 @@ impl Object {
 pub struct Injected {
     /// The number of injected patterns.
     pub tried: u64,
-    /// The number of patterns that passed every CRC of the object, and its identifier.
+    /// The number of patterns with which the object passed every CRC and the check of its identifier.
     pub accepted: u64,
-    /// The number of patterns that passed every CRC but were rejected because they changed the identifier.
+    /// The number of patterns with which the object passed every CRC, but was rejected because its identifier was
+    /// changed.
     pub identifier: u64,
 }
 
@@ -201,8 +202,8 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
     in_parallel(threads, object.bits(), &|start| {
         let mut injected = Injected::default();
         let mut bytes = sealed.clone();
-        // The patterns are all odd numbers of 16 bits, whose lowest bit is sent first. They are all bursts that begin
-        // at one position, each once.
+        // The patterns are all odd numbers of 16 bits, of which the lowest bit is sent first. So each burst that begins
+        // at one position is injected there exactly once.
         for pattern in (1..1_u32 << EXHAUSTIVE_BURST).step_by(2) {
             let length = 32 - pattern.leading_zeros() as usize;
             if start + length <= object.bits() {
@@ -242,7 +243,7 @@ pub fn sample_bursts(
     })
 }
 
-/// Inverts the bits that are set in `pattern`, whose lowest bit is at `start`.
+/// Inverts the bits of `bytes` that are set in `pattern`; the lowest bit of `pattern` stands for the bit `start`.
 fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     while pattern != 0 {
         invert(bytes, start + pattern.trailing_zeros() as usize);
@@ -250,7 +251,7 @@ fn apply(bytes: &mut [u8], start: usize, mut pattern: u64) {
     }
 }
 
-/// Injects words, each given by the positions of its set bits, counted from the last bit that is sent.
+/// Injects words. Each is given by the positions of its set bits, counted from the last bit that is sent.
 #[must_use]
 pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16]>) -> Injected {
     let sealed = object.sealed();
@@ -268,8 +269,8 @@ pub fn inject_words<'a>(object: Object, words: impl IntoIterator<Item = &'a [u16
 /// Returns random codewords of `weight` ones in the code of `polynomial` at `length` bits, each given by the positions
 /// of its set bits.
 ///
-/// The codewords are found by chance: of many random halves, some have equal sums. Every codeword of that weight is
-/// equally probable.
+/// The codewords are found by chance: among many random halves of words, some have equal sums. Every codeword of that
+/// weight is equally probable.
 #[must_use]
 pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, count: usize) -> Vec<Vec<u16>> {
     const HALVES: usize = 1 << 19;
@@ -297,19 +298,20 @@ pub fn random_codewords(polynomial: Polynomial, length: usize, weight: usize, co
     words
 }
 
-/// Whether a word sets any bit of the bytes `bytes` in an object of `bits` bits.
+/// Whether a word has a set bit within the bytes `bytes` of an object of `bits` bits.
 #[must_use]
 pub fn touches(word: &[u16], bits: usize, bytes: std::ops::Range<usize>) -> bool {
     word.iter().any(|place| bytes.contains(&((bits - 1 - usize::from(*place)) / 8)))
 }
 
-/// The polynomial as a word whose last bit is the last one sent: the shortest burst that the CRC misses, of 33 bits.
+/// The polynomial itself as a word whose last bit is the last one sent: the shortest burst that the CRC does not
+/// detect, which has 33 bits.
 #[must_use]
 pub fn polynomial_word(polynomial: Polynomial) -> Vec<u16> {
     (0..=polynomial.degree() as u16).filter(|i| polynomial.coefficients() >> i & 1 == 1).collect()
 }
 
-/// The codewords of weight 9, which is the distance, in the 160 bits of the position code.
+/// The codewords of the position code's 160 bits that have weight 9, its distance.
 #[must_use]
 pub fn position_words(threads: NonZero<usize>) -> Words {
     Words::find(codes::POSITION.polynomial, codes::POSITION_BITS, 9, threads)
@@ -324,16 +326,16 @@ pub struct Check {
     pub patterns: String,
     /// The outcome that the algebra predicts.
     pub expected: Expected,
-    /// What `profile` did with the injected patterns.
+    /// The number of injected patterns, and how many of them `profile` accepted.
     pub injected: Injected,
 }
 
 /// The required outcome of injected patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
-    /// Every pattern is rejected by a CRC.
+    /// A CRC rejects every pattern.
     Rejected,
-    /// Every pattern passes the CRCs.
+    /// Every pattern passes all CRCs.
     Accepted,
     /// A pattern passes with a probability of 2^-31 or less, so at most one of the samples passes.
     Improbable,
@@ -440,7 +442,7 @@ struct Random(u64);
 
 impl Random {
     fn new(seed: u64) -> Self {
-        // Two seeds that differ in a few bits must not give similar first numbers.
+        // The seed is mixed, so that two seeds that differ in a few bits do not give similar first numbers.
         let mut random = Self(seed | 1);
         (0..16).for_each(|_| _ = random.next());
         random
@@ -453,7 +455,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// A random number from 0 to `limit` - 1; the probabilities of all numbers are equal to a part in 2^50.
+    /// A random number from 0 to `limit` - 1. The probabilities of two numbers differ by a part in 2^50 at most.
     fn below(&mut self, limit: usize) -> usize {
         ((u128::from(self.next()) * limit as u128) >> 64) as usize
     }

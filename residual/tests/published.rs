@@ -37,14 +37,15 @@ fn ieee_802_3_has_the_distances_koopman_lists() {
 
 #[test]
 fn castagnolis_polynomials_have_the_distances_published() {
-    // The sources are Castagnoli et al. 1993 and Koopman 2002: CRC-32C has HD = 8 up to 177 bits, 0xFA567D89 up to 274.
+    // The sources are Castagnoli et al. 1993 and Koopman 2002: CRC-32C has HD = 8 up to 177 bits, and 0xFA567D89 has it
+    // up to 274 bits.
     distance_ends_at(CRC_32C, 8, 177);
     distance_ends_at(OPC_UA_SAFETY, 8, 274);
 }
 
 #[test]
 fn opc_ua_safetys_digits_are_normal_notation() {
-    // In Koopman's notation, 0xF4ACFB13 is another polynomial, without the published distance.
+    // In Koopman's notation, 0xF4ACFB13 is another polynomial, which does not have the published distance.
     let misread = Polynomial::from_koopman(32, 0xF4AC_FB13).unwrap();
     assert_eq!(OPC_UA_SAFETY.polynomial, Polynomial::from_normal(32, 0xF4AC_FB13).unwrap());
     assert_ne!(misread, OPC_UA_SAFETY.polynomial);
@@ -73,9 +74,9 @@ fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
 
 #[test]
 fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
-    // The digits of the frame CRC in Koopman's notation, 0xF8C9140A, are even, so in normal notation they are no CRC's
-    // polynomial: x divides it, and the last bit of an object is unprotected. The same holds for the position CRC,
-    // 0x9D7F97D6.
+    // The digits of the frame CRC and of the position CRC in Koopman's notation, 0xF8C9140A and 0x9D7F97D6, are even.
+    // Read in normal notation, they are not polynomials for a CRC: x divides them, so the last bit of an object would
+    // be unprotected.
     for named in [FRAME, POSITION] {
         assert_eq!(Polynomial::from_normal(32, named.polynomial.koopman()), None, "{}", named.name);
         let algorithm = Box::leak(Box::new(crc::Algorithm {
@@ -89,7 +90,8 @@ fn koopman_digits_taken_for_normal_ones_lose_the_distance() {
             residue: 0,
         }));
         let misused = crc::Crc::<u32>::new(algorithm);
-        // Bit 0 of the check value depends only on the end of the data, so 31 bits are left.
+        // Bit 0 of the check value depends only on the end of the data, so only 31 check bits protect the rest of the
+        // data.
         let lowest: Vec<u32> = (0..=255_u8).map(|byte| misused.checksum(&[0x48, byte, 0x17, 0x99, 0x03]) & 1).collect();
         assert!(lowest.iter().all(|bit| *bit == lowest[0]), "{}: the lowest check bit checks nothing", named.name);
     }

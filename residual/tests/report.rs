@@ -35,7 +35,7 @@ fn one_two_and_three_wrong_bits_are_always_rejected() {
 #[test]
 fn bursts_of_up_to_16_bits_are_always_rejected() {
     for object in Object::ALL {
-        // A burst of 1 bit has n positions, and each of the 2^(b - 2) bursts of b bits has n - b + 1 positions.
+        // A burst of 1 bit has n positions. Each of the 2^(b - 2) bursts of b bits has n - b + 1 positions.
         let n = object.bits() as u64;
         let tried = n + (2..=16).map(|b| (n - b + 1) << (b - 2)).sum::<u64>();
         let check = check(object, "every burst of 1 to 16 bits");
@@ -71,7 +71,7 @@ fn no_errors_below_12_damage_latitude_or_longitude_and_pass_both_crcs() {
     assert_eq!((joint.distance, joint.at_least), (Some(12), 12));
     assert!(!joint.words.is_empty());
     assert!(joint.words.iter().all(|word| word.len() == 12 && wire::touches(word, codes::REPORTED_BITS, 8..24)));
-    // Every inner codeword of weight 10 was tested: there are as many as the weights of the dual say.
+    // Every inner codeword of weight 10 was tested: their number is the one that follows from the weights of the dual.
     let weights = Code { named: POSITION, bits: codes::POSITION_BITS }.weights().unwrap();
     for examined in &joint.examined {
         assert_eq!(weights.counts()[examined.inside], examined.candidates.into());

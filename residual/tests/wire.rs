@@ -144,8 +144,8 @@ proptest! {
                 let verified = GpsObject::verify(sealed.as_bytes(), Identifier::gps(place));
                 prop_assert_eq!(verified, if place == i + 1 { Ok(sealed) } else { Err(Rejection::Identifier) });
             }
-            // An object that is to be read as Reported-Position gets four more bytes, and one that is to be read as a
-            // GPS object loses four.
+            // Four bytes are appended to an object that is to be read as Reported-Position. Four bytes are removed from
+            // an object that is to be read as a GPS object.
             let mut longer = bytes.clone();
             longer[..GpsObject::SIZE].copy_from_slice(sealed.as_bytes());
             prop_assert!(ReportedPosition::verify(&longer).is_err());
@@ -154,7 +154,7 @@ proptest! {
                 prop_assert!(GpsObject::verify(part, Identifier::gps(i + 1)).is_err());
             }
         }
-        // Link-Status, whose CRC is the same at another length, is not accepted as either object.
+        // Link-Status has the same CRC at another length, but is not accepted as either object.
         prop_assert!(LinkStatus::verify(&reported.as_bytes()[..LinkStatus::SIZE]).is_err());
         prop_assert!(LinkStatus::verify(&gps[0].as_bytes()[GpsObject::SIZE - LinkStatus::SIZE..]).is_err());
     }

@@ -1,7 +1,7 @@
 //! The answerer: a listener that answers a frame from a buffer, at an instant of its owner's choice.
 //!
-//! Receiving is a [`Listener`]'s, which is a part of this machine, and sending is the same as a poller's frame, by load
-//! modulation of the poller's field. A [`Listener`] by itself has the load modulation off and no step that transmits.
+//! A [`Listener`], which is a part of this machine, receives. An answer is sent like a poller's frame, by load
+//! modulation of the poller's field. A [`Listener`] alone has load modulation off and no step that transmits.
 //!
 //! # States
 //!
@@ -31,11 +31,11 @@
 //!
 //! After [`AnswererEvent::Frame`] the owner calls [`Answerer::answer`], with the answer ready in its buffer. The
 //! machine clears the FIFO, sets the length, checks that neither the field has gone nor another frame has begun, and
-//! loads the first bytes. At [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at its own instant,
-//! counted from the end of the frame (the edge of I_rxe, 5 µs after the last bit), then gives [`Input::Done`]. As with
-//! a poller, a timer may start that one byte with no code in between, so that the instant does not depend on the data.
-//! The instant must be at least [`EARLIEST_US`] after the end of the frame; the bound of the other side is
-//! [`crate::exchange::WINDOW_US`].
+//! loads the first bytes of the answer. At [`AnswererEvent::Loaded`] the owner performs [`Answerer::transmit`] at an
+//! instant that it chooses, counted from the end of the frame (the edge of I_rxe, 5 µs after the last bit), and then
+//! gives [`Input::Done`]. A timer may start this transfer of one byte with no code in between, so that the instant does
+//! not depend on the data. The instant must be at least [`EARLIEST_US`] after the end of the frame, and early enough
+//! for the exchange on the other side, which waits for an answer for [`crate::exchange::WINDOW_US`].
 //!
 //! # Bounds
 //!
@@ -91,7 +91,7 @@ pub enum AnswererEvent {
     Frame {
         /// Payload length in bytes, 1..=254.
         len: usize,
-        /// The chip's flags about it.
+        /// The chip's flags about the frame.
         flags: FrameFlags,
     },
     /// The FIFO holds the first bytes of the answer: perform [`Answerer::transmit`] at the chosen instant, then give
@@ -99,10 +99,10 @@ pub enum AnswererEvent {
     Loaded,
     /// The chip has sent the answer. [`Input::Start`] listens again.
     Answered {
-        /// Whether I_txe confirmed it. If not, its time is over and the FIFO empty.
+        /// Whether the interrupt I_txe confirmed the end. If not, the answer's time is over and the FIFO is empty.
         confirmed: bool,
     },
-    /// The answer was given up before its command; [`Input::Start`] listens again.
+    /// The answer was given up before its transmit command; [`Input::Start`] listens again.
     Unanswered(Unanswered),
     /// A frame was dropped, see [`ListenerEvent::Dropped`].
     Dropped(Dropped),
@@ -110,7 +110,7 @@ pub enum AnswererEvent {
     FieldOn,
     /// The field has gone, see [`ListenerEvent::FieldOff`].
     FieldOff,
-    /// The answer, or the chip, is lost; [`Input::Start`] recovers.
+    /// The answer is lost, or the chip has failed; [`Input::Start`] begins the recovery.
     Fault(Fault),
 }
 
@@ -128,13 +128,13 @@ pub enum Unanswered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AnswererState {
-    /// What a listener does: [`Answerer::listener_state`].
+    /// The listener within the answerer acts; [`Answerer::listener_state`] returns its state.
     Listening,
     /// A frame was delivered: [`Answerer::answer`] is possible.
     Delivered,
     /// An answer is being prepared, loaded, or is on air.
     Sending(SendState),
-    /// The answer was sent, or given up, and reported.
+    /// The answer was sent, or given up, and the owner has got the event about it.
     Over,
     /// The answer was lost and reported as a fault; the chip needs to be stopped.
     Lost,
@@ -142,15 +142,15 @@ pub enum AnswererState {
     Stopping,
 }
 
-/// Counts since the machine was made; each wraps.
+/// Counts since the answerer was made; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnswererCounters {
-    /// Those of the listener.
+    /// The counts of the listener within the answerer.
     pub listener: ListenerCounters,
     /// Answers sent.
     pub answered: u32,
-    /// Answers sent without I_txe.
+    /// Answers that were sent without a confirmation by I_txe.
     pub unconfirmed: u32,
     /// Frames whose answer was given up or lost.
     pub unanswered: u32,
@@ -162,7 +162,7 @@ pub struct Answerer {
     listener: Listener,
     sender: Sender,
     state: AnswererState,
-    /// Whether the last answer was lost, without one sent since.
+    /// Whether the last answer was lost, and no answer has been sent since.
     lost: bool,
     answered: u32,
     unconfirmed: u32,
@@ -184,13 +184,13 @@ impl Answerer {
         }
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.listener.variant()
     }
 
-    /// The chip's supply as the last bring-up measured it, as of [`Listener::supply_mv`].
+    /// The chip's supply voltage as the last bring-up measured it; see [`Listener::supply_mv`].
     #[must_use]
     pub const fn supply_mv(&self) -> Option<u16> {
         self.listener.supply_mv()
@@ -202,13 +202,13 @@ impl Answerer {
         self.state
     }
 
-    /// The state of its listener, which acts in [`AnswererState::Listening`].
+    /// The state of the listener within the answerer, which acts in [`AnswererState::Listening`].
     #[must_use]
     pub const fn listener_state(&self) -> ListenerState {
         self.listener.state()
     }
 
-    /// Counts since the machine was made.
+    /// Counts since the answerer was made.
     #[must_use]
     pub const fn counters(&self) -> AnswererCounters {
         AnswererCounters {
@@ -219,8 +219,8 @@ impl Answerer {
         }
     }
 
-    /// The transfer that starts the answer (C4, one byte): the executor makes it at its own instant after
-    /// [`AnswererEvent::Loaded`], then gives [`Input::Done`].
+    /// The transfer that starts the answer (C4, one byte). The executor makes it after [`AnswererEvent::Loaded`], at an
+    /// instant that it chooses, and then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         Poller::transmit()
@@ -278,8 +278,8 @@ impl Answerer {
         })
     }
 
-    /// Passes on what a status that the sender awaits says about the field and the next frame. Returns the next step if
-    /// that ends the answer.
+    /// Notes what a status that was read while sending says about the field and the next frame. Returns the next step
+    /// if the field's loss or the next frame ends the answer.
     fn overtaken(&mut self, state: SendState, response: &[u8]) -> Option<Step<AnswererEvent>> {
         let loads = match state {
             SendState::CheckingFifo => true,
@@ -291,7 +291,7 @@ impl Answerer {
         let why = match (loads, overtaken) {
             (true, true) => Unanswered::Overtaken,
             (true, false) if status.timer & reg::IRQ_EOF != 0 => Unanswered::FieldLost,
-            // The chip receives again only after the answer, and the FIFO holds the next frame.
+            // The chip receives again only after the answer. So the answer was sent, and the FIFO holds the next frame.
             (false, true) => return Some(self.sending(Sending::Sent { confirmed: status.is_set(reg::IRQ_TXE) })),
             (_, false) => return None,
         };
@@ -304,7 +304,7 @@ impl Answerer {
         let (state, step) = match sending {
             Sending::Transfer(state, transfer) => (AnswererState::Sending(state), Step::Transfer(transfer)),
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
-            // The payload is ready.
+            // The caller of `answer` has the payload ready, so it is loaded at once.
             Sending::Prepared => {
                 let sending = self.sender.step(SendState::Prepared, Input::Start);
                 return self.sending(sending);
@@ -322,7 +322,7 @@ impl Answerer {
         step
     }
 
-    /// The answer is lost, and the chip too unless the fault is a light one and the first.
+    /// Reports a lost answer. The chip is brought up again unless the fault is light and no answer was lost before it.
     fn fault(&mut self, fault: Fault) -> Step<AnswererEvent> {
         self.unanswered = self.unanswered.wrapping_add(1);
         if is_light(fault) && !self.lost {

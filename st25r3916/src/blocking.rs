@@ -1,8 +1,8 @@
-//! Runs the same machines and the same [`Executor`] with polling on an [`SpiDevice`], an IRQ [`InputPin`] and a
-//! [`DelayNs`].
+//! Runs the machines of this crate in the [`Executor`] with polling, on an [`SpiDevice`], an [`InputPin`] for the IRQ
+//! pin, and a [`DelayNs`].
 //!
-//! It is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every call returns
-//! after a bounded time.
+//! This module is for bring-up on a bench, examples and small hosts. The IRQ pin is polled every [`POLL_US`]; every
+//! call returns after a bounded time.
 //!
 //! ```no_run
 //! # fn demo<S, P, D>(spi: S, irq: P, delay: D) -> Result<(), st25r3916::blocking::Error<S::Error, P::Error>>
@@ -44,7 +44,7 @@ pub enum Error<S, P> {
     Length,
 }
 
-/// The last transfer, which was complete when it had been started.
+/// The result of the last transfer. A blocking transfer has ended when the call that starts it returns.
 #[derive(Clone, Copy, Debug)]
 enum Made {
     Short(usize),
@@ -53,7 +53,7 @@ enum Made {
     Failed,
 }
 
-/// The wires as a port.
+/// The SPI device, the IRQ pin and the delay, as the port of an executor.
 #[derive(Debug)]
 struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     spi: SPI,
@@ -66,7 +66,7 @@ struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     made: Made,
     /// The remaining time of the timer, µs.
     left_us: u32,
-    /// The last error of the wires, until it is taken.
+    /// The last error of the SPI device or of the IRQ pin, until the caller takes it.
     error: Option<Error<SPI::Error, IRQ::Error>>,
 }
 
@@ -76,7 +76,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
         Self { spi, irq, delay, response, frame, made: Made::Failed, left_us: 0, error: None }
     }
 
-    /// Records the result of a transfer.
+    /// Records the result of a transfer, and its error.
     fn made(&mut self, result: Result<Made, SPI::Error>) {
         self.made = result.unwrap_or_else(|error| {
             self.error = Some(Error::Spi(error));
@@ -152,7 +152,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DEL
 /// The next event `E` of a machine, or `None` when the time limit is over.
 type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
 
-/// A machine on its wires.
+/// An executor with a machine and the polled wires as its port.
 type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
 
 /// The next event after `event`, or `None` when `limit_us` microseconds of waiting are over.
@@ -164,7 +164,7 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
     let mut spent_us = 0_u32;
     loop {
         let waits = executor.is_waiting();
-        // A failed transfer becomes an event, but the error has more details.
+        // A failed transfer also becomes an event of the machine, but the recorded error says more.
         if (event.is_some() || waits)
             && let Some(error) = executor.port().error.take()
         {
@@ -189,7 +189,7 @@ fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
 pub struct Poller<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<poller::Poller, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
-    /// A poller on these wires. No transfer has been made yet.
+    /// A poller with this SPI device, IRQ pin and delay. No transfer has been made yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: PollerConfig) -> Self {
         Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
@@ -199,10 +199,10 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// Brings the chip up or, if it is up, checks it: one attempt, at most about 0.3 s.
+    /// Brings the chip up or, if it is up already, checks it: one attempt, which takes at most about 0.3 s.
     ///
     /// # Errors
-    /// The error that stopped it; the next call tries again after a back-off of 1 ms to 64 ms.
+    /// The error that stopped the bring-up; the next call tries again after a back-off of 1 ms to 64 ms.
     pub fn bring_up(&mut self) -> Result<Variant, Error<SPI::Error, IRQ::Error>> {
         self.go_on(|machine| machine.step(Input::Start))?;
         self.0.machine().variant().ok_or(Error::Fault(Fault::Executor))
@@ -211,7 +211,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     /// Sends one frame of 1..=254 bytes and returns when the chip has sent it. Brings the chip up first if necessary.
     ///
     /// # Errors
-    /// The error that stopped it; the frame may or may not have been sent.
+    /// The error that stopped the sending; the frame may or may not have been sent.
     pub fn send(&mut self, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
         if !self.0.machine().is_ready() {
             self.bring_up()?;
@@ -238,7 +238,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         self.go_on(|machine| machine.step(Input::Start)) // checked, Ready again
     }
 
-    /// Takes a step, and the steps that follow from it, to the next event.
+    /// Makes the machine take one step, and carries out the steps that follow, to the next event.
     fn go_on(
         &mut self,
         take: impl FnOnce(&mut poller::Poller) -> crate::Step<PollerEvent>,
@@ -256,7 +256,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
 pub struct Listener<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<listener::Listener, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
-    /// A listener on these wires. No transfer has been made yet.
+    /// A listener with this SPI device, IRQ pin and delay. No transfer has been made yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: ListenerConfig) -> Self {
         Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
@@ -266,24 +266,24 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.0.machine().counters()
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     pub const fn variant(&self) -> Option<Variant> {
         self.0.machine().variant()
     }
 
-    /// Continues to the next event, or for `limit_us` microseconds of waiting, whichever is first (`None`: there was no
-    /// event). Faults are events: the call after one recovers.
+    /// Continues to the next event, or for `limit_us` microseconds of waiting, whichever comes first. Returns `None` if
+    /// there was no event. A fault is an event, too: the next call recovers from it.
     ///
     /// # Errors
     /// The bus or the pin failed; the next call recovers.
     pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        // The machine resumes after an event; if the call before returned none, this has no effect.
+        // The machine continues after an event. If the call before returned no event, this has no effect.
         let event = self.0.resume();
         next(&mut self.0, event, Some(limit_us))
     }
 
-    /// The first `len` bytes of the received payload; until the next call of [`Listener::next`] they are those of the
-    /// last [`ListenerEvent::Frame`].
+    /// The first `len` bytes of the receive buffer's payload. They are those of the last [`ListenerEvent::Frame`] until
+    /// the next call of [`Listener::next`].
     pub fn payload(&mut self, len: usize) -> &[u8] {
         self.0.port().frame.get(PAYLOAD_OFFSET..PAYLOAD_OFFSET + len).unwrap_or(&[])
     }

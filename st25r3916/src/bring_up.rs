@@ -1,4 +1,4 @@
-//! Bring-up of either role: one list of operations, carried out one at a time.
+//! Bring-up of a chip in any role: one list of operations, carried out one at a time.
 //!
 //! # The list
 //!
@@ -11,19 +11,19 @@
 //! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
 //!    rate read back.
 //!
-//! The order of the first part is the data sheet's power-up sequence. Two steps are only needed by a chip in an unknown
-//! state: the IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
-//! it is first relied on; and the interrupt registers are read once before the first wait, because the IRQ pin may have
+//! The order of the first part is the data sheet's power-up sequence. Two steps are needed only by a chip in an unknown
+//! state. The IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation when
+//! it is first relied on. The interrupt registers are read once before the first wait, because the IRQ pin may have
 //! been high since before the host's reset. The field stays off until every register has been read back.
 //!
 //! # Sources of the supply sequence
 //!
 //! The order (oscillator, calibration, measurement, `sup3V`, regulators), the source `mpsv` = VDD, the step of 23.4 mV
-//! and the threshold of 3.6 V are those of ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), of Flipper Zero
-//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and of embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`), which agree. The first
-//! and the last of them toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and
-//! continues without it if it does not come. So does this driver, because the next I_dct must not be taken for the
-//! measurement's.
+//! and the threshold of 3.6 V are the same in ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), in Flipper Zero
+//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and in embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`). ST's library and rnfc
+//! toggle `reg_s` before the adjustment. ST's library waits for I_dct after the RC calibration and continues if I_dct
+//! does not come. This driver does the same, because it must not take a late I_dct of the calibration for the end of
+//! the measurement.
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
@@ -51,7 +51,7 @@ pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OP
 pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
 /// The number of interrupts without the awaited bit after which the pin counts as stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
-/// The shortest back-off before a bring-up, in microseconds; doubled by each failure.
+/// The shortest back-off before a bring-up, in microseconds; each fault doubles it.
 const BACK_OFF_US: u32 = 1_000;
 /// The number of faults in a row after which the back-off no longer doubles: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
@@ -71,13 +71,13 @@ pub enum ReceiverMode {
 /// The role in which the chip is brought up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
-    /// Sends and never listens.
+    /// A poller, which sends frames and never listens.
     Poller(ReceiverMode),
-    /// Sends, and receives one answer.
+    /// A poller that sends frames and receives at most one answer to each.
     Exchange,
-    /// Receives and cannot answer.
+    /// A listener, which receives frames and cannot answer.
     Listener,
-    /// Receives and answers.
+    /// A listener that receives frames and answers them.
     Answerer,
 }
 
@@ -108,7 +108,7 @@ impl Role {
         }
     }
 
-    /// The role's settings before it goes on air, in order.
+    /// The settings that are written in this role before the chip goes on air, in order.
     const fn settings(self, variant: Variant) -> &'static [Setting] {
         match (self, variant) {
             (Self::Poller(_), Variant::A) => &POLLER_A,
@@ -132,17 +132,17 @@ struct Setting {
 }
 
 impl Setting {
-    /// Registers of space A from `address` on.
+    /// A setting of registers of space A, from `address` on.
     const fn a(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: false, address, values }
     }
 
-    /// Registers of space B from `address` on.
+    /// A setting of registers of space B, from `address` on.
     const fn b(address: u8, values: &'static [u8]) -> Self {
         Self { in_space_b: true, address, values }
     }
 
-    /// The first bytes of an access in the given operation mode.
+    /// The first bytes of a transfer that accesses this setting's registers in the given operation mode.
     fn access(self, mode: u8, rest: &[u8]) -> Short {
         let head = [command::SPACE_B, mode | self.address];
         let from = usize::from(!self.in_space_b);
@@ -206,9 +206,9 @@ const RECEIVER: Setting = Setting::a(
         reg::MASK_RECEIVE_SHORT,
     ],
 );
-/// The same registers for a poller that receives answers, with an ST25R3916.
+/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916.
 const ANSWER_RECEIVER_A: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_A));
-/// The same with an ST25R3916B.
+/// The receiver's registers 0A to 0F for a poller that receives answers with an ST25R3916B.
 const ANSWER_RECEIVER_B: Setting = Setting::a(reg::AUXILIARY, &answer_receiver(reg::RECEIVER_2_ANSWER_B));
 const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
 
@@ -223,14 +223,14 @@ const fn answer_receiver(demodulator: u8) -> [u8; 6] {
     ]
 }
 
-/// The B's active wave shaping, which shapes and limits its amplitude modulation.
+/// Active wave shaping of the ST25R3916B, which shapes and limits its amplitude modulation.
 const WAVE_SHAPING: Setting = Setting::b(reg::B_WAVE_SHAPING, &reg::WAVE_SHAPING_NFC_F);
 const WAVE_SHAPING_TIMES: Setting = Setting::b(reg::B_WAVE_SHAPING_TIMES, &reg::WAVE_SHAPING_TIMES_NFC_F);
 const DRIVER_NON_OVERLAP: Setting = Setting::b(reg::B_DRIVER_NON_OVERLAP, &[reg::DRIVER_NON_OVERLAP_LEAST]);
 const NFC_F_MODE: Setting = Setting::a(reg::MODE, &POLLER_MODE);
 const PREAMBLE: Setting = Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]);
 
-/// What differs between a poller that never listens and one that receives answers.
+/// The settings that differ between a poller that never listens and one that receives answers.
 #[derive(Clone, Copy)]
 struct Polling {
     receiver: Setting,
@@ -250,7 +250,7 @@ const ANSWERED_A: Polling = Polling {
 };
 const ANSWERED_B: Polling = Polling { receiver: ANSWER_RECEIVER_B, ..ANSWERED_A };
 
-/// No-response timer and timer control, registers 10 to 12: the window for an answer.
+/// Values of the no-response timer and of the timer control, registers 10 to 12: the window for an answer.
 const ANSWER_WINDOW: [u8; 3] = {
     let [high, low] = NO_RESPONSE_STEPS.to_be_bytes();
     [high, low, reg::TIMERS_64_FC]
@@ -293,7 +293,7 @@ const fn poller_b(polling: Polling) -> [Setting; 12] {
     ]
 }
 
-/// What differs between a listener that cannot answer and one that does.
+/// The settings that differ between a listener that cannot answer and one that answers.
 #[derive(Clone, Copy)]
 struct Listening {
     load_modulation: Setting,
@@ -320,7 +320,7 @@ const ANSWERING_B: Listening = Listening {
 const LISTENER_A: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_A);
 const LISTENER_B: [Setting; 9] = listener(MUTE, &reg::ANTENNA_TUNING_LISTENER_B);
 const ANSWERER_A: [Setting; 9] = listener(ANSWERING_A, &reg::ANTENNA_TUNING_LISTENER_A);
-/// The B's supply of its driver is set as a poller's (ST's library sets it for every role).
+/// The settings of an ST25R3916B that answers. Its driver's supply is set as a poller's, as in ST's library.
 const ANSWERER_B: [Setting; 10] = {
     let [silent, modulation, driver, antenna, field, receiver, correlator, masks, mode] =
         listener(ANSWERING_B, &reg::ANTENNA_TUNING_LISTENER_B);
@@ -328,7 +328,7 @@ const ANSWERER_B: [Setting; 10] = {
     [silent, modulation, driver, supply, antenna, field, receiver, correlator, masks, mode]
 };
 
-/// The settings against automatic answers and of load modulation come before the mode.
+/// The settings of a listener. Automatic answers are disabled and load modulation is set before the mode is set.
 const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] {
     [
         Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
@@ -343,7 +343,7 @@ const fn listener(listening: Listening, antenna: &'static [u8]) -> [Setting; 9] 
     ]
 }
 
-/// A part of the list.
+/// A part of the list of bring-up operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Power,
@@ -352,11 +352,11 @@ enum Part {
     Operate,
 }
 
-/// One entry of the list.
+/// One entry of the list of bring-up operations.
 enum Operation {
     /// A command or a write; the response is ignored.
     Send(Short),
-    /// A command or a write, followed by the wait for its end's interrupt.
+    /// A command or a write, followed by a wait for the interrupt at its end.
     Run(Short, Awaited),
     /// Read the identity.
     Identify,
@@ -366,9 +366,9 @@ enum Operation {
     ReadBack(Setting),
     /// Read operation control, mode and bit rate back.
     Verify,
-    /// No operation for this part or configuration.
+    /// This chip type needs no operation here.
     Skip,
-    /// This part of the list is over.
+    /// This part of the list has no further operation.
     End,
 }
 
@@ -381,7 +381,7 @@ enum Awaited {
 }
 
 impl Awaited {
-    /// The longest wait, in microseconds.
+    /// The longest wait for the interrupt, in microseconds.
     const fn limit_us(self) -> u32 {
         match self {
             Self::Oscillator => OSCILLATOR_US,
@@ -391,7 +391,7 @@ impl Awaited {
         }
     }
 
-    /// The fault if the interrupt has not come by then. The calibration falls back on its default.
+    /// The fault if the interrupt does not come in time; `None` for the calibration, for which the chip has a default.
     const fn fault(self) -> Option<Fault> {
         match self {
             Self::Oscillator => Some(Fault::Oscillator),
@@ -433,16 +433,16 @@ pub(crate) enum Progress {
 pub(crate) struct BringUp {
     role: Role,
     variant: Option<Variant>,
-    /// The measured supply, mV.
+    /// The measured supply voltage, mV.
     supply_mv: Option<u16>,
     part: Part,
-    /// The operation under way within `part`.
+    /// The index of the present operation within `part`.
     index: u8,
     phase: Phase,
-    /// The number of interrupts in a row that were not the awaited one.
+    /// The number of interrupts in a row without the awaited bit.
     idle_irqs: u8,
     failures: u8,
-    /// The setting that is read back next while the chip runs.
+    /// The index of the setting that is read back next while the chip runs.
     rotation: u8,
 }
 
@@ -591,8 +591,8 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the next one that this part of the list needs. At most one entry in a row is
-    /// skipped and each part has an entry, so the loop runs at most three times.
+    /// Issues the operation at `index`, or the next one if this chip type needs none there. At most one operation in a
+    /// row is skipped and each part has an operation, so the loop runs at most three times.
     fn issue(&mut self) -> Progress {
         self.phase = Phase::Sent;
         loop {
@@ -620,7 +620,7 @@ impl BringUp {
         }
     }
 
-    /// The IO configuration for the measured supply; before the measurement for 5 V, as after a reset.
+    /// The IO configuration for the measured supply, or, before the measurement, for 5 V as after a reset.
     fn io(&self) -> Setting {
         match self.supply_mv {
             Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
@@ -629,7 +629,7 @@ impl BringUp {
     }
 
     fn operation(&self) -> Operation {
-        // Every operation after the identity has a variant: without one, bring-up has failed.
+        // Bring-up fails where no chip type is identified, so every operation after the identity's has a type.
         let variant = self.variant.unwrap_or(Variant::A);
         match self.part {
             Part::Power => self.power(variant),
@@ -645,8 +645,8 @@ impl BringUp {
         }
     }
 
-    /// The settings that remain after bring-up, in the order of reading back, without operation control, which
-    /// [`CONFIGURATION_READ`] covers.
+    /// The setting at `index` among those that stay as they are after bring-up, in the order in which they are read
+    /// back. [`CONFIGURATION_READ`] covers operation control.
     fn in_force(&self, index: u8) -> Option<Setting> {
         match index {
             0 => Some(self.io()),
@@ -655,13 +655,13 @@ impl BringUp {
         }
     }
 
-    /// The setting to read back next; operation control, mode and bit rate come last.
+    /// The setting to read back next; `None` means operation control, mode and bit rate, which come last.
     fn turn(&self) -> Option<Setting> {
         self.in_force(self.rotation)
     }
 
-    /// Reads the next setting back. It is called once a frame, so that every setting is read within as many frames as
-    /// there are settings.
+    /// The transfer that reads the next setting back. It is made once for each frame, so that every setting is read
+    /// within as many frames as there are settings.
     pub(crate) fn read_next(&self) -> Short {
         self.turn().map_or(CONFIGURATION_READ, Setting::read)
     }

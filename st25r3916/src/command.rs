@@ -26,18 +26,18 @@ pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
 pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
 /// Unmask receive data: the receiver reports the next frame.
 pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
-/// Reset the receiver's gain, which squelch and gain control have changed, to its configuration. (ST's library does so
-/// before each exchange.)
+/// Reset the receiver's gain, which squelch and gain control have changed, to the configured value. (ST's library sends
+/// this command before each exchange.)
 pub const RESET_RECEIVER_GAIN: Short = Short::new([0xD5]);
-/// Adjust the regulators to the supply; I_dct at its end, at most 5 ms later.
+/// Adjust the regulators to the supply; the chip raises I_dct when it has done so, at most 5 ms later.
 pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
-/// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects; I_dct at its end, 25 µs later; the
-/// result is in [`crate::register::AD_RESULT`]. Needs the oscillator.
+/// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects. The chip raises I_dct 25 µs later and has
+/// the result in [`crate::register::AD_RESULT`]. The oscillator must run.
 pub const MEASURE_SUPPLY: Short = Short::new([0xDF]);
 /// Clear the FIFO.
 ///
-/// The data sheet contradicts itself on whether this also clears the interrupt registers; this crate depends on
-/// neither.
+/// The data sheet contradicts itself on whether this command also clears the interrupt registers. This crate works in
+/// either case.
 pub const CLEAR_FIFO: Short = Short::new([0xDB]);
-/// RC oscillator calibration (ST25R3916B only); I_dct at its end, at most 5 ms later.
+/// Calibrate the RC oscillator (ST25R3916B only); the chip raises I_dct at the end, at most 5 ms later.
 pub const RC_CALIBRATION: Short = Short::new([0xEA]);

@@ -1,6 +1,6 @@
 //! The exchange: a poller sends a frame, receives at most one answer within a fixed window, and goes on.
 //!
-//! Bring-up, checks and sending are a [`Poller`]'s, which is a part of this machine. A [`Poller`] by itself has its
+//! A [`Poller`], which is a part of this machine, carries out bring-up, checks and sending. A [`Poller`] alone has its
 //! receiver off and no step that reads the FIFO.
 //!
 //! # States
@@ -28,15 +28,15 @@
 //! # The window
 //!
 //! The receiver is masked (D0) outside the window, so that no signal at the antenna can disturb the FIFO while a frame
-//! is being loaded: the chip empties it at each I_rxs. After the frame the machine waits until the guard time is nearly
-//! over ([`OPENS_US`]), within which no listener may answer and the chip's mask-receive timer and squelch run, and
-//! unmasks (D1). The chip's no-response timer, which starts by itself at the end of the frame, raises I_nre when no
-//! sync has come [`WINDOW_US`] and the length of an answer's preamble and sync after it. The driver does not depend on
-//! I_nre: its own wait ends a little later.
+//! is loaded: the chip empties the FIFO at each I_rxs. After the frame the machine waits until the guard time is nearly
+//! over ([`OPENS_US`]), and then unmasks the receiver (D1). No listener may answer within the guard time, in which the
+//! chip's mask-receive timer and squelch run. The chip's no-response timer starts by itself at the end of the frame. It
+//! raises I_nre if no sync has come within [`WINDOW_US`] and the time of an answer's preamble and sync. The driver does
+//! not depend on I_nre: its own wait ends a little later.
 //!
-//! An answer is read at its end, because nothing waits for it: LEN and the payload, at most 255 bytes. Then the
-//! receiver is masked again. If another answer has begun meanwhile, it may have emptied the FIFO during the read, and
-//! neither is delivered.
+//! An answer is read when it has ended, because nothing needs it earlier: LEN and the payload, at most 255 bytes. Then
+//! the receiver is masked again. If a second answer has begun meanwhile, it may have emptied the FIFO during the read,
+//! and neither answer is delivered.
 //!
 //! # Bounds
 //!
@@ -88,14 +88,14 @@ use crate::sender::{SendError, SendState};
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant, command};
 
-/// The wait from I_txe until the receiver is opened, in microseconds: the mask-receive timer, 189 µs, has run out, and
-/// the sync of the earliest answer, which begins 197 + 113 µs after the frame, is still to come.
+/// The wait from I_txe until the receiver is unmasked, in microseconds: the mask-receive timer, 189 µs, has run out by
+/// then, and the sync of the earliest answer begins later, 197 + 113 µs after the frame.
 pub const OPENS_US: u32 = 190;
 /// The driver's own limit for I_rxs, from the opening of the receiver: window, preamble and sync (152 µs), and a margin
 /// within which I_nre comes.
 const AWAIT_US: u32 = WINDOW_US + 152 + 50 - OPENS_US;
 
-/// An exchange's event.
+/// An event of an exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ExchangeEvent {
@@ -110,12 +110,12 @@ pub enum ExchangeEvent {
     Answer {
         /// Payload length in bytes, 1..=254.
         len: usize,
-        /// The chip's flags about it.
+        /// The chip's flags about the answer.
         flags: FrameFlags,
     },
     /// The frame was sent, and there is no answer.
     NoAnswer(NoAnswer),
-    /// The frame, or the chip, is lost; [`Input::Start`] recovers.
+    /// The frame is lost, or the chip has failed; [`Input::Start`] begins the recovery.
     Fault(Fault),
 }
 
@@ -123,11 +123,11 @@ pub enum ExchangeEvent {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NoAnswer {
-    /// None began within the window.
+    /// No answer began within the window.
     Silent,
-    /// One began while the window was closing.
+    /// An answer began while the window was closing.
     Late,
-    /// One began within the window, but is not delivered.
+    /// An answer began within the window, but is not delivered.
     Dropped(Dropped),
 }
 
@@ -135,7 +135,7 @@ pub enum NoAnswer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ExchangeState {
-    /// What a poller does: [`Exchange::poller_state`].
+    /// The poller within the exchange acts; [`Exchange::poller_state`] returns its state.
     Polling,
     /// The frame is sent; the guard time runs.
     Guarding,
@@ -147,12 +147,12 @@ pub enum ExchangeState {
     Receiving,
     /// The status is being read.
     ReadingStatus {
-        /// Whether the time of the wait before is over.
+        /// Whether the wait before this read ended by its time limit.
         late: bool,
     },
     /// The answer is being read.
     ReadingFifo {
-        /// The number of bytes.
+        /// The number of bytes that are read.
         count: u16,
     },
     /// The receiver is being masked.
@@ -165,15 +165,15 @@ pub enum ExchangeState {
     Over,
 }
 
-/// Counts since the machine was made; each wraps.
+/// Counts since the exchange was made; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExchangeCounters {
-    /// Those of the poller.
+    /// The counts of the poller within the exchange.
     pub poller: PollerCounters,
     /// Answers delivered, with any flags.
     pub answers: u32,
-    /// Answers delivered with a flag.
+    /// Answers delivered with at least one of the chip's flags.
     pub flagged: u32,
     /// Windows without an answer.
     pub silent: u32,
@@ -188,7 +188,7 @@ pub struct Exchange {
     state: ExchangeState,
     /// The answer that is being received.
     frame: Option<Frame>,
-    /// What will be reported.
+    /// The result of the exchange, which is reported when the receiver is masked.
     result: Result<(usize, FrameFlags), NoAnswer>,
     idle_irqs: u8,
     answers: u32,
@@ -214,13 +214,13 @@ impl Exchange {
         }
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.poller.variant()
     }
 
-    /// The chip's supply as the last bring-up measured it, as of [`Poller::supply_mv`].
+    /// The chip's supply voltage as the last bring-up measured it; see [`Poller::supply_mv`].
     #[must_use]
     pub const fn supply_mv(&self) -> Option<u16> {
         self.poller.supply_mv()
@@ -232,13 +232,13 @@ impl Exchange {
         self.state
     }
 
-    /// The state of its poller, which acts in [`ExchangeState::Polling`].
+    /// The state of the poller within the exchange, which acts in [`ExchangeState::Polling`].
     #[must_use]
     pub const fn poller_state(&self) -> PollerState {
         self.poller.state()
     }
 
-    /// Counts since the machine was made.
+    /// Counts since the exchange was made.
     #[must_use]
     pub const fn counters(&self) -> ExchangeCounters {
         ExchangeCounters {
@@ -326,7 +326,7 @@ impl Exchange {
         }
     }
 
-    /// What the poller's step means to the exchange.
+    /// Converts a step of the poller to a step of the exchange.
     fn poll(&mut self, step: Step<PollerEvent>) -> Step<ExchangeEvent> {
         step.map(|event| match event {
             PollerEvent::Ready => Step::Event(ExchangeEvent::Ready),
@@ -337,8 +337,8 @@ impl Exchange {
         })
     }
 
-    /// The status that the poller awaits, if it shows an answer: then its frame has been sent, the executor was late,
-    /// and the FIFO holds the answer.
+    /// The status that the poller waits for, if it shows that an answer has begun. This happens where the executor is
+    /// late: the frame has been sent, and the FIFO holds the answer.
     fn answer_before(&self, input: Input<'_>) -> Option<Status> {
         let PollerState::Sending(SendState::ReadingIrqs { .. }) = self.poller.state() else { return None };
         let Input::Done(response) = input else { return None };
@@ -349,7 +349,7 @@ impl Exchange {
         self.frame.insert(Frame::new(ReadMode::StoreAndForward)).note(status);
     }
 
-    /// Continues after the frame.
+    /// Begins the guard time after the poller has sent the frame.
     fn sent(&mut self) -> Step<ExchangeEvent> {
         self.idle_irqs = 0;
         self.state = ExchangeState::Guarding;
@@ -414,7 +414,7 @@ impl Exchange {
         }
     }
 
-    /// Waits again after an interrupt without a cause.
+    /// Waits again after an interrupt whose status shows no cause.
     fn idle(&mut self) -> Step<ExchangeEvent> {
         self.idle_irqs += 1;
         if self.idle_irqs >= IDLE_IRQS {
@@ -429,7 +429,7 @@ impl Exchange {
         self.short(ExchangeState::Closing, command::MASK_RECEIVE_DATA)
     }
 
-    /// Reports the result. An answer that has begun since the last status may have emptied the FIFO.
+    /// Reports the result. An answer that began after the last status read may have emptied the FIFO during a read.
     fn closed(&mut self, status: Status) -> Step<ExchangeEvent> {
         self.state = ExchangeState::Over;
         let begun = status.is_set(reg::IRQ_RXS | reg::IRQ_RXE);

@@ -1,13 +1,13 @@
-//! The executor: carries out a machine's steps through a port whose operations only start something.
+//! The executor carries out a machine's steps through a port: an interface to hardware that starts things only.
 //!
-//! Three interrupts drive it: a transfer has ended, the IRQ pin has risen, the timer has run out. Each of them calls
-//! [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So an edge of the IRQ
-//! pin that is lost or reported twice, or an interrupt that comes late, does no harm, and an occasional poll without a
-//! cause recovers from a lost edge.
+//! Three interrupts drive the executor: a transfer has ended, the IRQ pin has risen, or the timer has run out. Each of
+//! them calls [`Executor::poll`], which reads the port's state and does not rely on which interrupt came. So no harm is
+//! done if an edge of the IRQ pin is lost or reported twice, or if an interrupt comes late, and a poll without a cause,
+//! now and then, recovers from a lost edge.
 //!
-//! The executor never blocks: a call ends when a transfer or the timer runs, or with an event. Every transfer has a
-//! time limit, [`TRANSFER_US`]; one that does not end is reported to the machine as failed, and the machine brings the
-//! chip up again.
+//! The executor never blocks: a call returns when a transfer or the timer runs, or with an event. Every transfer has a
+//! time limit, [`TRANSFER_US`]. A transfer that does not end in time is reported to the machine as failed, and the
+//! machine brings the chip up again.
 
 use core::num::NonZeroUsize;
 
@@ -17,17 +17,17 @@ use crate::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Listener, Listener
 /// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; the rest is margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// The number of steps without a transfer or a wait after which a call returns. The machines need two.
+/// The number of steps without a transfer or a wait after which a call returns. The machines need two at most.
 const STEPS: u32 = 8;
-/// The pause for a machine that exceeds that, µs.
+/// The pause, µs, after a machine has taken [`STEPS`] steps without a transfer or a wait.
 const PAUSE_US: u32 = 1_000;
 
 /// The machine that an executor drives: [`Poller`], [`Listener`], [`Exchange`] or [`Answerer`].
 pub trait Machine {
-    /// Its events for the owner.
+    /// The machine's events for its owner.
     type Event;
 
-    /// Takes one input and returns the next step.
+    /// Takes one input and returns the machine's next step.
     fn step(&mut self, input: Input<'_>) -> Step<Self::Event>;
 }
 
@@ -72,27 +72,27 @@ pub trait Port {
     /// Starts this transfer, full duplex, chip select low from first to last bit.
     fn start_short(&mut self, short: &Short);
 
-    /// Starts a [`Transfer::Load`]; false where these bytes do not exist. A listener needs none.
+    /// Starts a [`Transfer::Load`]; returns false where the payload has no such bytes. A listener needs no loads.
     fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Starts a [`Transfer::Read`]; false where that place does not exist. A poller needs none.
+    /// Starts a [`Transfer::Read`]; returns false where the buffer has no such bytes. A poller needs no reads.
     fn start_read(&mut self, offset: usize, len: usize) -> bool {
         let _ = (offset, len);
         false
     }
 
-    /// Whether the transfer has ended, with or without success. If so, chip select is high again, and this is not
-    /// called again before the next transfer.
+    /// Whether the transfer has ended, with or without success. If so, chip select is high again, and the executor does
+    /// not call this function again before the next transfer.
     fn ended(&mut self) -> bool;
 
     /// The bytes that the ended transfer has clocked in, as [`Input::Done`] describes them.
     ///
     /// # Errors
     ///
-    /// [`Failed`] if it went wrong or was too short.
+    /// [`Failed`] if the transfer failed or was too short.
     fn response(&self) -> Result<&[u8], Failed>;
 
     /// Stops a transfer that does not end; chip select is high afterwards.
@@ -101,14 +101,14 @@ pub trait Port {
     /// Whether the IRQ pin is high.
     fn irq_is_high(&mut self) -> bool;
 
-    /// Starts the timer for `us` µs, or slightly more. It replaces an earlier start.
+    /// Starts the timer for `us` µs, or slightly more. An earlier start of the timer is replaced.
     fn start_timer(&mut self, us: u32);
 
-    /// Whether that time is over.
+    /// Whether the time for which the timer was started is over.
     fn elapsed(&mut self) -> bool;
 }
 
-/// The condition that an executor waits for.
+/// The condition for which an executor waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
     /// The end of a transfer.
@@ -117,13 +117,13 @@ enum Waiting {
     IrqOrTime,
     /// The timer.
     Time,
-    /// The timer, after an event.
+    /// The timer, before the machine continues after an event.
     Later,
-    /// The owner has an event and has not resumed yet.
+    /// The owner, which has got an event and has not called the executor since.
     Owner,
 }
 
-/// A machine and its port.
+/// The executor of a machine, with its port.
 #[derive(Debug)]
 pub struct Executor<M, P> {
     machine: M,
@@ -131,9 +131,9 @@ pub struct Executor<M, P> {
     waiting: Waiting,
     /// Whether the present transfer is a load.
     loading: bool,
-    /// The end of the present read in the frame, if one is running.
+    /// The number of bytes of the frame in the buffer once the present read has ended; `None` if no read is running.
     reading_to: Option<NonZeroUsize>,
-    /// The number of bytes of the frame after the read that has just ended, if one has.
+    /// The number of bytes of the frame in the buffer after the read that has just ended, if one has.
     arrived: Option<NonZeroUsize>,
 }
 
@@ -153,18 +153,18 @@ impl<M: Machine, P: Port> Executor<M, P> {
         &mut self.port
     }
 
-    /// Whether a FIFO load is under way: its bytes must not change.
+    /// Whether a FIFO load is under way, so that the bytes of the payload must not change.
     pub const fn is_loading(&self) -> bool {
         self.loading
     }
 
-    /// Whether it only waits for the timer or the IRQ pin.
+    /// Whether the executor waits only for the timer or the IRQ pin.
     pub const fn is_waiting(&self) -> bool {
         matches!(self.waiting, Waiting::IrqOrTime | Waiting::Time | Waiting::Later)
     }
 
-    /// The number of bytes in the buffer of the frame being received, LEN included: once for each read that has ended.
-    /// `None` while more are read, because the buffer must not be read then.
+    /// The number of bytes of the present frame that are in the buffer, LEN included; it is returned once for each read
+    /// that has ended. `None` while a further read runs, because the buffer must not be read then.
     pub fn take_arrived(&mut self) -> Option<usize> {
         self.arrived.take().filter(|_| self.reading_to.is_none()).map(NonZeroUsize::get)
     }
@@ -193,13 +193,13 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event.
+    /// Continues after an event, with [`Input::Start`].
     pub fn resume(&mut self) -> Option<M::Event> {
         self.go_on(|machine| machine.step(Input::Start))
     }
 
-    /// Continues after an event with the step that the owner makes the machine take. While an operation is under way
-    /// this has no effect, because the outstanding step would be lost.
+    /// Continues after an event with another step: `take` makes the machine take it. While a transfer or a wait is
+    /// under way this call has no effect, because the outstanding step would be lost.
     pub fn go_on(&mut self, take: impl FnOnce(&mut M) -> Step<M::Event>) -> Option<M::Event> {
         if self.waiting != Waiting::Owner {
             return None;
@@ -208,7 +208,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         self.carry_out(step)
     }
 
-    /// Continues after an event, but only `us` µs later.
+    /// Continues after an event with [`Input::Start`], but only `us` µs later.
     pub fn resume_later(&mut self, us: u32) {
         self.wait(Waiting::Later, us);
     }
@@ -226,7 +226,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
                 }
                 Step::Wait { us } => {
                     self.wait(Waiting::IrqOrTime, us);
-                    // The pin is a level: it may already be high, or high again, and then no edge comes.
+                    // The IRQ pin may already be high, or high again; then no edge of it, and so no interrupt, comes.
                     if !self.port.irq_is_high() {
                         return None;
                     }
@@ -247,7 +247,7 @@ impl<M: Machine, P: Port> Executor<M, P> {
         None
     }
 
-    /// Starts a transfer; returns whether the port could.
+    /// Starts a transfer; returns false where the port has no such bytes.
     fn start(&mut self, transfer: Transfer) -> bool {
         match transfer {
             Transfer::Short(short) => {

@@ -5,9 +5,9 @@
 //! it never answers, and its driver registers are set so that it cannot. There is no activation, no acknowledgement and
 //! no retry: a lost frame stays lost, and both ends recover by themselves.
 //!
-//! Where something has to come back, an [`Exchange`] takes the poller's place and an [`Answerer`] the listener's: each
-//! frame has at most one answer, within a fixed window. They are types of their own, so that a poller that never
-//! listens and a listener that never answers stay what they are.
+//! Where data have to come back, an [`Exchange`] replaces the poller and an [`Answerer`] the listener: each frame gets
+//! at most one answer, within a fixed window. They are separate types, so that a [`Poller`] still cannot listen and a
+//! [`Listener`] still cannot answer.
 //!
 //! # Simple use
 //!
@@ -39,11 +39,11 @@
 //!
 //! # Machines and executors
 //!
-//! No machine accesses a bus. Each is a value with one method, `step`, which takes the last event ([`Input`]) and
-//! returns the next action ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an
-//! event to the caller. An executor carries the steps out. The one in [`executor`] does it through a
-//! [`executor::Port`], whose operations only start something: behind it are interrupts and DMA, or the polled wires of
-//! [`blocking`]. The logic is the same and is tested without hardware.
+//! No machine accesses a bus. Each machine is a value with one method, `step`, which takes the last event ([`Input`])
+//! and returns the next action ([`Step`]): make one SPI transfer, wait for the IRQ pin with a time limit, or report an
+//! event to the caller. An executor carries the steps out. The module [`executor`] has one that uses a
+//! [`executor::Port`], whose operations only start something: interrupts and DMA implement the port, or [`blocking`]
+//! with polling. So the logic is the same for both, and it is tested without hardware.
 //!
 //! | step | the executor | the next input |
 //! |---|---|---|
@@ -56,8 +56,8 @@
 //!
 //! - a call returns one step after a small bounded number of instructions, which does not depend on the payload;
 //! - every wait has a time limit, and every failure becomes an event with a [`Fault`] or a [`Dropped`];
-//! - with a working chip and an executor that answers the outstanding step, it returns to [`PollerEvent::Ready`] or
-//!   [`ListenerEvent::Listening`] by itself.
+//! - with a working chip and an executor that answers the outstanding step, the machine returns to
+//!   [`PollerEvent::Ready`] or [`ListenerEvent::Listening`] by itself.
 //!
 //! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are read.
 //! Executors on an edge-triggered input read the level when a [`Step::Wait`] begins.
@@ -66,8 +66,8 @@
 //!
 //! # An exchange, on both sides
 //!
-//! The owner of an [`executor::Executor`] goes from event to event. The transmit command is its own: it starts that
-//! transfer at its instant, by a timer if that has to be exact, and gives [`Input::Done`] when it has ended.
+//! The owner of an [`executor::Executor`] handles one event after another. It sends the transmit command by itself, at
+//! an instant that it chooses, with a timer if the instant has to be exact, and then gives [`Input::Done`].
 //!
 //! ```
 //! use st25r3916::{Answerer, AnswererEvent, Exchange, ExchangeEvent, Input, Step};
@@ -303,8 +303,8 @@ pub use sender::{SendError, SendState};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_US: u32 = 10_000;
-/// The longest wait for the RC calibration of an ST25R3916B, in microseconds (5 ms in the data sheet). Without its
-/// interrupt, bring-up continues after this time.
+/// The longest wait for the RC calibration of an ST25R3916B, in microseconds (5 ms in the data sheet). If the interrupt
+/// at the calibration's end does not come, bring-up continues after this time.
 pub const CALIBRATION_US: u32 = 6_000;
 /// The longest wait for the supply measurement, in microseconds (25 µs in the data sheet).
 pub const MEASUREMENT_US: u32 = 1_000;
@@ -315,14 +315,14 @@ pub const REGULATOR_US: u32 = 6_000;
 /// take 4.852 ms.
 pub const FRAME_US: u32 = 6_000;
 
-/// The lowest supply (VDD) that the data sheet allows, in millivolts. Less is [`Fault::SupplyOutOfRange`].
+/// The lowest supply voltage (VDD) that the data sheet allows, mV; a lower one is [`Fault::SupplyOutOfRange`].
 pub const SUPPLY_MIN_MV: u16 = 2_400;
-/// The supply from which on the chip is set up for 5 V, mV; below it the setting is 3.3 V (`sup3V`).
+/// The supply voltage from which on the chip is set up for 5 V, mV; below, it is set up for 3.3 V (`sup3V`).
 pub const SUPPLY_5V_MV: u16 = 3_600;
-/// The highest supply (VDD) that the data sheet allows, in millivolts. More is [`Fault::SupplyOutOfRange`].
+/// The highest supply voltage (VDD) that the data sheet allows, mV; a higher one is [`Fault::SupplyOutOfRange`].
 pub const SUPPLY_MAX_MV: u16 = 5_500;
 
-/// The part that answered, by its identity register.
+/// The type of the chip, by its identity register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Variant {
@@ -335,14 +335,14 @@ pub enum Variant {
 /// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: the time for
 /// which a poller waits for the end of its own frame.
 ///
-/// It consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of
-/// 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
+/// A frame consists of 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier
+/// periods of 13.56 MHz. 64-bit arithmetic is avoided, because it is a library call on a Cortex-M4.
 const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
 }
 
-/// This runs the README's example as a test.
+/// A test that compiles and runs the README's example.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

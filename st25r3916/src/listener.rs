@@ -43,27 +43,27 @@
 //! 2. [`BODY`] bytes before that end: the bytes present, most of the frame;
 //! 3. [`TAIL`] bytes before that end: the bytes present,
 //!
-//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The part of the
-//! CRC-16 that has not been read by then stays in the FIFO: the chip has compared it, and re-arming clears it. The FIFO
-//! is never read empty while the chip fills it: an early read takes one byte less than the level, which can only have
-//! grown since, or takes so long that another byte has come by its end. An executor that is late at any of these
-//! instants finds more bytes, or the end; the result is the same, only later. A LEN damaged on air only puts the second
-//! read at a wrong instant.
+//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). Bytes of the CRC-16
+//! that have not been read by then stay in the FIFO: the chip has compared the CRC-16, and re-arming clears the FIFO.
+//! The machine never empties the FIFO while the chip fills it: an early read takes one byte less than the level, which
+//! can only have grown since, or takes so long that another byte has come by its end. An executor that is late for one
+//! of the reads finds more bytes, or the end of the frame; the result is the same, only later. A LEN that was damaged
+//! on air only puts the second read at a wrong instant.
 //!
 //! # Delivery before re-arming
 //!
 //! [`ListenerEvent::Frame`] is returned as soon as the last byte is in the buffer; the transfers that re-arm the
-//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. The next frame's
-//! first byte comes at least its preamble and sync (151 µs) after its beginning. If it has begun before the executor
-//! returns, the status read shows its I_rxs, and the machine leaves the FIFO alone (the chip resets it at I_rxs) and
-//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next one is far away; it does
-//! not clear that of an idle chip. After a frame, one case cannot be detected: a sync in the few microseconds between
-//! that read and the clear. If the clear also discards the interrupt (the data sheet contradicts itself), the frame is
-//! recognised only by its I_rxe.
+//! receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next [`Input::Start`]. A frame's first
+//! byte comes only after its preamble and sync (151 µs). If the next frame has begun before the executor continues,
+//! the status read shows its I_rxs. The machine then does not clear the FIFO (the chip resets it at I_rxs) and
+//! receives the frame. It clears only a FIFO that holds bytes, as after a frame, when the next frame is far away, and
+//! not that of an idle chip. One case cannot be detected: a sync in the few microseconds between the status read and
+//! the clear. If the clear also discards the interrupt (the data sheet contradicts itself), that frame is recognised
+//! only by its I_rxe.
 //!
-//! Therefore I_eon and I_eof can also be lost. After a bring-up, and [`ListenerConfig::supervision_us`] after the last
-//! interrupt, the field detector's output is read, and reported if it differs from the last report. (ST's RFAL reads
-//! the same bit before it relies on these interrupts.)
+//! The clear may discard I_eon and I_eof as well. So the field detector's output is read after a bring-up, and
+//! [`ListenerConfig::supervision_us`] after the last interrupt. It is reported if it differs from the last report.
+//! (ST's RFAL reads the same bit before it relies on these interrupts.)
 //!
 //! # Recovery
 //!
@@ -79,14 +79,14 @@
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms. Silence is none of
-//! these: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each one up to 64 ms. Silence causes
+//! none: the poller may be off, and a listener that backs off cannot receive. Only the next bring-up is postponed.
 //!
 //! # Settings read back while the chip runs
 //!
-//! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each is read
-//! within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a frame which
-//! begins meanwhile is received, and takes at most 8 bytes.
+//! At each re-arming, one of the settings of bring-up is read back, in turn. With a frame every 10 ms each setting is
+//! read within 0.12 s; an idle listener re-arms every 20 ms. The read-back is the last transfer before the wait, so
+//! that a frame which begins meanwhile is received, and it takes at most 8 bytes.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -95,43 +95,43 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
-/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the second read begins. 24 bytes
-/// remain until the third, 453 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status,
-/// and the executor has the rest of the time to verify the received bytes.
+/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the second read begins. The third
+/// read begins 24 bytes later, 453 µs on air. The second read, at most 227 bytes, takes 237 µs at 8 MHz with its
+/// status, and the executor has the rest of that time to verify the received bytes.
 pub const BODY: usize = 30;
-/// With [`ReadMode::WhileFilling`], the number of bytes that are still to come when the third read begins, with the
-/// CRC-16. They take 113 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
-/// executor may be late by the rest: by a byte's time, 19 µs, because LEN gives the end in whole bytes, by its own
-/// work, and by interrupts. A third read that is still under way at the frame's end makes the delivery late.
+/// With [`ReadMode::WhileFilling`], the number of bytes, the CRC-16 included, that are still to come when the third
+/// read begins. They arrive within 113 µs; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The
+/// rest of the 113 µs covers the executor's lateness: one byte's time, 19 µs, because LEN gives the end in whole bytes,
+/// its own work, and interrupts. A third read that is still under way at the frame's end makes the delivery late.
 pub const TAIL: usize = 6;
-/// With [`ReadMode::WhileFilling`], the number of bytes awaited before the first read.
+/// With [`ReadMode::WhileFilling`], the number of bytes that must have arrived before the first read begins.
 const HEAD: u16 = 16;
 /// The number of bytes that an early read leaves in the FIFO, so that it never runs dry while the chip fills it.
 const MARGIN: u16 = 1;
-/// The number of bytes whose reading takes so long, at 10 MHz at most, that another arrives meanwhile, if LEN announces
-/// more: the third read, after which little time is left, then needs no [`MARGIN`].
+/// The number of bytes whose reading takes so long, even at 10 MHz, that another byte arrives meanwhile, if LEN
+/// announces more. A third read of so many bytes needs no [`MARGIN`]; little time is left after that read.
 const REFILLED: u16 = 24;
 const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
-/// The time of a read beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
+/// The time of a read without its bytes: status and command, 10 bytes. Each byte takes 1 µs at 8 MHz.
 const READ_OVERHEAD_US: u16 = 10;
 /// The time without a delivered frame after which a listener is brought up again, in microseconds: 50 cycles of 10 ms.
-/// It is the sum of its waits, so it is a lower bound.
+/// The listener adds up its waits, so this is a lower bound of the true time.
 pub const SILENCE_US: u32 = 500_000;
-/// The longest time to a bring-up for silence, µs: each one in a row comes after twice the time of the one before.
+/// The longest time to a bring-up for silence, µs: the time doubles with each such bring-up in a row.
 pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
 const SILENCE_DOUBLINGS: u8 = 4;
-/// The time that counts as waited, in microseconds, for each wait for a frame's beginning and each frame within which
-/// another begins: interrupts without a frame must not keep a deaf listener from detecting it.
+/// The time, in microseconds, that each wait for a frame and each frame that begins within another adds to the time of
+/// silence. So a deaf listener detects its silence even if interrupts without a frame keep coming.
 const DISTURBED_US: u32 = 1_000;
-/// LEN, one byte of payload, CRC-16.
+/// The least number of bytes of a frame: LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
-/// The CRC-16 at a frame's end.
+/// The number of bytes of the CRC-16 at a frame's end.
 const CRC: u16 = 2;
-/// LEN and CRC-16.
+/// The number of bytes of a frame beside its payload: LEN and CRC-16.
 const OVERHEAD: u16 = 3;
 
-/// The time of `bytes` bytes at 424 kbit/s, µs: 8 · 32 / 13.56 MHz = 18.879 µs each.
+/// The time on the air of `bytes` bytes at 424 kbit/s, µs: 8 · 32 / 13.56 MHz = 18.879 µs each.
 const fn bytes_us(bytes: u16) -> u16 {
     ((bytes as u32 * 1_208) >> 6) as u16
 }
@@ -146,10 +146,10 @@ pub const PAYLOAD_OFFSET: usize = 1;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ReadMode {
-    /// It reads everything at once after the frame's end (I_rxe).
+    /// The listener reads the whole frame at once after its end (I_rxe).
     StoreAndForward,
-    /// It reads while the frame arrives, at instants computed from the bit rate and the frame's own LEN, so that few
-    /// bytes are left when it ends.
+    /// The listener reads while the frame arrives, at instants computed from the bit rate and the frame's own LEN, so
+    /// that few bytes are left to read when the frame ends.
     #[default]
     WhileFilling,
 }
@@ -160,8 +160,8 @@ pub enum ReadMode {
 pub struct ListenerConfig {
     /// The instants at which the FIFO is read.
     pub read_mode: ReadMode,
-    /// The interval at which an idle chip is checked and re-armed, in microseconds. If it exceeds the time between
-    /// frames, it costs nothing while frames come.
+    /// The interval at which an idle chip is checked and re-armed, in microseconds. An interval longer than the time
+    /// between frames costs nothing while frames come.
     pub supervision_us: u32,
 }
 
@@ -179,7 +179,7 @@ impl Default for ListenerConfig {
     }
 }
 
-/// The chip's flags about a frame. None of them rejects a frame by itself: the payload has its own checks.
+/// The chip's flags about a frame. No flag rejects a frame by itself: the payload has its own checks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrameFlags(u8);
@@ -195,7 +195,7 @@ impl FrameFlags {
     pub const UNDERFLOW: Self = Self(0x08);
     /// LEN differs from the number of bytes received.
     pub const LENGTH: Self = Self(0x10);
-    /// The last byte was incomplete. It is left out of the frame.
+    /// The last byte was incomplete, and was left out of the frame.
     pub const PARTIAL: Self = Self(0x20);
 
     /// No flag at all.
@@ -222,7 +222,7 @@ impl FrameFlags {
         self.0 & other.0 != 0
     }
 
-    /// The union of both sets.
+    /// The flags that are set in this set, in `other`, or in both.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
@@ -243,11 +243,11 @@ pub enum Dropped {
     NoEnd,
     /// The field went off during the frame.
     FieldLost,
-    /// Too short to hold LEN, one payload byte and the CRC-16.
+    /// The frame is too short to hold LEN, one payload byte and the CRC-16.
     Runt,
-    /// Longer than LEN can express.
+    /// The frame is longer than LEN can express.
     TooLong,
-    /// Another frame began before this one was read.
+    /// Another frame began before this frame was read.
     Overrun,
 }
 
@@ -262,7 +262,7 @@ pub enum ListenerEvent {
     Frame {
         /// Payload length in bytes, 1..=254, from the number of whole bytes received.
         len: usize,
-        /// The chip's flags about it.
+        /// The chip's flags about the frame.
         flags: FrameFlags,
     },
     /// A frame began but is not delivered.
@@ -271,11 +271,11 @@ pub enum ListenerEvent {
     FieldOn,
     /// The poller's field is gone.
     FieldOff,
-    /// The chip is lost; [`Input::Start`] brings it up again.
+    /// The chip has failed; [`Input::Start`] brings it up again.
     Fault(Fault),
 }
 
-/// Counts since the machine was made; each wraps.
+/// Counts since the listener was made; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerCounters {
@@ -289,9 +289,9 @@ pub struct ListenerCounters {
     pub flow: u32,
     /// Delivered frames with [`FrameFlags::LENGTH`].
     pub length: u32,
-    /// [`Dropped::NoEnd`].
+    /// Frames that were dropped because of [`Dropped::NoEnd`].
     pub no_end: u32,
-    /// Every other [`Dropped`].
+    /// Frames that were dropped for any other reason of [`Dropped`].
     pub dropped: u32,
     /// Times the field went off.
     pub field_losses: u32,
@@ -324,7 +324,7 @@ pub enum ListenerState {
     BackingOff,
     /// The chip is being brought up.
     BringingUp,
-    /// An event was returned; the receiver is armed, or a frame is being received.
+    /// An event was reported; the receiver is armed, or a frame is being received.
     Reported,
     /// A frame was delivered or dropped, and reported; the receiver needs re-arming.
     Delivered,
@@ -340,7 +340,7 @@ pub enum ListenerState {
     Receiving,
     /// The status is being read, within or outside a frame.
     ReadingStatus {
-        /// Whether the time of the wait before is over.
+        /// Whether the wait before this read ended by its time limit.
         late: bool,
     },
     /// Re-armed: one of the settings of bring-up is being read back.
@@ -349,14 +349,14 @@ pub enum ListenerState {
     CheckingConfiguration,
     /// After a bring-up, or a wait without an event: the field detector's output is being read.
     CheckingField {
-        /// Whether it follows such a wait: the receiver is re-armed afterwards.
+        /// Whether the wait without an event came before it: the receiver is re-armed afterwards.
         idle: bool,
     },
     /// Bytes of a frame are being read.
     ReadingFifo {
-        /// The number of bytes.
+        /// The number of bytes that are read.
         count: u16,
-        /// Whether the frame is over: these are its last.
+        /// Whether the frame has ended, so that these bytes are its last.
         end: bool,
     },
 }
@@ -365,24 +365,24 @@ pub enum ListenerState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
     plan: Plan,
-    /// The number of bytes in the caller's buffer.
+    /// The number of bytes of the frame in the caller's buffer.
     got: u16,
-    /// LEN + 2, once LEN is known.
+    /// The number of bytes of the whole frame, LEN + 2, once LEN is known.
     total: Option<u16>,
-    /// The time waited since I_rxs, µs; a lower bound of the time passed. All times here are below [`FRAME_US`] or just
-    /// above.
+    /// The time waited since I_rxs, µs; a lower bound of the time passed. All times in this structure are at most
+    /// [`FRAME_US`], or just above it.
     waited_us: u16,
     /// The time of the present wait, µs.
     waiting_us: u16,
-    /// The time of the last read, with its status, at 8 MHz; on a slower bus the next one is later, not earlier.
+    /// The time of the last read, with its status, at 8 MHz; on a slower bus the next read comes later, not earlier.
     read_us: u16,
     flags: FrameFlags,
-    /// The number of bytes of the CRC-16 that are not read, once the frame is over.
+    /// The number of bytes of the CRC-16 that stay unread; it is known once the frame has ended.
     unread: u16,
 }
 
-/// The purpose of the next time-out within a frame. It only moves forward, so a frame costs at most three reads before
-/// its end.
+/// The purpose of the next time-out within a frame: the first, second or third read, or the limit for its end. It only
+/// moves forward, so a frame costs at most three reads before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
@@ -398,13 +398,13 @@ pub struct Listener {
     bring_up: BringUp,
     state: ListenerState,
     frame: Option<Frame>,
-    /// The I_eon and I_eof that were not yet reported.
+    /// The interrupts I_eon and I_eof that came and are not reported yet.
     field_irqs: u8,
     field_on: bool,
     idle_irqs: u8,
     /// The number of [`Fault::Silence`]s in a row.
     silences: u8,
-    /// The time waited since the last delivered frame or since bring-up, in microseconds; a lower bound.
+    /// The time of silence: the time waited since the last delivered frame or since bring-up, µs; a lower bound.
     silent_us: u32,
     counters: ListenerCounters,
     /// The flags of the last delivered frame, until the next step counts it, so that the counting does not delay the
@@ -419,7 +419,7 @@ impl Listener {
         Self::with_role(Role::Listener, config)
     }
 
-    /// The same in a role that receives as a listener does.
+    /// A listener in `role`, which receives as [`Role::Listener`] does.
     pub(crate) const fn with_role(role: Role, config: ListenerConfig) -> Self {
         Self {
             config,
@@ -447,7 +447,7 @@ impl Listener {
         }
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
@@ -466,7 +466,7 @@ impl Listener {
         self.state
     }
 
-    /// Counts since the machine was made.
+    /// Counts since the listener was made.
     #[must_use]
     pub const fn counters(&self) -> ListenerCounters {
         let mut counters = self.counters;
@@ -543,7 +543,7 @@ impl Listener {
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
                     self.field_irqs = if there == self.field_on { 0 } else { irq };
                 }
-                // The status is read again: a frame may have begun since the read before.
+                // In an idle chip the status is read again, because a frame may have begun since the read before.
                 if idle {
                     self.short(ListenerState::RearmStatus, STATUS_READ)
                 } else {
@@ -570,7 +570,7 @@ impl Listener {
         self.silent_us = 0;
         count(&mut self.counters.faults);
         let state = if let Fault::Silence { .. } = fault {
-            // The next bring-up follows at once: `silences` makes these ever rarer.
+            // The next bring-up follows at once, without a back-off; `silences` doubles the time to the next silence.
             ListenerState::New
         } else {
             self.field_on = false;
@@ -593,20 +593,20 @@ impl Listener {
         }
     }
 
-    /// Handles the status at re-arming: a frame that has already begun is received, not cleared.
+    /// Handles the status that is read at re-arming: a frame that has already begun is received, not cleared.
     fn rearm(&mut self, status: Status) -> Step<ListenerEvent> {
         self.note_field(status);
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
         } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
-            // The FIFO is empty, and the clear would discard the I_rxs of a frame that begins just now.
+            // The FIFO is empty, so no clear is needed, and it could discard the I_rxs of a frame that begins just now.
             self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {
             self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
         }
     }
 
-    /// Reports remaining changes of the field, then waits.
+    /// Reports changes of the field that are not reported yet; if there are none, waits.
     fn resume(&mut self) -> Step<ListenerEvent> {
         if self.frame.is_none() {
             let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
@@ -643,8 +643,8 @@ impl Listener {
         Step::Wait { us }
     }
 
-    /// Notes a status that was read after a frame was delivered. Returns whether it shows that another frame has begun:
-    /// unless that is over already, the next [`Input::Start`] receives it.
+    /// Notes a status that was read after a frame was delivered. Returns whether the status shows that another frame
+    /// has begun: the next [`Input::Start`] receives that frame, unless it has ended already.
     pub(crate) fn overtaken(&mut self, status: Status) -> bool {
         self.note_field(status);
         let (begun, over) = (status.is_set(reg::IRQ_RXS), status.is_set(reg::IRQ_RXE));
@@ -685,9 +685,9 @@ impl Listener {
         }
     }
 
-    /// Begins a frame, which may be over already. I_rxe without I_rxs is one whose I_rxs was cleared.
+    /// Begins a frame, which may be over already. I_rxe without I_rxs is the end of one whose I_rxs was cleared.
     fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
-        // A frame proves that there is a field, reported or not (at a start with the field on).
+        // A frame proves that there is a field, whether I_eon has reported it or not (at a start with the field on).
         self.field_on = true;
         self.begin_frame(status);
         if status.is_set(reg::IRQ_RXE) { self.frame_ends(status) } else { self.wait() }
@@ -809,7 +809,7 @@ impl Frame {
         }
     }
 
-    /// Adds a status's information about this frame.
+    /// Adds the flags that a status read during this frame shows.
     pub(crate) fn note(&mut self, status: Status) {
         let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
         let ended = status.is_set(reg::IRQ_RXE);
@@ -823,14 +823,14 @@ impl Frame {
             .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
     }
 
-    /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on; 0 if it is
-    /// complete.
+    /// Ends the frame. Returns the number of bytes that are still to be read, from [`Frame::got`] on; 0 if the frame is
+    /// complete in the buffer.
     ///
     /// # Errors
-    /// The reason why it is not delivered.
+    /// The reason why the frame is not delivered.
     pub(crate) fn ends(&mut self, status: Status) -> Result<u16, Dropped> {
-        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. The
-        // last early read has taken it already if the frame ended during that read's status.
+        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. If
+        // the frame ended while the last early read's status was read, that read has taken the incomplete byte already.
         let mut count = status.count;
         if self.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {
@@ -848,7 +848,7 @@ impl Frame {
         }
     }
 
-    /// Notes a read of `count` bytes, of which this was the first.
+    /// Notes a read of `count` bytes; `first` is the first of them.
     pub(crate) fn was_read(&mut self, count: u16, first: Option<u8>) {
         if self.got == 0 {
             self.total = first.map(|len| u16::from(len) + 2);
@@ -857,7 +857,7 @@ impl Frame {
         self.read_us = count + READ_OVERHEAD_US;
     }
 
-    /// The length of the payload and the flags of a frame that is complete.
+    /// The length of the payload of a complete frame, and its flags.
     pub(crate) fn delivered(&self) -> (usize, FrameFlags) {
         let received = self.got + self.unread;
         let flags = if self.total == Some(received) { self.flags } else { self.flags.union(FrameFlags::LENGTH) };
@@ -872,9 +872,9 @@ impl Frame {
         };
     }
 
-    /// The time to wait now. While the plan lasts, it is the time until the plan's bytes should have arrived: counted
-    /// from the bytes at the last read, less that read's duration. After that it lasts until the longest frame would be
-    /// over.
+    /// The time of the next wait, µs. If the plan has a further read, it is the time until that read's bytes should
+    /// have arrived: counted from the bytes at the last read, less that read's duration. Otherwise it lasts until the
+    /// longest frame would have ended.
     fn next_wait_us(&mut self) -> u16 {
         let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
         loop {
@@ -884,7 +884,7 @@ impl Frame {
                 Plan::Tail => TAIL as u16,
                 Plan::End => return left_us,
             };
-            // These bytes had arrived when the last read was decided.
+            // This number of bytes had arrived when the last read was decided on.
             let arrived = self.got + MARGIN;
             if let Some(total) = self.total
                 && total > arrived + to_come
@@ -896,7 +896,7 @@ impl Frame {
     }
 }
 
-/// Whether a caller's buffer has no room for `bytes` bytes.
+/// Whether the caller's buffer has no room for a frame of `bytes` bytes.
 const fn is_too_long(bytes: u16) -> bool {
     bytes as usize > BUFFER
 }

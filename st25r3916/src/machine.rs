@@ -13,19 +13,19 @@ impl Short {
     /// The longest short transfer, in bytes: enough for one register address and seven registers.
     pub const MAX: usize = 8;
 
-    /// The bytes to clock out; the executor returns as many clocked-in bytes in [`Input::Done`].
+    /// The bytes to clock out. The executor returns the bytes clocked in, the same number, in [`Input::Done`].
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.len)).unwrap_or(&[])
     }
 
-    /// The [`Short::bytes`], padded with zeros, for a copy whose cost does not depend on their number.
+    /// The [`Short::bytes`], padded with zeros, for a copy whose cost does not depend on the number of bytes.
     #[must_use]
     pub const fn padded(&self) -> &[u8; Self::MAX] {
         &self.bytes
     }
 
-    /// `N` bytes to send; checked at compile time to fit.
+    /// A transfer of the `N` bytes `from`; the compiler checks that they fit.
     pub(crate) const fn new<const N: usize>(from: [u8; N]) -> Self {
         const { assert!(N >= 1 && N <= Self::MAX) };
         let mut bytes = [0; Self::MAX];
@@ -34,7 +34,7 @@ impl Short {
         Self { bytes, len: N as u8 }
     }
 
-    /// `head`, then `rest`; together at most [`Short::MAX`] bytes, further ones are not sent.
+    /// A transfer of `head`, then `rest`: together at most [`Short::MAX`] bytes; further bytes are not sent.
     pub(crate) fn of(head: &[u8], rest: &[u8]) -> Self {
         let mut short = Self { bytes: [0; Self::MAX], len: 0 };
         for (slot, byte) in short.bytes.iter_mut().zip(head.iter().chain(rest)) {
@@ -83,8 +83,8 @@ pub enum Input<'a> {
     /// After a [`Transfer::Read`] they are the bytes just read, `buffer[offset..offset + len]`. After a
     /// [`Transfer::Load`] there are none, `&[]`.
     Done(&'a [u8]),
-    /// The IRQ pin is high. This is a level, not an edge: if it still is, or is again, when a machine returns
-    /// [`Step::Wait`], this input is due at once.
+    /// The IRQ pin is high. This is a level, not an edge: if the pin is still high, or high again, when a machine
+    /// returns [`Step::Wait`], this input is due at once.
     Irq,
     /// The time of a [`Step::Wait`] or [`Step::Delay`] is over.
     Timeout,
@@ -103,12 +103,12 @@ pub enum Step<E> {
     /// Give [`Input::Irq`] when the IRQ pin is, or becomes, high, or [`Input::Timeout`] after `us`, whichever is first.
     /// Every wait has a time limit.
     Wait {
-        /// The time limit, µs; being late is harmless, being early is not.
+        /// The time limit, µs; a late [`Input::Timeout`] is harmless, an early one is not.
         us: u32,
     },
     /// Give [`Input::Timeout`] after `us`, whatever the IRQ pin does.
     Delay {
-        /// The duration, µs; being late is harmless.
+        /// The duration, µs; a late [`Input::Timeout`] is harmless.
         us: u32,
     },
     /// An event for the caller. Give [`Input::Start`] to continue.
@@ -116,7 +116,7 @@ pub enum Step<E> {
 }
 
 impl<E> Step<E> {
-    /// The same step of a machine with other events: `event` takes what this one reports.
+    /// This step with the events of another machine: `event` converts an event to a step of that machine.
     pub(crate) fn map<F>(self, event: impl FnOnce(E) -> Step<F>) -> Step<F> {
         match self {
             Self::Transfer(transfer) => Step::Transfer(transfer),
@@ -149,17 +149,17 @@ pub enum Fault {
     Regulator,
     /// A register differs from the driver's setting, at the end of bring-up or while the chip runs.
     Register {
-        /// Its address, 0x00..=0x3F; in space B with [`crate::register::SPACE_B`] added.
+        /// The address of the register, 0x00..=0x3F; in space B [`crate::register::SPACE_B`] is added to it.
         address: u8,
         /// The value that was set.
         expected: u8,
         /// The value that was read.
         found: u8,
     },
-    /// The chip has lost its configuration since bring-up: a power-up reset or a brown-out.
+    /// The chip has lost its configuration since bring-up: it was reset by a power-up or a brown-out.
     Reset,
-    /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first of these in
-    /// a row, for twice as long each time. The listener cannot distinguish a silent poller from its own deafness.
+    /// Listener, answerer: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first silence in a
+    /// row, for twice as long each time. The listener cannot distinguish a silent poller from its own deafness.
     Silence {
         /// Whether the chip detects the poller's field.
         field: bool,
@@ -175,7 +175,7 @@ pub enum Fault {
     FifoCount {
         /// The right number of bytes.
         expected: u16,
-        /// The FIFO's number of bytes.
+        /// The number of bytes in the FIFO.
         found: u16,
     },
     /// Sending: the FIFO ran dry or over, so the frame is damaged.

@@ -52,14 +52,14 @@
 //! on, and one of the settings of bring-up, in turn) and leads to [`PollerEvent::Ready`]. The field stays on from
 //! bring-up on.
 //!
-//! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends that way,
-//! and it was never observed. So the driver does not depend on it: if I_txe has not come when its time is over, and the
-//! FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
+//! The data sheet implies that the chip raises I_txe while its receiver is off, but no public driver sends with the
+//! receiver off, and this was never observed. So the driver does not depend on I_txe: if it has not come within its
+//! time, and the FIFO is empty, the chip has sent the frame, and [`PollerEvent::Sent`] reports it as unconfirmed.
 //!
 //! The FIFO cannot run dry if the executor begins to load the rest within [`rest_within_us`] of the transmit command.
-//! If a chip reports it anyway, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is sent. The number
-//! of bytes needs no check of its own before the frame is sent: one too few is an underflow, one too many is left over
-//! ([`Fault::FifoCount`]), and the listener rejects what the frame's own checks do not cover.
+//! If the chip reports it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next frame is sent.
+//! The number of loaded bytes is not checked before the frame is sent: with a byte too few the FIFO runs dry, a byte
+//! too many is left over ([`Fault::FifoCount`]), and the listener rejects other damage by the payload's own checks.
 //!
 //! # Recovery
 //!
@@ -71,8 +71,8 @@
 //! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when it is read back.
 //!
 //! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to 5 ms)
-//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause one and
-//! leaves the field on.
+//! and drops the field meanwhile, which the listener detects. Therefore a single lost frame does not cause a bring-up,
+//! and the field stays on.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, Progress, ReceiverMode, Role};
 use crate::machine::{Fault, Input, Short, Step, Transfer};
@@ -84,12 +84,12 @@ use crate::{Variant, command};
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
+/// The latest time after the transmit command at which the load of the rest of the payload may begin, µs, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
-/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
-/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded it after `n - HEAD + 2` bytes, the first of which is
-/// the FIFO load command. Because the SPI is faster, the first byte of the rest decides.
+/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: `64 + 8 · (n
+/// + 1)` bits of 32 / 13.56 MHz. The SPI has loaded byte `n` after `n - HEAD + 2` bytes, the first of which is the FIFO
+/// load command. The SPI is faster than the air, so if the first byte of the rest is in time, all later bytes are.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
@@ -106,7 +106,7 @@ pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
-    /// Receiver off, or on and masked.
+    /// The state of the receiver: off, or on and masked.
     pub receiver: ReceiverMode,
     /// After a frame, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: more were loaded than the frame
     /// has.
@@ -130,7 +130,7 @@ impl Default for PollerConfig {
     }
 }
 
-/// A poller's event.
+/// An event of a poller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerEvent {
@@ -145,11 +145,11 @@ pub enum PollerEvent {
     Loaded,
     /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
     Sent {
-        /// Whether I_txe confirmed it. If not, its time is over and the FIFO empty.
+        /// Whether the interrupt I_txe confirmed the end. If not, the frame's time is over and the FIFO is empty.
         confirmed: bool,
     },
-    /// The frame, or the chip, is lost; [`Input::Start`] recovers, to [`PollerEvent::Ready`] or
-    /// to the next fault.
+    /// The frame is lost, or the chip has failed; [`Input::Start`] begins the recovery, which leads to
+    /// [`PollerEvent::Ready`] or to the next fault.
     Fault(Fault),
 }
 
@@ -157,7 +157,7 @@ pub enum PollerEvent {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerState {
-    /// The initial state.
+    /// The chip needs its first bring-up, which the next step begins.
     New,
     /// A fault was reported; the chip needs a bring-up.
     Faulted,
@@ -177,21 +177,21 @@ pub enum PollerState {
     CheckingField,
     /// Between frames: one of the settings of bring-up is being read back.
     CheckingSetting,
-    /// [`Poller::prepare`] is possible.
+    /// The chip is configured and checked, so that [`Poller::prepare`] is possible.
     Ready,
     /// A frame is being prepared, loaded, or is on air.
     Sending(SendState),
-    /// The frame was sent and reported.
+    /// The frame was sent, and the owner has got the event about it.
     Sent,
 }
 
-/// Counts since the machine was made; each wraps.
+/// Counts since the poller was made; each wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerCounters {
     /// Frames sent.
     pub sent: u32,
-    /// Frames sent without I_txe.
+    /// Frames that were sent without a confirmation by I_txe.
     pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,
@@ -208,7 +208,7 @@ pub struct Poller {
     bring_up: BringUp,
     state: PollerState,
     sender: Sender,
-    /// Whether the last frame was lost, without a bring-up since.
+    /// Whether the last frame was lost, and the chip has not been brought up since.
     lost: bool,
     counters: PollerCounters,
 }
@@ -220,7 +220,7 @@ impl Poller {
         Self::with_role(Role::Poller(config.receiver), config)
     }
 
-    /// The same in a role that sends as a poller does.
+    /// A poller in `role`, which sends as [`Role::Poller`] does.
     pub(crate) const fn with_role(role: Role, config: PollerConfig) -> Self {
         Self {
             config,
@@ -232,7 +232,7 @@ impl Poller {
         }
     }
 
-    /// The part that answered the last bring-up.
+    /// The chip's type, as its identity register gave it at the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
         self.bring_up.variant()
@@ -251,7 +251,7 @@ impl Poller {
         self.state
     }
 
-    /// Counts since the machine was made.
+    /// Counts since the poller was made.
     #[must_use]
     pub const fn counters(&self) -> PollerCounters {
         self.counters
@@ -264,8 +264,8 @@ impl Poller {
         matches!(self.state, PollerState::Ready | PollerState::Sending(SendState::Prepared))
     }
 
-    /// The transfer that starts transmission (C4, one byte): the executor makes it at its own instant after
-    /// [`PollerEvent::Loaded`], then gives [`Input::Done`].
+    /// The transfer that starts the transmission (C4, one byte). The executor makes it after [`PollerEvent::Loaded`],
+    /// at an instant that it chooses, and then gives [`Input::Done`].
     #[must_use]
     pub const fn transmit() -> Short {
         command::TRANSMIT_WITH_CRC

@@ -19,7 +19,7 @@
 //!
 //! Where they disagree, `docs/decisions/0008-receive-chain.md` gives the choice and the reason.
 
-/// The offset of an address in space B where one number has to name a register of either space.
+/// The offset that marks an address as one of space B, where a single number names a register of either space.
 pub const SPACE_B: u8 = 0x40;
 
 /// IO configuration 1: MCU clock output, I²C thresholds.
@@ -49,50 +49,50 @@ pub const RECEIVER_3: u8 = 0x0D;
 pub const RECEIVER_4: u8 = 0x0E;
 /// Mask-receive timer.
 pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
-/// No-response timer, most significant byte; the least significant follows at 0x11, the timers' control at 0x12. 0 is
-/// off.
+/// No-response timer, most significant byte. The least significant byte follows at 0x11, the timers' control at 0x12.
+/// The value 0 switches the timer off.
 pub const NO_RESPONSE_TIMER: u8 = 0x10;
-/// First of four interrupt mask registers, 0x16..=0x19; 1 masks. A masked bit still sets.
+/// First of four interrupt mask registers, 0x16..=0x19. A bit of 1 masks; a masked interrupt still sets its bit.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
-/// Last interrupt mask register. Everything it masks concerns card emulation in NFC-A and wake-up; this driver keeps it
-/// at [`IRQ_MASK_TARGET_ALL`], while a reset chip has 0. Bit 2 is reserved and reads 0 whatever is written (*seen*:
-/// 0xFF written, 0xFB read).
+/// Last interrupt mask register. All its interrupts concern card emulation in NFC-A and wake-up. This driver keeps the
+/// register at [`IRQ_MASK_TARGET_ALL`], while a reset chip has 0. Bit 2 is reserved and reads 0 whatever is written
+/// (*seen*: 0xFF written, 0xFB read).
 pub const IRQ_MASK_TARGET: u8 = 0x19;
-/// First of four interrupt registers, 0x1A..=0x1D; reading clears.
+/// First of four interrupt registers, 0x1A..=0x1D; a read clears them.
 pub const IRQ_MAIN: u8 = 0x1A;
-/// FIFO status 1: count, bits 7:0. Status 2 follows at 0x1F.
+/// FIFO status 1: bits 7:0 of the number of bytes. FIFO status 2 follows at 0x1F.
 pub const FIFO_STATUS_1: u8 = 0x1E;
 /// Transmit length in bytes, bits 12:5; bits 4:0 follow at 0x23, shifted left by 3.
 pub const TRANSMIT_LENGTH: u8 = 0x22;
-/// Result of the chip's A/D converter (read only); after [`crate::command::MEASURE_SUPPLY`] it is the supply in steps
-/// of 23.4 mV.
+/// Result of the chip's A/D converter (read only). After [`crate::command::MEASURE_SUPPLY`] it is the supply voltage in
+/// steps of 23.4 mV.
 pub const AD_RESULT: u8 = 0x25;
-/// Antenna tuning A; B follows at 0x27. They drive the tuning pins only while [`IO_2_ANTENNA_TUNING`] is set.
+/// Antenna tuning A; B follows at 0x27. Both drive the tuning pins only while [`IO_2_ANTENNA_TUNING`] is set.
 pub const ANTENNA_TUNING: u8 = 0x26;
 /// Transmit driver: AM depth (bits 7:4), output resistance (bits 3:0).
 pub const TRANSMIT_DRIVER: u8 = 0x28;
 /// Passive target modulation: the driver's resistance while an answer modulates the field (`ptm_res`, bits 7:4) and
 /// while it does not (`pt_res`, bits 3:0).
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
-/// Upper threshold of the external field detector, mV at its input, for a field to appear; the lower one, for it to
-/// stay, follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
+/// External field detector: the upper threshold, in mV, at which a field appears; the lower one, above which it stays,
+/// follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
 pub const FIELD_THRESHOLDS: u8 = 0x2A;
-/// Regulator control: regulated voltage by hand or as adjusted (`reg_s`), and the source of a supply measurement
-/// (`mpsv`, bits 2:0).
+/// Regulator control: whether the regulated voltage is set by hand or as adjusted (`reg_s`), and the source of a supply
+/// measurement (`mpsv`, bits 2:0).
 pub const REGULATOR_CONTROL: u8 = 0x2C;
 /// Auxiliary display (read only).
 pub const AUXILIARY_DISPLAY: u8 = 0x31;
 /// Identity (read only): type in bits 7:3, revision in bits 2:0.
 pub const IDENTITY: u8 = 0x3F;
-/// Space B: correlator configuration 1; 2 follows at 0x0D. 0x93 and 0x00 after a reset (*seen*).
+/// Space B: correlator configuration 1; configuration 2 follows at 0x0D. After a reset 0x93 and 0x00 (*seen*).
 pub const B_CORRELATOR: u8 = 0x0C;
 /// Space B: auxiliary modulation: the drivers for load modulation, and the method of a poller's amplitude modulation.
 pub const B_AUXILIARY_MODULATION: u8 = 0x28;
 /// Space B: resistive AM modulation (bits 6:0), and the non-overlap of the drivers (`fa3_f`, bit 7).
 pub const B_DRIVER_NON_OVERLAP: u8 = 0x2A;
-/// Space B, ST25R3916B only: active wave shaping, configuration 1; 2 follows at 0x2F.
+/// Space B, ST25R3916B only: active wave shaping, configuration 1; configuration 2 follows at 0x2F.
 pub const B_WAVE_SHAPING: u8 = 0x2E;
-/// Space B, ST25R3916B only: times of the active wave shaping, the first four of six, in carrier periods.
+/// Space B, ST25R3916B only: the first four of six times of the active wave shaping, in carrier periods.
 pub const B_WAVE_SHAPING_TIMES: u8 = 0x34;
 /// Test space, ST25R3916 only: the threshold of the internal overheat protection.
 pub const TEST_OVERHEAT: u8 = 0x04;
@@ -104,7 +104,7 @@ pub const IO_2_MISO: u8 = 0x1C;
 /// [`IO_CONFIGURATION_2`]: `aat_en`, without which the antenna tuning registers have no effect (*RFAL* and *Delpy*,
 /// both parts; *seen*: 0x3C on real boards).
 pub const IO_2_ANTENNA_TUNING: u8 = 0x20;
-/// [`IO_CONFIGURATION_2`]: `sup3V` for a supply between 2.4 V and 3.6 V; it is clear above 3.6 V.
+/// [`IO_CONFIGURATION_2`]: `sup3V` for a supply between 2.4 V and 3.6 V; the bit is clear above 3.6 V.
 pub const IO_2_SUPPLY_3V: u8 = 0x80;
 
 /// [`REGULATOR_CONTROL`]: `reg_s`, which is set and cleared before the regulators are adjusted (*RFAL*, *Delpy*,
@@ -147,30 +147,30 @@ pub const RECEIVER_2_NFC_F: u8 = 0x2D;
 pub const RECEIVER_3_NFC_F: u8 = 0x00;
 /// [`RECEIVER_4`] for NFC-F: no gain reduction in the second stage, AM and PM. (*Flipper*, *RFAL*, *Guyot*.)
 pub const RECEIVER_4_NFC_F: u8 = 0x00;
-/// [`B_CORRELATOR`], two registers, for NFC-F: `corr_s6`, `corr_s4`, `corr_s2`; the second is 0. (*Flipper*'s NFC-F
-/// listener, *RFAL*, *Guyot*.)
+/// [`B_CORRELATOR`], two registers, for NFC-F: `corr_s6`, `corr_s4`, `corr_s2` in the first; the second is 0.
+/// (*Flipper*'s NFC-F listener, *RFAL*, *Guyot*.)
 pub const CORRELATOR_NFC_F: [u8; 2] = [0x54, 0x00];
 /// [`MASK_RECEIVE_TIMER`]: two steps. (*Flipper*'s listeners, *Delpy*'s targets.)
 pub const MASK_RECEIVE_SHORT: u8 = 0x02;
-/// [`RECEIVER_2`] of a poller with an ST25R3916 that receives answers in NFC-F: as [`RECEIVER_2_NFC_F`], and
-/// `pulz_61`. (*RFAL*, *Guyot*; *TM* recommends `pulz_61` = 0 for FeliCa.)
+/// [`RECEIVER_2`] of a poller with an ST25R3916 that receives answers in NFC-F: [`RECEIVER_2_NFC_F`] and `pulz_61`.
+/// (*RFAL*, *Guyot*; *TM* recommends `pulz_61` = 0 for FeliCa.)
 pub const RECEIVER_2_ANSWER_A: u8 = 0x3D;
-/// The same of a poller with an ST25R3916B: its I/Q demodulator (`demod_mode`) with the mixer (`amd_sel`), which
-/// compare with the poller's own carrier. (*RFAL* alone.)
+/// [`RECEIVER_2`] of a poller with an ST25R3916B that receives answers: its I/Q demodulator (`demod_mode`) and the
+/// mixer (`amd_sel`), which compare the answer with the poller's own carrier. (*RFAL* alone.)
 pub const RECEIVER_2_ANSWER_B: u8 = 0xFD;
-/// [`MASK_RECEIVE_TIMER`] of a poller that receives answers: 40 steps of 64/fc = 189 µs after its own frame, within
-/// which no listener may answer, less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)
+/// [`MASK_RECEIVE_TIMER`] of a poller that receives answers: 40 steps of 64/fc = 189 µs after its own frame. This is
+/// the time in which no listener may answer, less the one step of jitter that ST allows for. (*RFAL*: 2672/fc - 64/fc.)
 pub const MASK_RECEIVE_GUARD: u8 = ((GUARD_FC - 64) / 64) as u8;
-/// The time after a poller's frame before which a listener must not answer in NFC-F, carrier periods: 197 µs. (NFC
-/// Forum, Digital Protocol 1.1, A.4, TR0F,LISTEN,MIN, as *RFAL* and Proxmark3, `armsrc/felica.c`, have it.)
+/// The time after a poller's frame in which a listener must not answer in NFC-F, in carrier periods: 197 µs. (NFC
+/// Forum, Digital Protocol 1.1, A.4, TR0F,LISTEN,MIN, as given by *RFAL* and by Proxmark3, `armsrc/felica.c`.)
 pub const GUARD_FC: u32 = 2_672;
 /// Timers' control, after [`NO_RESPONSE_TIMER`]: steps of 64/fc, no EMV mode, start at the end of transmission. (*RFAL*
 /// for every exchange; *TM*.)
 pub const TIMERS_64_FC: u8 = 0x00;
 /// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916 (*RFAL*, *Flipper*).
 pub const ANTENNA_TUNING_POLLER_A: [u8; 2] = [0x82, 0x82];
-/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B (*RFAL*; it depends on the board's matching
-/// network, and this is ST's for its expansion board).
+/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B. (*RFAL*. The value depends on the board's
+/// matching network, and this is ST's value for its expansion board.)
 pub const ANTENNA_TUNING_POLLER_B: [u8; 2] = [0xC5, 0xE3];
 /// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916 (*RFAL*, *Delpy*).
 pub const ANTENNA_TUNING_LISTENER_A: [u8; 2] = [0x00, 0xFF];
@@ -181,45 +181,45 @@ pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
 /// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) or by an external (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;
-/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916 that answers: high impedance until it modulates, then step 5. (*RFAL*;
-/// *Flipper* and older versions of *RFAL* have step 0, the lowest resistance, and high impedance as well: 0F.)
+/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916 that answers: high impedance while it does not modulate, step 5 while
+/// it does. (*RFAL*; *Flipper* and older versions of *RFAL* use step 0, the lowest resistance, instead of step 5: 0F.)
 pub const PASSIVE_TARGET_ANSWERS_A: u8 = 0x5F;
-/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916B that answers: step 14, next to high impedance, and step 2 when it
-/// modulates. (*RFAL*; *Delpy* has high impedance instead of step 14: 2F.)
+/// [`PASSIVE_TARGET_MODULATION`] of an ST25R3916B that answers: step 14, next to high impedance, while it does not
+/// modulate, and step 2 while it does. (*RFAL*; *Delpy* has high impedance instead of step 14: 2F.)
 pub const PASSIVE_TARGET_ANSWERS_B: u8 = 0x2E;
 /// [`B_AUXILIARY_MODULATION`] of an ST25R3916 that answers: its own driver modulates (`lm_dri`), no external one
 /// (`lm_ext`). (*RFAL*; *Flipper* sets `lm_ext` as well, which drives a pin that ST's boards do not use.)
 pub const LOAD_MODULATION_BY_DRIVER_A: u8 = 0x10;
-/// [`B_AUXILIARY_MODULATION`] of an ST25R3916B that answers: `lm_dri`, and `dis_reg_am` as for a poller, because it
-/// belongs to the board. `rgs_am` is clear. (*RFAL*, which clears `rgs_am` for listening; *TM*: clear in card mode.)
+/// [`B_AUXILIARY_MODULATION`] of an ST25R3916B that answers: `lm_dri`, and `dis_reg_am` as for a poller, because that
+/// bit depends on the board. `rgs_am` is clear. (*RFAL* clears it for listening; *TM*: clear in card mode.)
 pub const LOAD_MODULATION_BY_DRIVER_B: u8 = 0x90;
-/// [`FIELD_THRESHOLDS`], two registers. Peer detection, which a listener uses: upper threshold 105 mV, lower 75 mV
-/// (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, for which the
-/// former is the data sheet's; the others have 105 mV and 75 mV). No source states the values after a reset; with 00 00
-/// both thresholds would be 75 mV.
+/// [`FIELD_THRESHOLDS`], two registers. Peer detection, which a listener uses: upper threshold 105 mV, lower threshold
+/// 75 mV (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, which says
+/// that 205 mV is from the data sheet; the others have 105 mV and 75 mV). No source states the values after a reset;
+/// with 00 00 all thresholds would be 75 mV.
 pub const FIELD_THRESHOLDS_WITH_HYSTERESIS: [u8; 2] = [0x13, 0x02];
 /// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916: amplitude modulation by the regulator (`dis_reg_am` = 0,
 /// `res_am` = 0), no load modulation. (*RFAL*, *Flipper*.)
 pub const AM_BY_REGULATOR_A: u8 = 0x00;
-/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916B: `dis_reg_am` = 1, which belongs to `act_amsink` = 0 in
-/// [`IO_CONFIGURATION_2`] and a small capacitor at VDD_AM (*TM*), and `rgs_am`: modulation by active wave shaping.
-/// (*RFAL*, *Delpy*: 94, which has the driver's load modulation, `lm_dri`, as well; a poller does not need it.)
+/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916B: `rgs_am` for modulation by active wave shaping, and
+/// `dis_reg_am` = 1, which belongs to `act_amsink` = 0 in [`IO_CONFIGURATION_2`] and a small capacitor at VDD_AM
+/// (*TM*). (*RFAL*; *Delpy* has 94, with the driver's load modulation, `lm_dri`, which a poller does not need.)
 pub const AM_BY_WAVE_SHAPING_B: u8 = 0x84;
-/// [`B_WAVE_SHAPING`], two registers, for NFC-F: `vddrf_cont`, which must be 1 (*TM*), with `rgs_txonoff`; then
-/// symmetric shape (`am_sym`, for ASK), weak sink, filter constant 8. (*RFAL*; *Delpy* the same but for NFC-A, with 18
-/// for OOK.)
+/// [`B_WAVE_SHAPING`], two registers, for NFC-F. First: `vddrf_cont`, which must be 1 (*TM*), and `rgs_txonoff`.
+/// Second: symmetric shape (`am_sym`, for ASK), weak sink, filter constant 8. (*RFAL*; *Delpy* has these for NFC-A, but
+/// 18, for OOK, in the second.)
 pub const WAVE_SHAPING_NFC_F: [u8; 2] = [WAVE_SHAPING_SUPPLY, 0x28];
 /// The first register of [`B_WAVE_SHAPING`] alone: `vddrf_cont` and `rgs_txonoff`, which *RFAL* sets for every role.
 pub const WAVE_SHAPING_SUPPLY: u8 = 0x09;
-/// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; 0; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7. (*RFAL*,
-/// which leaves the second at its reset value; *Delpy*, which sets it to 0.)
+/// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; 0; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7. (*RFAL*
+/// leaves the second register at its reset value; *Delpy* sets it to 0.)
 pub const WAVE_SHAPING_TIMES_NFC_F: [u8; 4] = [0x01, 0x00, 0x79, 0x07];
-/// [`B_DRIVER_NON_OVERLAP`]: the smallest value (`fa3_f`), which affects the efficiency. (*RFAL*, *Flipper*.)
+/// [`B_DRIVER_NON_OVERLAP`]: the smallest non-overlap (`fa3_f`), which affects the efficiency. (*RFAL*, *Flipper*.)
 pub const DRIVER_NON_OVERLAP_LEAST: u8 = 0x80;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916B: 12 % AM (am_mod = 4), lowest output resistance.
 pub const TRANSMIT_DRIVER_12_PERCENT_B: u8 = 0x40;
-/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The two parts code the depth
-/// differently: 4 would be 9 % here.
+/// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The ST25R3916 and the
+/// ST25R3916B code the depth differently: 4, which is 12 % on the latter, would be 9 % here.
 pub const TRANSMIT_DRIVER_12_PERCENT_A: u8 = 0x70;
 /// [`TEST_OVERHEAT`]: keeps the internal overheat protection of the ST25R3916 from switching off below the permitted
 /// junction temperature. The power-on sequence requires it after each set default (*RFAL*, *Flipper*, *Guyot*,
@@ -247,16 +247,16 @@ pub const IRQ_CRC: u8 = 0x80;
 /// Error interrupts: parity (0x40), soft framing (0x20), hard framing (0x10).
 pub const IRQ_FRAMING: u8 = 0x70;
 
-/// Poller masks, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error, every target
-/// interrupt. They include the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
+/// Interrupt masks of a poller, 0x16..=0x19: all but I_osc and I_txe (main), all but I_dct (timer), every error, every
+/// target interrupt. The masked ones include the FIFO water level (I_wl), which a frame of more than 200 bytes raises.
 pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
-/// Masks of a poller that receives answers: all but I_osc, I_rxs, I_rxe and I_txe (main), all but I_dct and I_nre
-/// (timer), every error, every target interrupt.
+/// Interrupt masks of a poller that receives answers: all but I_osc, I_rxs, I_rxe and I_txe (main), all but I_dct and
+/// I_nre (timer), every error, every target interrupt.
 pub const EXCHANGE_MASKS: [u8; 4] = [0x47, 0x3F, 0xFF, IRQ_MASK_TARGET_ALL];
-/// Masks of a listener that answers: [`LISTENER_MASKS`] without I_txe.
+/// Interrupt masks of a listener that answers: [`LISTENER_MASKS`], but I_txe is not masked.
 pub const ANSWERER_MASKS: [u8; 4] = [0xC7, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
-/// Listener masks: all but I_rxs and I_rxe, all but I_eon and I_eof, errors not masked, every
-/// target interrupt masked.
+/// Interrupt masks of a listener: all but I_rxs and I_rxe (main), all but I_eon and I_eof (timer), no receive error,
+/// every target interrupt.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
 /// [`IRQ_MASK_TARGET`] as this driver sets it: every existing interrupt, with the reserved bit 2 left 0, so that it
 /// reads back as written; it is 0x00 after a reset.
@@ -266,7 +266,7 @@ pub const IRQ_MASK_TARGET_ALL: u8 = 0xFB;
 pub const FIFO_UNDERFLOW: u8 = 0x20;
 /// FIFO status 2: overflow.
 pub const FIFO_OVERFLOW: u8 = 0x10;
-/// FIFO status 2: bits in an incomplete last byte, or its parity missing.
+/// FIFO status 2: the number of bits in an incomplete last byte, or its missing parity bit.
 pub const FIFO_LAST_BITS: u8 = 0x0F;
 /// The FIFO's size in bytes.
 pub const FIFO_SIZE: u16 = 512;
@@ -278,9 +278,9 @@ pub const DISPLAY_TX_ON: u8 = 0x20;
 /// Auxiliary display: oscillator stable (*seen*).
 pub const DISPLAY_OSC_OK: u8 = 0x10;
 
-/// Identity without its revision.
+/// The bits of the identity register without the revision.
 pub const IDENTITY_TYPE: u8 = 0xF8;
-/// Type of the ST25R3916 (0x2A with its revision, *seen*).
+/// The type of the ST25R3916 in the identity register (0x2A with its revision, *seen*).
 pub const IDENTITY_A: u8 = 0x28;
-/// Type of the ST25R3916B (0x31 with its revision).
+/// The type of the ST25R3916B in the identity register (0x31 with its revision).
 pub const IDENTITY_B: u8 = 0x30;

@@ -1,7 +1,7 @@
-//! The sending of one frame, as a part of a machine: from its preparation to its last bit.
+//! The sending of one frame, as a part of a machine: from the frame's preparation to its last bit.
 //!
-//! It is what a poller's frame and an answer have in common. The machine around it decides when a frame is prepared,
-//! what follows its end, and how a failure is recovered from. [`crate::poller`] describes the steps.
+//! The steps here are common to a poller's frame and an answer. The machine around them determines when a frame is
+//! prepared, what follows its end, and how a failure is recovered from. [`crate::poller`] describes the steps.
 
 use crate::bring_up::IDLE_IRQS;
 use crate::machine::{Fault, Input, Short, Transfer};
@@ -9,8 +9,8 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{air_time_us, command};
 
-/// The excess over its air time after which a frame's end counts as missing, in microseconds. Recordings show the first
-/// bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame must fit
+/// The time, in microseconds, after a frame's air time at which its end counts as missing. Recordings show the first
+/// bit 3 to 5 µs after the command. Where I_txe never comes, this margin and the preparation of the next frame must fit
 /// between two frames.
 pub const TRANSMIT_MARGIN_US: u32 = 100;
 /// The number of payload bytes that are in the FIFO before the transmit command; the rest is loaded after it.
@@ -22,11 +22,11 @@ pub const HEAD: usize = 16;
 pub enum SendState {
     /// The FIFO is being cleared.
     PreparingClear,
-    /// Its length is being written.
+    /// The frame's length is being written.
     PreparingLength,
-    /// Earlier interrupts and the FIFO level are being read.
+    /// The status is being read: interrupts from before the frame, which the read clears, and the FIFO level.
     CheckingFifo,
-    /// It is prepared.
+    /// The FIFO is empty and the length is set; the payload is loaded next.
     Prepared,
     /// The first bytes of the payload are being loaded.
     LoadingHead,
@@ -38,7 +38,7 @@ pub enum SendState {
     OnAir,
     /// On air: the interrupt registers are being read.
     ReadingIrqs {
-        /// Whether the frame's time is over: this read decides.
+        /// Whether the frame's time is over, so that this is the last read, which decides whether the frame was sent.
         last: bool,
     },
 }
@@ -53,7 +53,7 @@ pub enum SendError {
     Length,
 }
 
-/// The next action of the sending.
+/// The next action in sending a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sending {
     Transfer(SendState, Transfer),
@@ -64,7 +64,7 @@ pub(crate) enum Sending {
     /// The FIFO holds the first bytes: the transmit command is due.
     Loaded,
     Sent {
-        /// Whether I_txe confirmed it.
+        /// Whether the interrupt I_txe confirmed the end of the frame.
         confirmed: bool,
     },
     Failed(Fault),
@@ -73,7 +73,7 @@ pub(crate) enum Sending {
 /// The sending of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Sender {
-    /// Fail if bytes are left in the FIFO after the frame.
+    /// Whether bytes that are left in the FIFO after the frame are a failure.
     check_left_over: bool,
     /// The number of payload bytes of the present frame.
     len: u8,
@@ -85,10 +85,10 @@ impl Sender {
         Self { check_left_over, len: 0, idle_irqs: 0 }
     }
 
-    /// Begins a frame of `len` payload bytes, if the machine's state permits it (`ready`).
+    /// Begins a frame of `len` payload bytes, if the state of the machine permits a new frame (`ready`).
     ///
     /// # Errors
-    /// [`SendError`]; nothing has changed.
+    /// [`SendError`]; nothing has been changed.
     pub(crate) fn prepare(&mut self, len: usize, ready: bool) -> Result<Sending, SendError> {
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
@@ -100,7 +100,7 @@ impl Sender {
         Ok(short(SendState::PreparingClear, command::CLEAR_FIFO))
     }
 
-    /// Takes one input in this state. After [`SendState::Prepared`] any input continues.
+    /// Takes one input in state `state`. After [`SendState::Prepared`] any input continues.
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
         match (state, input) {
             (SendState::PreparingClear, Input::Done(_)) => {
@@ -130,8 +130,8 @@ impl Sender {
         }
     }
 
-    /// Waits for the end of the frame, counted from the end of its load, which takes at least as long as on an SPI of
-    /// 10 MHz.
+    /// Waits for the end of the frame. The time of its load counts as part of the wait; it is taken as on an SPI of 10
+    /// MHz, which is the shortest.
     fn wait(&self) -> Sending {
         let rest = u32::from(self.len).saturating_sub(HEAD as u32);
         Sending::Wait(SendState::OnAir, air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10)
@@ -163,8 +163,8 @@ impl Sender {
     }
 }
 
-/// Whether a fault lost one frame and nothing else, as far as is known: the chip is stopped and cleared, and brought up
-/// only if it happens again.
+/// Whether a fault lost one frame and nothing else, as far as is known. The chip is then stopped and cleared, and is
+/// brought up again only if the next frame is lost, too.
 pub(crate) const fn is_light(fault: Fault) -> bool {
     matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. })
 }

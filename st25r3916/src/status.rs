@@ -1,10 +1,10 @@
 //! The status read: interrupts and FIFO level in a single transfer.
 //!
-//! It covers registers 0x19..=0x1F, auto-increment, eight bytes on the wire: the last mask register, the four interrupt
-//! registers (which reading clears), the two FIFO status registers. Reading them together saves two transfers per
-//! interrupt and pairs the interrupts with a FIFO level that is never older than they are. The mask register is read
-//! along because it costs one byte and shows that the chip still has its configuration: this driver keeps it at 0xFB
-//! and a reset makes it 0x00.
+//! The transfer reads registers 0x19..=0x1F with auto-increment, eight bytes on the wire: the last mask register,
+//! the four interrupt registers (which the read clears), and the two FIFO status registers. One transfer instead of
+//! three for each interrupt saves time, and the FIFO level is never older than the interrupts. The mask register
+//! costs one byte and shows that the chip still has its configuration: this driver keeps it at 0xFB, and a reset
+//! makes it 0x00.
 
 use crate::command;
 use crate::machine::{Fault, Short};
@@ -22,7 +22,7 @@ pub(crate) struct Status {
     pub(crate) target: u8,
     /// The number of bytes in the FIFO.
     pub(crate) count: u16,
-    /// FIFO status 2 without the count.
+    /// The bits of FIFO status 2 that do not belong to the number of bytes.
     pub(crate) fifo: u8,
 }
 
@@ -30,9 +30,9 @@ impl Status {
     /// Parses the response to [`STATUS_READ`].
     ///
     /// # Errors
-    /// [`Fault::Bus`] where no chip gives this response (wrong length, or a FIFO level beyond the FIFO, as on a line
-    /// stuck high); [`Fault::Reset`] where the mask register has its reset value, [`Fault::Register`] where it
-    /// otherwise differs from its setting.
+    /// [`Fault::Bus`] where no chip gives this response (wrong length, or a level beyond the FIFO's size, as on a line
+    /// that is stuck high); [`Fault::Reset`] where the mask register has its reset value; [`Fault::Register`] where the
+    /// mask register otherwise differs from its setting.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
@@ -61,7 +61,7 @@ impl Status {
         self.main | self.timer | self.error | self.target == 0
     }
 
-    /// Whether the FIFO ran dry or over.
+    /// Whether the FIFO ran dry or over during a frame.
     pub(crate) const fn flow_error(self) -> bool {
         self.fifo & (reg::FIFO_UNDERFLOW | reg::FIFO_OVERFLOW) != 0
     }

@@ -42,11 +42,12 @@ pub(crate) enum Seen {
     Other,
 }
 
-/// The nRF52840's FICR.INFO.PART, and the device number of STM32F42x and F43x.
+/// The value of FICR.INFO.PART in an nRF52840.
 const NRF52840: u32 = 0x52840;
+/// The device number of STM32F42x and STM32F43x in DBGMCU's IDCODE.
 const STM32F42X: u32 = 0x419;
 
-/// The reason why the part at the probe cannot be this board's; `None` if it can be.
+/// Returns the reason why the part at the probe cannot be this board's; `None` if it can be.
 pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
     let what = match (board, seen) {
         (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
@@ -65,7 +66,7 @@ pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String
     ))
 }
 
-/// The message for the user whose command for this board was refused, with a probe of this name.
+/// Returns the message for a user whose command for this board was refused; `probe` is the probe's name.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
     match refusal {
@@ -102,20 +103,21 @@ pub(crate) const fn connection(board: Board) -> &'static str {
     }
 }
 
-/// The change of UICR.APPROTECT that is needed for the debug port of an nRF52840 to be open after the next power-on.
+/// The change of UICR.APPROTECT that an nRF52840 needs so that its debug port is open after the next power-on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Approtect {
-    /// No change: the value is right, or the part is of the older kind. That kind is open while UICR is erased, and the
-    /// newer kind's value is not defined for it.
+    /// No change is needed: the value is right, or the part is of the older kind. A part of the older kind is open
+    /// while UICR is erased, and the newer kind's value is not defined for it.
     Leave,
     /// The word is erased, so [`HW_DISABLED`] must be programmed.
     Program,
-    /// The word holds another value, which only erasing can change: the part will be locked after the next power-on.
+    /// The word holds another value, which only erasing UICR can change. The part will be locked after the next
+    /// power-on.
     WillLock,
 }
 
 impl Approtect {
-    /// The change that a part needs whose FICR.INFO.VARIANT and UICR.APPROTECT are these words.
+    /// Returns the change that a part needs; the arguments are its FICR.INFO.VARIANT and its UICR.APPROTECT.
     pub(crate) const fn of(variant: u32, uicr_approtect: u32) -> Self {
         let [_, build_code, ..] = variant.to_le_bytes();
         if build_code < FIRST_LOCKED || uicr_approtect & 0xFF == HW_DISABLED {

@@ -21,29 +21,30 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
 use crate::Board;
 use crate::bench_flash::{self, desk};
 
-/// The time from a command to the probe until its answer, ns. The probes on both boards are on full-speed USB, whose
+/// How long the probe takes from a command to its answer, ns. The probes on both boards are on full-speed USB, whose
 /// frames are 1 ms apart (USB 2.0, 5.3.3).
 const COMMAND_NS: u64 = 1_000_000;
 
-/// The clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two idle
-/// clocks.
+/// The number of clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1),
+/// and two idle clocks.
 const TRANSFER_CLOCKS: u64 = 48;
 
-/// The clock SWCLK, kHz: the default of probes, and the highest that the nRF52840 allows (PS v1.7, 4.8.6).
+/// The default frequency of SWCLK, kHz, which is that of probes.
 const DEFAULT_KHZ: u32 = 4_000;
+/// The highest frequency of SWCLK that the nRF52840 allows, kHz (PS v1.7, 4.8.6).
 const MOST_KHZ: u32 = 8_000;
 
 /// The bit that stands for nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
 
-/// The beginning of both parts' RAM. Code of the firmwares runs below it: in flash, or in the DPR's code RAM. An
-/// instruction above it is therefore one that the probe has put there.
+/// The address at which both parts' RAM begins. The firmwares' code runs below it, in flash or in the DPR's code RAM.
+/// So an instruction above it is one that the probe has put into RAM.
 const RAM: u64 = 0x2000_0000;
 
 /// The address of the debug port's register RDBUFF.
 const READ_BUFFER: u8 = 0xC;
 
-/// A board on the bench, which this program and, through its probe, the probe library share.
+/// A board on the bench. This program shares it with the probe library, which uses the board's probe.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
 
@@ -71,7 +72,8 @@ impl BenchBoard {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
-        // If another thread panics, the bench's board keeps its state, as a real one would.
+        // A poisoned lock is ignored: if another thread panics, the bench's board keeps its state, as a real board
+        // would.
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -85,9 +87,9 @@ impl BenchBoard {
         self.with(|on| on.wire.now())
     }
 
-    /// Takes the errors of the probe, and of code that the probe put into RAM, since the last call, one line each.
-    /// Errors of the firmware are not included, because a debugger may stop it at any point: `run` and `sim` report
-    /// them without a debugger.
+    /// Returns the errors of the probe, and of code that the probe put into RAM, since the last call, one line for
+    /// each. Errors of the firmware are left out, because a debugger may stop the firmware at any point. `run` and
+    /// `sim` report these errors when there is no debugger.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
@@ -97,7 +99,7 @@ impl BenchBoard {
 
 #[cfg(test)]
 impl BenchBoard {
-    /// Makes a bit of flash read `value` from now on, whatever is programmed there.
+    /// Makes a bit of flash read as `value` from now on, whatever is programmed there.
     pub(crate) fn stick_flash(&self, address: u32, bit: u8, value: bool) {
         assert!(self.with(|on| on.wire.stick_flash(address, bit, value)), "{address:#x} is flash");
     }
@@ -120,7 +122,7 @@ impl BenchBoard {
         });
     }
 
-    /// The number of commands that the probe has got so far.
+    /// The number of commands that the probe has received so far.
     pub(crate) fn commands(&self) -> u64 {
         self.with(|on| on.commands)
     }
@@ -168,7 +170,7 @@ impl Drop for Switched {
     }
 }
 
-/// The probe.
+/// The probe of a board on the bench, as the probe library uses it.
 #[derive(Debug)]
 struct BenchProbe {
     board: BenchBoard,
@@ -177,7 +179,7 @@ struct BenchProbe {
     protocol: Option<WireProtocol>,
 }
 
-/// Makes one transfer on the wires and lets its time pass on the board.
+/// Makes one transfer on the wires; the board runs for the time that the transfer takes.
 fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
     on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
     match on.wire.transfer(request) {
@@ -204,8 +206,8 @@ impl RawDapAccess for BenchProbe {
         Ok(word[0])
     }
 
-    /// Reads of an access port are posted: each read returns the result of the one before, and RDBUFF returns that of
-    /// the last.
+    /// Reads of an access port are posted: each read returns the result of the read before it. The register RDBUFF
+    /// returns the result of the last read.
     fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         self.command(|on, khz| {

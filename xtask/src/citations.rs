@@ -53,7 +53,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// The citations in `files` (path and text) whose targets are missing, each as `file:line: what`.
+/// Returns the citations in `files` (path and text) whose targets are missing, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {
@@ -103,15 +103,15 @@ fn paths(line: &str) -> Vec<Cited> {
     let belongs = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | '#');
     line.match_indices("docs/")
         .filter(|(at, _)| {
-            // With the prefix `../docs/` a file of this workspace names the same folder. A folder docs/ of another site
-            // or project is not checked.
+            // The prefix `../docs/` in a file of this workspace stands for the folder docs/ too. A folder docs/ of
+            // another site or project is not checked.
             let before = line[..*at].trim_end_matches("../");
             !before.ends_with(belongs)
         })
         .filter_map(|(at, _)| {
             let rest = &line[at..];
             let end = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
-            // A pattern (`docs/*.md`) names more than one file.
+            // A pattern such as `docs/*.md` names more than one file, so it is not checked.
             let pattern = rest[end..].starts_with(['*', '{', '<']);
             let (file, anchor) = split(rest[..end].trim_end_matches(['.', '-', '#']));
             (!pattern && file != "docs/").then(|| (file.trim_end_matches('/').to_owned(), anchor))
@@ -186,7 +186,7 @@ fn anchors(page: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// The text of a heading, in which a link counts with its text only.
+/// The text of a heading; a link in it is replaced by the text of the link.
 fn text_of(heading: &str) -> String {
     let mut text = String::new();
     let mut rest = heading.trim();

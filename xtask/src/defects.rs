@@ -38,7 +38,7 @@ pub(crate) struct DefectsArgs {
 
 /// The suffix of the copy's packages and binaries. Without it they would replace the checkout's files.
 const SUFFIX: &str = "-with-defects";
-/// The two words in a program that precede the number of the chosen defect.
+/// The two words that stand before the number of the chosen defect in a firmware, so that the number can be found.
 const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
 /// The environment variable that gives the bench the number of the chosen defect.
 const VARIABLE: &str = "HORUS_DEFECT";
@@ -49,7 +49,8 @@ const CRATES: [&str; 7] =
     ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
 /// Folders that no build needs.
 const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
-/// The defects that `cargo xtask test` runs: one of each kind, in short runs and in the firmwares only.
+/// The defects that `cargo xtask test` runs: one of each kind. They are in the firmwares only, and their runs are
+/// short.
 const SAMPLE: [&str; 8] = [
     "buses-not-polled",
     "latitude-for-longitude",
@@ -61,7 +62,7 @@ const SAMPLE: [&str; 8] = [
     "uplink-ages-exchanged",
 ];
 
-/// The source of the copy's crate that has the number of the chosen defect.
+/// The source of the crate in the copy that has the number of the chosen defect.
 fn chooser() -> String {
     let [first, second] = MARK;
     format!(
@@ -90,7 +91,7 @@ const fn number(place: usize) -> u32 {
     place as u32 + 1
 }
 
-/// The text that stands in the copy instead of the old text of an edit.
+/// The text that replaces the old text of an edit in the copy.
 fn changed(number: u32, old: &str, new: &str) -> String {
     let choice = format!("::defect::is({number})");
     if new.contains(CHOICE) {
@@ -102,7 +103,7 @@ fn changed(number: u32, old: &str, new: &str) -> String {
     }
 }
 
-/// Returns the `text` of `file` with all the table's defects of that file.
+/// Returns the `text` of `file` with all defects that the table has for that file.
 fn with_defects(file: &str, text: &str) -> Result<String> {
     let mut edits = vec![];
     for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
@@ -140,7 +141,7 @@ fn manifest(folder: &str, text: &str) -> String {
             .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
             .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
         "xtask" => text.replacen(&own, &other, 1),
-        // The package keeps its name, because its library has that name too.
+        // The package keeps its name, because its library also has that name.
         "horus-tx-fw" | "dpr-fw" => {
             let path = "path = \"src/main.rs\"\n";
             let (package, targets) = text.split_once("[[bin]]\n").unwrap_or((&text, ""));
@@ -156,7 +157,8 @@ fn copy_folder() -> PathBuf {
     target_dir().join("defects").join("copy")
 }
 
-/// Makes the copy with all defects. Files that are already equal are left alone, because cargo builds what has changed.
+/// Makes the copy with all defects. Files that are equal already are not written, because cargo builds again what has
+/// been written.
 fn copy() -> Result<()> {
     let (from, to) = (root(), copy_folder());
     let mut kept = vec![];
@@ -173,7 +175,7 @@ fn copy() -> Result<()> {
     Ok(())
 }
 
-/// Copies the folder `inside` of `from`, which must be a part of the workspace.
+/// Copies the folder `inside` of `from`; that folder must be in the workspace.
 fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> Result<()> {
     let folder = from.join(inside);
     for entry in fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))? {
@@ -209,7 +211,7 @@ fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
 }
 
-/// Both firmwares of the copy as built, with no defect chosen and without a CRC.
+/// Both firmwares as built in the copy, with no defect chosen and without a CRC.
 struct Built(Vec<(Board, Vec<u8>)>);
 
 impl Built {
@@ -336,8 +338,8 @@ impl Case {
     }
 }
 
-/// Runs these defects, and each of their runs without a defect, on all processors. Prints each outcome, and returns how
-/// many differed from the table.
+/// Runs these defects, and each of their runs without a defect, on all processors. Prints each outcome. Returns how
+/// many outcomes differed from the table.
 fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
     let cases = Case::of(chosen);
     let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));

@@ -85,10 +85,10 @@ fn on_all_clocks(options: &[&str]) -> Result<Vec<Report>> {
     [Clock::Fast, Clock::Optimistic, Clock::Pessimistic].into_iter().map(run).collect()
 }
 
-/// A row of a table: its label, and the figure of a report.
+/// A row of a table: its label, and a function that returns the row's figure from a report.
 type Row = (&'static str, fn(&Report) -> String);
 
-/// The rows of tables of every run.
+/// The rows that the tables of all runs have.
 const ROWS: [Row; 8] = [
     ("frames sent, delivered", |it| format!("{}, {}", it.horus.frames_sent, it.air.frames_delivered)),
     ("objects accepted; rejected while the sequence is searched", |it| {
@@ -118,7 +118,7 @@ const ONE_FRAME: Row = ("sample to readable, 99.9 %, as a multiple of the air ti
     or_none(readable.map(|found| format!("{:.3}", found.p999 as f64 / it.air.air_time_ns as f64)))
 });
 
-/// The rows whose figures depend on the phase between the SSI's transactions and HORUS's frames.
+/// The rows with figures that depend on the phase between the SSI's transactions and HORUS's frames.
 const MEETING: [Row; 2] = [
     ("last bit to readable, worst, µs", |it| {
         or_none(it.latency_ns.last_bit_to_readable.map(|it| thousandths(it.max)))
@@ -126,7 +126,8 @@ const MEETING: [Row; 2] = [
     ("SSI ready for the next transaction, worst, µs", |it| or_none(it.ssi.ready_ns.map(|it| thousandths(it.max)))),
 ];
 
-/// A table with a column for each report. The rows [`MEETING`] are those of the reports `slipping`, if these are given.
+/// Returns a table with a column for each report. If `slipping` is given, the rows [`MEETING`] are those of these
+/// reports.
 fn table(reports: &[Report], slipping: Option<&[Report]>) -> String {
     let mut text = String::from("| |");
     reports.iter().for_each(|report| text += &format!(" {} |", report.clock));
@@ -154,7 +155,7 @@ fn violations(report: &Report) -> String {
     if report.violations.is_empty() { "none".into() } else { report.violations.join("; ") }
 }
 
-/// Converts nanoseconds to microseconds.
+/// Converts nanoseconds to microseconds, as text.
 fn thousandths(ns: u64) -> String {
     format!("{}.{:03}", ns / 1_000, ns % 1_000)
 }

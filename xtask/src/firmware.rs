@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers, seal};
 
-/// The folder of the built firmwares, with a subfolder for each profile, named after the profile's feature.
+/// The folder of the built firmwares. It has a subfolder for each profile with the name of the profile's cargo feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
@@ -23,7 +23,8 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let made = build_for_target(&args, package)?;
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    // The CRC is written into a copy, because cargo builds its own file again if another program has written it.
+    // The CRC is written into a copy, because cargo builds its own file again if another program has written to that
+    // file.
     seal::copy_sealed(&made, &kept)?;
     Ok(kept)
 }
@@ -40,7 +41,7 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     command
         .args(args)
         .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // defmt reads this variable when the firmware is compiled: it sets the log level.
+        // defmt reads this environment variable when the firmware is compiled. It sets the level of the log.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
     let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;

@@ -12,7 +12,7 @@ use clap::Args;
 
 use crate::workspace::{CARGO_FUZZ, cargo, check, install, root, target_dir};
 
-/// The folders with fuzz targets.
+/// The folders that have fuzz targets.
 const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 
 #[derive(Args)]

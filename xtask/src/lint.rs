@@ -1,6 +1,6 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting. Then runs clippy
-//! with warnings as errors, for the host and for the target, builds the crates' documentation with warnings as errors
-//! too, and checks the dependencies if cargo-deny is installed.
+//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting.
+//! Then runs clippy with warnings as errors, for the host and for the target, builds the crates' documentation with
+//! warnings as errors too, and checks the dependencies if cargo-deny is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -66,7 +66,8 @@ pub(crate) fn lint() -> Result<ExitCode> {
         .env("RUSTDOCFLAGS", "-D warnings");
     steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
-    // cargo-deny takes minutes to compile, so only `.ci/run` installs it. Its advisories need a network.
+    // cargo-deny takes minutes to compile, so only `.ci/run` installs it. It needs a network to read the list of
+    // advisories.
     if has_cargo_deny() {
         let mut command = cargo();
         command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);
@@ -104,7 +105,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
     Ok(crate::test::verdict("lint", steps.len() + 4, &failed))
 }
 
-/// Whether cargo-deny is on the PATH, or among the tools below `target`.
+/// Returns whether cargo-deny is on the PATH or among the tools below `target`.
 fn has_cargo_deny() -> bool {
     let mut command = cargo();
     command.args(["deny", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());

@@ -51,10 +51,10 @@ use crate::{LiveArgs, firmware};
 use panel::Panel;
 use profile::Uplink;
 
-/// MAVLink's system id of the drone.
+/// The MAVLink system id of the drone.
 const SYSTEM: u8 = 1;
 
-/// MAVLink's component id of the flight controller: MAV_COMP_ID_AUTOPILOT1.
+/// The MAVLink component id of the flight controller, MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
 
 /// The rates of a fast telemetry radio, which carries all objects at 10 Hz.
@@ -63,11 +63,11 @@ const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us
 /// The length of a piece of the run, after which the run can be ended, virtual ns.
 const PIECE: u64 = 100_000_000;
 
-/// The greatest lag with which a run still counts as in real time: one period of the forwarder, a quarter of the age at
-/// which the page marks a position as old.
+/// The greatest lag behind real time at which a run still counts as in real time: one period of the forwarder, which is
+/// a quarter of the age at which the page marks a position as old.
 const HELD: Duration = Duration::from_millis(100);
 
-/// The longest time to wait after the last message was sent: by then it has arrived or is lost.
+/// How long to wait for messages after the last one was sent: within that time each message has arrived or is lost.
 const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
 
 /// The address of all sockets: this machine.
@@ -115,7 +115,7 @@ fn key() -> Key {
     Key::new(bytes)
 }
 
-/// The real time in µs since 1970.
+/// The present real time, µs since 1970.
 fn unix_us() -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(unix.as_micros()).unwrap_or_default()
@@ -126,7 +126,8 @@ fn tell(_: DroneId, change: Change) {
     eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
 }
 
-/// The number of messages with objects that were sent, and what became of them.
+/// The number of messages with objects that were sent, the number of these that arrived, and the number of objects that
+/// arrived with a wrong CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shown {
     sent: u64,
@@ -157,9 +158,10 @@ struct Page {
     to: SocketAddr,
     /// The ratio of virtual time to real time; 0 for as fast as possible.
     pace: f64,
-    /// The elapsed virtual time, µs, which is the clock of a station that does not read the system's.
+    /// The elapsed virtual time, µs. It is the clock of a station that does not read the system's clock.
     passed_us: Arc<AtomicU64>,
-    /// The real time at which the run began; its first step, which loads the programs, does not count.
+    /// The instant of real time at which the run began. The run's first step is left out, because it loads the
+    /// programs.
     began: Option<Instant>,
     /// The greatest lag behind real time.
     behind: Duration,
@@ -169,7 +171,7 @@ struct Page {
     unsent: Option<std::io::Error>,
     /// The panel, whose user injects faults during the run.
     panel: Panel,
-    /// The flight controller's end of the way back, if there is one.
+    /// The flight controller's state for uplinks, if uplinks are enabled.
     inbound: Option<Inbound>,
     /// The percentage of messages that are lost in each direction, and the generator that draws them.
     loss: (u64, Rng),
@@ -240,7 +242,7 @@ impl Page {
         }
     }
 
-    /// Waits until the station has received all sent messages, or until the time for that is over.
+    /// Waits until the station has received all messages that were sent, but at most [`ARRIVES_WITHIN`].
     fn settle(&self) -> Shown {
         let began = Instant::now();
         loop {
@@ -267,7 +269,7 @@ impl Page {
         format!("pace                  {} x real time, {held}: {behind:.1} ms late at worst\n", self.pace)
     }
 
-    /// Waits until real time has come as far as the run.
+    /// Waits until as much real time as virtual time has passed.
     fn wait(&mut self, virtual_ns: u64) {
         if self.pace == 0.0 {
             return;
@@ -297,7 +299,7 @@ impl Observer for Page {
                 continue;
             }
             match self.socket.send_to(&message, self.to) {
-                // The number sent is that of the messages that a receiver would find in the datagram.
+                // The number of messages that were sent is the number that a receiver finds in the datagram.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }
@@ -314,7 +316,7 @@ impl Observer for Page {
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let mut bytes = [0; 512];
         let mut to_write = None;
-        // An error of `recv` means that no further message has come.
+        // `recv` returns an error when no further message has come.
         while let Ok(length) = self.socket.recv(&mut bytes) {
             if !self.loses()
                 && let Some(inbound) = &mut self.inbound

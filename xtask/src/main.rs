@@ -76,8 +76,8 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Check line length, citations, the C header, the layouts and formatting, then run clippy with warnings as errors, for host and
-    /// target, and build the documentation likewise.
+    /// Check line length, citations, the C header, the layouts and formatting, then run clippy with warnings as errors,
+    /// for host and target, and build the documentation likewise.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
@@ -298,7 +298,7 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
     probe::flash(args)
 }
 
-/// Runs the same command line again in a binary with the probe library, which this one lacks.
+/// Runs the same command line again in a binary that has the probe library, which this binary lacks.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
     workspace::again_with("probe")
@@ -309,7 +309,7 @@ fn live(args: &LiveArgs) -> Result<ExitCode> {
     live::live(args)
 }
 
-/// Runs the same command line again in a binary with the page, which this one lacks.
+/// Runs the same command line again in a binary that has the page, which this binary lacks.
 #[cfg(not(feature = "live"))]
 fn live(_args: &LiveArgs) -> Result<ExitCode> {
     workspace::again_with("live")

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use tempfile::TempPath;
 
-/// A file that is written beside its final path, and moved there when the run has ended. If the final path exists and
-/// is no regular file, like `/dev/stdout` or a named pipe, it is written to directly.
+/// A file that is written beside its final path and moved there when the run has ended. If the final path exists and is
+/// not a regular file (`/dev/stdout`, a named pipe), that path is written to directly.
 pub(crate) struct Output {
     place: PathBuf,
     beside: Option<TempPath>,

@@ -19,9 +19,9 @@ const PACKAGES: [&str; 8] = [
     "emulator-node",
 ];
 
-/// Packages these crates and builds each from its tarball. Nothing is published. Cargo resolves packages of one
-/// workspace against each other only if they may be published, so publishing is allowed in a copy of the committed
-/// files.
+/// Packages the crates in [`PACKAGES`] and builds each from its tarball. The crates are not published. Cargo resolves
+/// packages of one workspace against each other only if they may be published, so publishing is allowed in a copy of
+/// the committed files.
 pub(crate) fn package() -> Result<ExitCode> {
     const OFF: &str = "publish = false";
     let folder = target_dir().join("package");

@@ -1,8 +1,8 @@
 //! Handles real boards through the probe-rs library: writes and verifies a program, shows its log, runs a test suite.
 //!
-//! Chip and probe are always certain: the board determines the chip, and the probe is the only one or the one that
-//! `--probe` names. The program never chooses between two probes, because it would be worse to write the wrong board
-//! than to fail.
+//! Which chip and which probe are used is always certain. The board determines the chip. The probe is the only one that
+//! is connected, or the one that `--probe` names. The program never chooses between two probes, because it is worse to
+//! write to the wrong board than to fail.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -43,22 +43,26 @@ use watchdog::Feeding;
 /// The longest time that a core may take to carry out a debugger's request.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The core's registers LR, xPSR, MSP and PSP by their numbers in DCRSR (ARMv7-M ARM C1.6.3).
+/// The number of the core's register LR in DCRSR (ARMv7-M ARM C1.6.3).
 const LR: RegisterId = RegisterId(14);
+/// The number of the core's register xPSR in DCRSR.
 const XPSR: RegisterId = RegisterId(16);
+/// The number of the core's register MSP in DCRSR.
 const MSP: RegisterId = RegisterId(17);
+/// The number of the core's register PSP in DCRSR.
 const PSP: RegisterId = RegisterId(18);
 
-/// The interval at which the log is polled: far below the time in which a firmware fills the 1 KiB of its buffer.
+/// The interval at which the log is polled. It is far shorter than the time in which a firmware fills the log's buffer
+/// of 1 KiB.
 const LOG_POLL: Duration = Duration::from_millis(10);
 
 /// The longest time after reset that a firmware may take to set up its log.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// The default time for which the log of a board on the bench is shown, s: no user is there to interrupt it.
+/// How long the log of a board on the bench is shown by default, s: there is no user who could interrupt it.
 const BENCH_LOG: f64 = 1.0;
 
-/// A probe that was found.
+/// A probe that was found, on USB or on the bench.
 #[derive(Debug)]
 enum Found {
     /// A probe that is connected over USB.
@@ -76,7 +80,7 @@ impl std::fmt::Display for Found {
     }
 }
 
-/// The time for which a log is shown: until it ends or is interrupted, or for a given time of the board.
+/// How long a log is shown: until it ends or is interrupted, or for a given time of the board.
 #[derive(Debug)]
 enum Span<'a> {
     Endless,
@@ -85,7 +89,7 @@ enum Span<'a> {
 }
 
 impl<'a> Span<'a> {
-    /// Returns the time for which a log is shown from now on.
+    /// Returns how long a log is shown, beginning now.
     fn of(found: &'a Found, seconds: Option<f64>) -> Self {
         match (found, seconds) {
             (Found::Usb(_), None) => Self::Endless,
@@ -105,9 +109,9 @@ impl<'a> Span<'a> {
     }
 }
 
-/// Builds a firmware, writes and verifies it, resets the board, then shows the log.
+/// Builds a firmware, writes and verifies it, resets the board, and then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
-    // The probe is opened first, because without one a build would be in vain.
+    // The probe is opened before the firmware is built, because without a probe the build would be in vain.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
     flash_elf(args, &probe, &elf)
@@ -132,7 +136,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
 
-/// Prints the bench's findings about its board. Returns whether there are any.
+/// Prints what the bench has found wrong on its board. Returns whether there is anything.
 fn say_findings(probe: &Found) -> bool {
     let Found::Bench(board) = probe else { return false };
     let found = board.take_findings();
@@ -140,7 +144,8 @@ fn say_findings(probe: &Found) -> bool {
     !found.is_empty()
 }
 
-/// Writes an ELF file, runs it, shows its log and exits with the program's status: a semihosting exit gives the code.
+/// Writes an ELF file to a board, runs it and shows its log. Exits with the program's status, which is the code of its
+/// semihosting exit.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
     let (mut session, feeding) = attach(board, &probe, args)?;
@@ -186,8 +191,8 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
-    // The library does not check a part's name: an STM32 has no access port 1, which would read like that of a locked
-    // nRF52840.
+    // The library does not check whether the part is the expected one: an STM32 has no access port 1, and that would
+    // look like a locked nRF52840.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
@@ -210,7 +215,7 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Fee
     Ok((session, feeding))
 }
 
-/// Opens the probe. Returns it, its requested SWD clock in kHz if one was requested, and the handle that ends the
+/// Opens the probe. Returns the probe, the SWD clock in kHz if the user requested one, and the handle that ends the
 /// feeding of an nRF52840's watchdog.
 fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
     let opened = match probe {
@@ -240,13 +245,14 @@ fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)
     Ok((opened, khz.transpose()?, feeding))
 }
 
-/// Identifies the part at the probe; `None` if no debug port answers, which the library reports when it attaches. Only
-/// identification registers are read, and the part continues undisturbed.
+/// Identifies the part at the probe. Returns `None` if no debug port answers; the library reports that when it
+/// attaches. Only identification registers are read, so the part continues undisturbed.
 fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
-    /// The IDR of an access port, in bank 2, which for Nordic's access ports has the JEP106 number 0x44 (PS v1.7,
-    /// 4.8.1; ADIv5.2, C1.3).
+    /// The address of the register IDR of an access port, in its bank 2 (ADIv5.2, C1.3).
     const IDR: u64 = 0xFC;
+    /// The bits of IDR that hold the JEP106 number of the access port's designer.
     const DESIGNER: u32 = 0x0FFE_0000;
+    /// The value of the bits [`DESIGNER`] in Nordic's access ports, which is the JEP106 number 0x44 (PS v1.7, 4.8.1).
     const NORDIC: u32 = 0x0288_0000;
     const DBGMCU_IDCODE: u64 = 0xE004_2000;
     const INFO_PART: u64 = 0x1000_0100;
@@ -270,7 +276,7 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     }))
 }
 
-/// The meaning of an error of the library's `attach`; `erase_all` is whether the library was allowed to erase
+/// Returns the meaning of an error of the library's `attach`. `erase_all` says whether the library was allowed to erase
 /// everything.
 fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
@@ -292,8 +298,8 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     const NVMC_CONFIG: u64 = 0x4001_E504;
     const READ_ONLY: u32 = 0;
     const WRITE: u32 = 1;
-    // A word takes 41 us to program (PS v1.7, NVMC, electrical specification); one look at the NVMC through the probe
-    // takes longer.
+    // The NVMC takes 41 us to program a word (PS v1.7, NVMC, electrical specification). Reading the NVMC's state once
+    // through the probe takes longer.
     const LOOKS: usize = 1_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
@@ -321,8 +327,8 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     Ok(())
 }
 
-/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which its firmware stops at its
-/// start. The other option bytes stay (RM0090, "Option bytes"). The level takes effect at the next reset.
+/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which the firmware stops at its
+/// start. The other option bytes keep their values (RM0090, "Option bytes"). The level takes effect at the next reset.
 fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTKEYR: u64 = 0x4002_3C08;
     const KEYS: [u32; 2] = [0x0819_2A3B, 0x4C5D_6E7F];
@@ -332,13 +338,13 @@ fn set_brown_out_level(session: &mut Session) -> Result<()> {
     const OPTLOCK: u32 = 1 << 0;
     const OPTSTRT: u32 = 1 << 1;
     const BOR_LEV: u32 = 3 << 2;
-    // The option bytes are erased and programmed together, which takes as long as a sector: 0.8 s at most (DS9405,
-    // "Flash memory characteristics"). One look at the register through the probe takes at least 50 us.
+    // The option bytes are erased and programmed together, which takes as long as for a sector: 0.8 s at most (DS9405,
+    // "Flash memory characteristics"). Reading the register once through the probe takes at least 50 us.
     const LOOKS: usize = 50_000;
 
     let mut core = session.core(0).context("could not reach the core")?;
-    // The core is halted: the new program has not run yet, and the previous one must not use the flash interface at the
-    // same time.
+    // The core is halted: the new program has not run yet, and the program before it must not use the flash interface
+    // at the same time.
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
     let options = core.read_word_32(OPTCR)?;
     let level = options & BOR_LEV;
@@ -373,7 +379,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
         ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"),
     );
     let shown = bar.clone();
-    // probe-rs announces every step of writing with its size, then begins the steps one by one.
+    // probe-rs first announces every step of writing with the step's size. It then begins the steps one by one.
     let mut totals = BTreeMap::new();
     let progress = FlashProgress::new(move |event| match event {
         ProgressEvent::AddProgressBar { operation, total } => {
@@ -401,7 +407,7 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     })
 }
 
-/// The message for the user about a program that was not written.
+/// Returns the message for the user about a program that could not be written.
 fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     let elf = elf.display();
     match error {
@@ -416,7 +422,7 @@ fn not_written(error: &FileDownloadError, elf: &Path) -> String {
     }
 }
 
-/// The word on the screen for a step of writing.
+/// Returns the word that is printed for a step of writing.
 const fn verb(operation: &ProgressOperation) -> &'static str {
     match operation {
         ProgressOperation::Fill => "reading",
@@ -436,7 +442,7 @@ enum Follow {
     Suite,
 }
 
-/// The number of restarts after which a suite counts as one that never ends.
+/// The number of restarts after which a suite is taken for one that never ends.
 const MOST_RESTARTS: usize = 10;
 
 /// The address of DHCSR, the Debug Halting Control and Status Register. Its bit S_RESET_ST is set if the core was reset
@@ -447,8 +453,9 @@ const S_RESET_ST: u32 = 1 << 25;
 /// The address of CPUID, which identifies the core (ARMv7-M ARM B3.2.3).
 const CPUID: u64 = 0xE000_ED00;
 
-/// Resets the core and shows its defmt log until the program exits through semihosting (whose code becomes the exit
-/// code), its time is over or it is interrupted. If the part restarts meanwhile, the log continues with the new start.
+/// Resets the core and shows its defmt log. This ends when the program exits through semihosting, when the time of the
+/// log is over, or when the user interrupts it. The exit code is that of the semihosting exit. If the part restarts
+/// meanwhile, the log continues with the new start.
 fn follow(
     (session, feeding): (&mut Session, &Feeding),
     elf: &Path,
@@ -463,12 +470,12 @@ fn follow(
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
     // The control block in RAM may still be that of the last run, so it is cleared before its log is read.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // On some parts some resets do not clear the vector catch, so it may still be set by another run.
+    // Some resets of some parts do not clear the vector catch, so it may still be set by an earlier run.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     }
-    // The reset that this function itself has made does not count, so it is discarded here.
+    // The reset by this function must not be counted as a restart, so the flag of that reset is cleared here.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
     // From here on the program must feed the watchdog itself.
@@ -482,7 +489,7 @@ fn follow(
         if !restarted {
             match drain(&mut rtt, &mut core, decoder.as_mut()) {
                 Ok(()) => {}
-                // The part has restarted: its start-up code has initialised the control block again, or will do so
+                // The part has restarted. Its start-up code has initialised the control block again, or will do so
                 // next.
                 Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
                     restarted = true;
@@ -502,13 +509,13 @@ fn follow(
             // An incomplete log message is lost with the part's log buffer.
             decoder = table.new_stream_decoder();
             if follow == Follow::Suite && catch_again(&mut core)? {
-                // The HardFault came before it could be caught. Its log is still in the buffer.
+                // The HardFault occurred before the vector catch was set. Its log is still in the buffer.
                 rtt = attach_log(&mut core, block)?;
                 drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
                 eprintln!("error: the image ended in a HardFault");
                 return Ok(ExitCode::FAILURE);
             }
-            // The start-up code needs far less than the time of this sleep to initialise the control block.
+            // The sleep is far longer than the start-up code takes to initialise the control block.
             std::thread::sleep(LOG_POLL);
             rtt = attach_log(&mut core, block)?;
             continue;
@@ -522,7 +529,7 @@ fn follow(
                 }
                 _ => core.run().context("the core does not go on")?,
             },
-            // The library may report several reasons for a halt, because it cannot clear all of the earlier ones.
+            // The library may report several reasons for a halt, because it cannot clear all reasons of earlier halts.
             CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
                 eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
                 return Ok(ExitCode::FAILURE);
@@ -537,17 +544,17 @@ fn follow(
     }
 }
 
-/// Whether the core was reset since the last call.
+/// Returns whether the core was reset since the last call.
 fn was_reset(core: &mut Core<'_>) -> Result<bool> {
     Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
 }
 
-/// Makes the core halt again at a HardFault and at semihosting calls, because on an nRF52840 only a soft reset keeps
-/// that setting (PS v1.7, 5.3.7.8). Returns whether a HardFault came before the setting was made.
+/// Makes the core halt again at a HardFault and at semihosting calls: on an nRF52840 only a soft reset keeps that
+/// setting (PS v1.7, 5.3.7.8). Returns whether a HardFault occurred before the setting was made.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
-    // Resets other than a soft one also close an nRF52840's debug port until the program opens it, some time after its
-    // start. Until then every read returns zero, also of CPUID, which is never zero otherwise, and a request to halt is
-    // lost.
+    // After any reset but a soft one, an nRF52840's debug port is closed until the program opens it, some time after
+    // the program's start. Until then a request to halt is lost, and every read returns zero. CPUID, which is never
+    // zero, shows when the debug port is open again.
     let since = Instant::now();
     while core.read_word_32(CPUID).context("lost the core")? == 0 {
         if since.elapsed() >= CORE_TIMEOUT {
@@ -572,8 +579,8 @@ fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
     Ok(status & EXCEPTION == HARD_FAULT)
 }
 
-/// The address of the instruction that the HardFault interrupted, as text for the end of a sentence. The core must be
-/// at the first instruction of its HardFault handler.
+/// Returns the address of the instruction that the HardFault interrupted, as text for the end of a sentence. The core
+/// must have halted at the first instruction of its HardFault handler.
 fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     /// Bit 2 of EXC_RETURN, which is set if the exception's frame is on the process stack (ARMv7-M ARM table B1-8).
     const PROCESS_STACK: u32 = 1 << 2;
@@ -581,7 +588,7 @@ fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     const RETURN_ADDRESS: u64 = 24;
     let returns: u32 = core.read_core_reg(LR)?;
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
-    // The address of the stack may be outside memory, which may also be the cause of the fault.
+    // The stack pointer may point outside memory, which may also be the cause of the fault.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
     let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))

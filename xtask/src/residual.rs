@@ -15,7 +15,7 @@ use residual::{Code, DualWeights, codes};
 
 use crate::workspace;
 
-/// The number of steps of the progress bar for each code.
+/// The number of steps that the progress bar has for each code.
 const PARTS: f64 = 1000.0;
 
 #[derive(Args)]
@@ -63,7 +63,7 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let text = std::fs::read_to_string(&page).with_context(|| format!("could not read {}", page.display()))?;
     write(&page, &report.refresh(&text).map_err(anyhow::Error::msg)?)?;
 
-    // If the JSON goes to standard output, nothing else does, because a program reads it.
+    // If the JSON goes to standard output, a program reads it there, so nothing else may be printed.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {

@@ -139,7 +139,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
         }
     };
     eprintln!("{}", summary(&outcome, args.clock));
-    // With a debugger the time of a run says nothing about the speed of this machine.
+    // With a debugger, the duration of a run says nothing about the speed of this machine.
     if !args.gdb {
         let seconds = began.elapsed().as_secs_f64();
         eprintln!("{:.0} million instructions a second of this machine", outcome.instructions as f64 / 1e6 / seconds);
@@ -150,10 +150,10 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     Ok(ending(args, &outcome))
 }
 
-/// A hint for the user if a program lies at addresses that are the flash of another part.
+/// Returns a hint for the user if the program is at addresses that are the flash of the other board's part.
 fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
-    // The STM32 also has its flash at address 0. A program for the nRF52840 is therefore loaded, but its instructions
-    // are not found where it was linked.
+    // The STM32 has its flash at address 0 too. A program for the nRF52840 is therefore loaded, but the core does not
+    // find its instructions at the addresses for which it was linked.
     const STM32_FLASH: u64 = 0x0800_0000;
     let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
     (board == Board::Horus && lies_below).then(|| {
@@ -164,7 +164,7 @@ fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
     })
 }
 
-/// A hint for the user of a firmware that printed nothing: the ways in which a firmware can print text.
+/// Returns a hint for the user of a firmware that printed nothing: in which ways a firmware can print text.
 fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
     if !outcome.lines.is_empty() || !args.uart.is_empty() {
         return None;
@@ -176,7 +176,7 @@ fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Optio
     })
 }
 
-/// The exit code of the run; prints a message if the reason for it is not obvious.
+/// Returns the exit code of the run. Prints a message if the reason for that code is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -185,7 +185,8 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-/// The message about a run, if one is needed, and the run's status. The run was to take `seconds`, or at most `limit`.
+/// Returns the message about a run, if one is needed, and the run's status. The run was meant to take `seconds`, or
+/// else at most `limit`.
 fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -209,14 +210,14 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
         );
         return (Some(says), outcome.status());
     }
-    // A firmware that reports success has still failed if the bench has findings about it.
+    // If the bench has found an error, the run fails even if the firmware reports success.
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
 /// The files into which the bytes of UART pins are written, each with its name.
 type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
-/// The connections to the board that these arguments ask for.
+/// Returns what these arguments connect to the board's pins, and the files for the bytes of UART pins.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -282,7 +283,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     Ok((connected, files))
 }
 
-/// The pin with the name that the part's maker uses: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+/// Returns the pin with this name, which is the part's maker's: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
 fn pin_called(board: Board, name: &str) -> Option<Pin> {
     let rest = name.strip_prefix(['P', 'p'])?;
     let (port, number) = match board {
@@ -318,17 +319,17 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// The place to which the firmware's log is written.
+/// The output to which the firmware's log is written.
 struct Output<W> {
     stdout: W,
-    /// Whether the reader of the output has gone, as in a pipe into `head`. The run continues, because its exit code
-    /// still counts.
+    /// Whether the reader of the output has closed it, as `head` at the end of a pipe does. The run continues, because
+    /// its exit code is still needed.
     closed: bool,
-    /// For each UART the line that has not ended yet, with the instant of its first byte, ns.
+    /// For each UART, the line that has not ended yet, and the instant at which the line's first byte was sent, ns.
     half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
 
-/// The most bytes of a UART's line that are shown in one piece; a longer line is shown in parts.
+/// The greatest number of bytes of a UART's line that are shown at once; a longer line is shown in several pieces.
 const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {
@@ -342,7 +343,7 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Takes a byte that a UART has sent, and shows the line that it ends.
+    /// Processes a byte that a UART has sent, and shows the line if the byte ends it.
     fn byte(&mut self, SentByte { at, pin, byte }: SentByte) {
         let (_, bytes) = self.half.entry(pin).or_insert((at, vec![]));
         if byte != b'\n' {
@@ -360,7 +361,7 @@ impl<W: Write> Output<W> {
         self.text(format_args!("{:>14.6} ms  {}", milliseconds(at), line.trim_end_matches('\r')));
     }
 
-    /// Shows the lines of UARTs that have not ended.
+    /// Shows the lines of UARTs that have not ended when the run ends.
     fn finish(&mut self) {
         for (at, bytes) in std::mem::take(&mut self.half).into_values() {
             self.half_line(at, &bytes);
@@ -381,7 +382,8 @@ fn summary(outcome: &Outcome, clock: Clock) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
     let stack = match outcome.stack {
-        // A firmware that tests its RAM at its start writes to all of it, so nothing is known about its stack.
+        // A firmware that tests its RAM at its start writes to all of it. How much of the stack it uses is then not
+        // known.
         Some((used, size)) if used == size => format!(", all {size} bytes of the stack written"),
         Some((used, size)) => format!(", stack {used} of {size} bytes at worst"),
         None => String::new(),

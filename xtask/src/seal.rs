@@ -24,7 +24,7 @@ const ERASED: u8 = 0xFF;
 /// The size of the CRC, bytes.
 const CRC_SIZE: u64 = 4;
 
-/// Bytes that a programmer writes: their address in memory, and their range in the file.
+/// Bytes that a programmer writes to a board: their address in memory, and their range in the file.
 #[derive(Clone, Copy)]
 struct Loaded {
     address: u64,
@@ -75,7 +75,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
         .iter()
         .filter(|segment| segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0)
         .map(|segment| Loaded {
-            // The physical address counts: the initial values of variables are loaded into flash, although the
+            // The physical address is used, because the initial values of variables are loaded into flash, although the
             // variables are in RAM.
             address: segment.p_paddr(endian).into(),
             offset: segment.p_offset(endian).into(),
@@ -110,7 +110,7 @@ fn layout(elf: &[u8]) -> Result<(Vec<u8>, u64)> {
                 crc.address
             );
         }
-        // The segment that holds the CRC counts only up to the CRC.
+        // Only the bytes before the CRC count in the segment that holds the CRC.
         let len = usize::try_from(segment.end().min(crc.address).saturating_sub(segment.address))?;
         let to = usize::try_from(segment.address - first)?.min(image.len());
         let from = usize::try_from(segment.offset)?;
@@ -160,8 +160,8 @@ mod tests {
     const CODE: [u8; 6] = [0x70, 0x47, 0x00, 0xBF, 0x12, 0x34];
     const UNSEALED: [u8; 4] = [0xFF; 4];
 
-    /// A program with a vector table at 0x1000, two bytes of gap after the code, and the word for the CRC after the
-    /// gap.
+    /// Returns the ELF file of a program with a vector table at 0x1000, two bytes of gap after the code, and the word
+    /// for the CRC after the gap.
     fn image() -> Vec<u8> {
         elf(&[(FIRST_SECTION, 0x1000, &VECTORS), (".text", 0x1008, &CODE), (CRC_SECTION, 0x1010, &UNSEALED)])
     }

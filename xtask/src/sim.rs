@@ -18,11 +18,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
-/// The limit for the error of a crystal, ppm. Crystals are sold with errors of tens of ppm, so a far larger number is a
-/// typing error.
+/// The limit for the error of a crystal, ppm. Real crystals have errors of tens of ppm, so a far larger number is taken
+/// for a typing error.
 const MAX_PPM: f64 = 1000.0;
 
-/// The length of a piece of the run, ns of virtual time: Ctrl-C ends the run after the present piece.
+/// The length of a piece of the run, ns of virtual time. If Ctrl-C was pressed, the run ends after the present piece.
 const PIECE: u64 = 500_000_000;
 
 /// Whether Ctrl-C was pressed.
@@ -191,14 +191,15 @@ pub(crate) fn report(args: &SimArgs) -> Result<Report> {
     Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
 }
 
-/// Builds both firmwares, makes `go` run the link with them, and shows the result. `go` returns `None` if the run was
-/// ended early, which counts as a failure.
+/// Builds both firmwares, calls `go` to run the link with them, and shows the result. `go` returns `None` if the run
+/// was ended early; the command then fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Inputs that cannot be read, and outputs that cannot be written, are reported before anything is built or run.
+    // The program reports inputs that cannot be read and outputs that cannot be written before it builds or runs
+    // anything.
     for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
         gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
     }
@@ -257,7 +258,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     text.push_str(&format!("{}\n", outcome.base));
     let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
     report.push('\n');
-    // A program that reads the JSON from standard output must get nothing else there.
+    // A program may read the JSON from standard output, so nothing else may be printed there.
     if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
         std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
@@ -280,7 +281,7 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
-/// Flips every bit of the front ends' registers, or every `every`-th, on copies of the bench.
+/// Flips every bit of the front ends' registers, or every `every`-th bit, each on a copy of the bench.
 fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
     let bar = ProgressBar::new_spinner().with_style(style);
@@ -289,7 +290,7 @@ fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
     Ok(flipped)
 }
 
-/// The memory of a bench's board as `flash --probe bench` left it.
+/// Returns the memory that a bench's board keeps, as `flash --probe bench` has written it.
 fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     let name = board.name();
     bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
@@ -297,7 +298,7 @@ fn flashed(board: crate::Board) -> Result<Vec<u8>> {
     })
 }
 
-/// The setup of a run that these arguments ask for.
+/// Returns the setup of a run for these arguments.
 fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
@@ -331,8 +332,8 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
     }
 }
 
-/// The time for which a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and the
-/// cycles of a board that has restarted are accepted again 40 ms later.
+/// How long a copy of the bench runs after an upset, ns. The watchdogs reset a board within 200 ms, and 40 ms later the
+/// cycles of a board that has restarted are accepted again.
 const AFTER_UPSET: u64 = 400_000_000;
 
 /// Tries upsets on copies of the bench.
@@ -350,7 +351,8 @@ fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
     Ok(bench::sim::campaign(&setup, &options)?)
 }
 
-/// A line about the end of Reported-Position's validity, and about the receivers that were silent by then.
+/// Returns a line about the time when Reported-Position ceased to be valid, and about the receivers that were silent by
+/// then.
 fn reported_position(reported: &Reported) -> String {
     let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
     let cycles = reported.valid_cycles;
@@ -360,7 +362,7 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
-        // A receiver with a solution after the end of the position's validity was not silent.
+        // A receiver that gave a solution after the position had ceased to be valid was not silent.
         .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
@@ -370,7 +372,7 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
-/// Lines about the number of receivers that agreed, and about the error of the voted position.
+/// Returns lines about the number of receivers that agreed, and about the error of the voted position.
 fn vote(voter: &Voter) -> String {
     let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
     let agree: Vec<String> = agree
@@ -384,10 +386,10 @@ fn vote(voter: &Voter) -> String {
     format!("{agree}; none in {}{error}", voter.none)
 }
 
-/// The most exclusions of receivers that are listed.
+/// The greatest number of exclusions of receivers that are listed.
 const MOST_EXCLUSIONS: usize = 5;
 
-/// The first exclusions of receivers, each with beginning, end and error at the beginning, in a few lines.
+/// Returns a few lines about the first exclusions of receivers: beginning, end, and error at the beginning of each.
 fn exclusions(voter: &Voter) -> String {
     let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
     let mut text = String::new();
@@ -407,14 +409,14 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
-/// Lines about the effects of the upsets that were tried on copies of the bench.
+/// Returns lines about the effects of the upsets that were tried on copies of the bench.
 fn upsets_in_words(upsets: &Upsets) -> String {
     let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
     let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));
     format!("{masked} masked, {detected} detected, {} dangerous, each on a copy", upsets.dangerous.len())
 }
 
-/// Lines about the faults that were injected, and their effects.
+/// Returns lines about the faults that were injected, and about their effects.
 fn faults_in_words(faults: &bench::report::Faults) -> String {
     if faults.injected.is_empty() {
         return "none injected".to_owned();
@@ -430,14 +432,14 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
     )
 }
 
-/// The report on one screen.
+/// Returns the report as text that fits on one screen.
 pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
-    // A figure whose value was never measured is shown as "none".
+    // A figure that was never measured is shown as "none".
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
-    // The DPR's own counters count from the DPR's last start.
+    // The DPR's own counters begin at 0 with each start of the DPR.
     let since = match dpr.since_ns {
         0 => String::new(),
         since => format!(" since its start at {:.3} s", since as f64 / 1e9),

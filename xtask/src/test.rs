@@ -34,14 +34,15 @@ pub(crate) struct TestArgs {
     probe: ProbeArgs,
 }
 
-/// The packages that have tests called `name`, and for each the arguments of `cargo test` before `--` and the module
-/// that its tests are in: the package itself, a test binary, or a file of one that holds a module for each.
+/// Returns the packages that have tests called `name`, which is the name of a package, of a test binary or of a file of
+/// tests. Each comes with the arguments of `cargo test` before `--` and, for a file in a larger binary, the module of
+/// the tests.
 fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>, Option<String>)>> {
     let mut found = vec![];
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let Some(of_package) = package["name"].as_str() else { continue };
         let mut args = vec!["--package".to_owned(), of_package.to_owned()];
-        // A test of xtask may need what only these features include.
+        // The tests of xtask may need code that only these cargo features include.
         if of_package == "xtask" {
             args.extend(["--features".into(), "live,probe".into()]);
         }
@@ -62,7 +63,8 @@ fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<(Vec<String>
     Ok(found)
 }
 
-/// Runs the tests that [`selected`] selects, with both images; of these only those with `test` in their name.
+/// Runs the tests that [`selected`] selects, with both images. If `test` is given, only tests with that text in their
+/// names are run.
 fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
     let selected = selected(&metadata()?, name)?;
     for gps in Receivers::ALL {
@@ -76,7 +78,8 @@ fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
         };
         let mut command = cargo_test();
         match (&module, test) {
-            // The runner's filter is one text, so that a module and a part of a name have to be selected by hand.
+            // The test runner accepts only one text as a filter, so this program itself selects the tests by module and
+            // by name.
             (Some(module), Some(test)) => {
                 let listed = cargo_test().args([module, "--list"]).output().context("cargo did not start")?;
                 let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -123,8 +126,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             _ => anyhow::bail!("over budget"),
         });
         step("a sample of the defects", &mut crate::defects::sample);
-        // The tests that run both firmwares are given the firmwares' folder. Without it they would not be run, and
-        // would fail where CI is set.
+        // The tests that run both firmwares get the firmwares' folder. Without the folder they would be skipped, and
+        // would fail if CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
             let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
@@ -145,9 +148,9 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     Ok(verdict("test", ran, &failed))
 }
 
-/// Runs one board's defmt-test suite, which is the same code on the bench and on the board. It is built for the clock
-/// of the bench on which it runs, because its bounds depend on the clock; without a clock it is built for the board.
-/// `runner` is the path of this program.
+/// Runs one board's defmt-test suite, which is the same code on the bench and on the board. With a clock, the suite is
+/// built for the bench with that clock, because the suite's bounds depend on it. Without a clock, it is built for the
+/// board. `runner` is the path of this program.
 fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
@@ -182,8 +185,8 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
             "--features",
             board.name(),
         ])
-        // cargo gets its runner as a list, so that a space in the runner's path does not split it. A list of strings is
-        // written alike in JSON and in TOML.
+        // cargo gets its runner as a list, so a space in the runner's path does not split it. A list of strings is
+        // written in the same way in JSON and in TOML.
         .arg("--config")
         .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
         .env("DEFMT_LOG", "info");
@@ -194,7 +197,7 @@ fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArg
     check("the suite", &mut command)
 }
 
-/// Prints which tests failed, or that none did.
+/// Prints which tests failed, or that none failed.
 pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
     for failure in failed {
         eprintln!("FAILED {failure}");

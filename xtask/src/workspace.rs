@@ -33,8 +33,8 @@ pub(crate) fn root() -> PathBuf {
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
 }
 
-/// The files that git tracks, by their paths from the root, without those that are deleted but not committed as
-/// deleted.
+/// Returns the files that git tracks, by their paths from the root. A file that was deleted is left out, even if the
+/// deletion is not committed.
 pub(crate) fn tracked() -> Result<Vec<String>> {
     let output = Command::new("git")
         .args(["ls-files", "-z"])
@@ -67,7 +67,7 @@ pub(crate) fn cargo() -> Command {
     command
 }
 
-/// Runs a command to its end. If it fails, the error names it by `what`.
+/// Runs a command until it ends. If the command fails, the error calls it `what`.
 pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
     let status = command.status().with_context(|| format!("{what}: could not start {command:?}"))?;
     if !status.success() {
@@ -120,11 +120,11 @@ fn tools_dir() -> PathBuf {
 fn path_with_tools() -> OsString {
     let old = std::env::var_os("PATH").unwrap_or_default();
     let parts = std::iter::once(tools_dir().join("bin")).chain(std::env::split_paths(&old));
-    // If a PATH cannot be joined it was not usable before either, so it stays as it is.
+    // A PATH that cannot be joined was not usable before either, so it is not changed.
     std::env::join_paths(parts).unwrap_or(old)
 }
 
-/// cargo's metadata of the workspace's packages.
+/// Returns cargo's metadata of the workspace's packages.
 pub(crate) fn metadata() -> Result<serde_json::Value> {
     let output = cargo()
         .args(["metadata", "--no-deps", "--format-version", "1"])
@@ -157,7 +157,7 @@ mod tests {
         }
     }
 
-    /// Each module of the files in `folder`: its path, and its code without tests and comments.
+    /// Returns each module of the files in `folder`: its path, and its code without tests and comments.
     fn modules(folder: &str) -> BTreeMap<Vec<String>, String> {
         let of_file = |file: String| {
             let within = file
@@ -172,7 +172,7 @@ mod tests {
         tracked().unwrap().into_iter().filter_map(of_file).collect()
     }
 
-    /// All paths in `code`, with one path for each name within braces.
+    /// Returns all paths in `code`. A path with braces is returned as one path for each name within the braces.
     fn paths(code: &str) -> Vec<Vec<&str>> {
         let (mut all, mut groups, mut path, mut rest) = (vec![], vec![], vec![], code);
         while let Some(first) = rest.chars().next() {
@@ -196,8 +196,8 @@ mod tests {
         all
     }
 
-    /// The dependencies between modules of one folder that are part of a circle, or lead to one. For the modules beside
-    /// it a folder is one module, and a module does not depend on the module that contains it.
+    /// Returns the dependencies between modules of one folder that are part of a circle, or lead to one. A folder
+    /// counts as one module for the modules beside it. A module does not depend on the module that contains it.
     fn circles(modules: &BTreeMap<Vec<String>, String>) -> BTreeSet<String> {
         let mut arrows = BTreeSet::new();
         for (module, code) in modules {

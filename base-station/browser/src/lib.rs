@@ -24,18 +24,18 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
-/// The names of the browser's program, in the order in which they are searched for.
+/// The names of programs that are Chromium, in the order in which they are searched for.
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// The time limit for an answer of the browser, which exceeds the time that a busy machine takes.
+/// The time limit for an answer of the browser, which is longer than a busy machine needs.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The interval at which [`Tab::until`] checks its condition.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Returns the browser's program: the environment's `CHROMIUM`, or the first that is found. Where there is none, this
-/// returns `None` and prints a message; in an environment with `CI` it panics, because the browser must be installed
-/// there.
+/// Returns the browser's program: the one that the environment variable `CHROMIUM` names, or else the first of the
+/// known programs that is found. Where there is none, this returns `None` and prints a message. If the environment has
+/// `CI`, this panics instead, because the browser must be installed there.
 ///
 /// # Panics
 ///
@@ -80,7 +80,7 @@ pub struct Tab {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
-    /// The number of the page's DevTools session, which every command needs.
+    /// The identifier of the page's DevTools session, which every command must contain.
     session: String,
     commands: u64,
     events: VecDeque<Value>,
@@ -98,12 +98,13 @@ impl Tab {
     pub fn start(program: &Path, folder: &Path) -> Self {
         // An earlier run may have left files in the folder.
         let _ = std::fs::remove_dir_all(folder);
-        // The browser needs the pipes as descriptors 3 and 4; the shell duplicates those that std sets up.
+        // The browser needs the pipes as file descriptors 3 and 4. The shell duplicates the descriptors that std has
+        // set up for the pipes.
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // In a container the browser lacks shared memory, and as root it has no sandbox. It needs none, because the
-        // page is trusted.
+        // In a container the browser lacks shared memory, and as root it cannot use its sandbox. The sandbox is not
+        // needed, because the page is trusted.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -287,7 +288,8 @@ impl Tab {
         }
     }
 
-    /// Returns what a screen reader would say: role and name of each element of the page that it does not skip.
+    /// Returns the output of a screen reader: role and name of each element of the page that a screen reader does not
+    /// skip.
     pub fn spoken(&mut self) -> Vec<(String, String)> {
         let tree = self.command("Accessibility.getFullAXTree", json!({}));
         let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
@@ -323,7 +325,7 @@ impl Tab {
 
 impl Drop for Tab {
     fn drop(&mut self) {
-        // The browser may have ended already. Its helper processes end with it.
+        // The browser may have ended already, so an error is ignored. The browser's helper processes end with it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -38,7 +38,7 @@ pub const VERDICTS: [Verdict; 9] = [
     Verdict::Rejected(Rejection::Identifier),
 ];
 
-/// The number of bytes in a message before the verdicts.
+/// The number of bytes in a message before the verdicts: the numbers of the objects and the instant.
 const HEAD: usize = 10;
 
 /// The length of the longest message, bytes, which has every object.

@@ -145,8 +145,8 @@ mod tests {
         let mut line = Vec::new();
         encode(&[1, 2, 0, 3, 4], &mut line);
         let whole = line.clone();
-        // The stream starts in the middle of a frame, loses a byte, and then has far too many bytes without a
-        // delimiter.
+        // The stream starts in the middle of a frame and loses a byte; then many more bytes than the limit come without
+        // a delimiter.
         let mut stream = whole[4..].to_vec();
         stream.extend(&whole[..3]);
         stream.extend(&whole[4..]);

@@ -2,23 +2,27 @@
 //!
 //! # Design
 //!
-//! **Each object is judged separately.** Its CRCs and its identifier determine whether it is intact ([`Place::judge`]).
-//! It is shown if it is newer than the object of its kind that is shown. So if two messages arrive in the wrong order,
-//! the older one has no effect, unless an object is missing in the newer one that is in the older one: that object is
-//! then shown, with its age.
+//! **Each object is judged separately.** The object's CRCs and its identifier determine whether it is intact
+//! ([`Place::judge`]). The object is shown if it is newer than the displayed object of its kind. So if two messages
+//! arrive in the wrong order, the objects of the older message have no effect. The exception is an object that is
+//! missing in the newer message: it is shown, with its age.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so its objects are older than the displayed ones. It is accepted
 //! after three cycles in a row that each advance, once the displayed sender is quiet. None of these cycles may be older
 //! than the time for which nothing newer came: a HORUS from which data came two seconds ago cannot have been running
 //! for an hour since its restart. The displayed data are then dropped. A single message that was repeated, delayed,
-//! reordered or inserted is never taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US)
-//! three delayed messages in a row can be; the next newer one ends that. Other messages belong to another sender
-//! ([`order`], [`fleet`](crate::fleet)). If the data of a restarted HORUS come again only after it has run for longer
-//! than before, its timestamps continue as if it had not restarted, and the time for which it did not run looks like
-//! delay. Such a restart shows only by a changed reason of HORUS's last reset, which stays the same as long as HORUS
-//! runs. The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that
-//! the DPR shows has the time of the base station that sent it, which cannot be compared with anything here: the last
-//! uplink is kept, is no sign of life, and is meaningful only to its sender ([`uplink`](Drone::uplink)).
+//! reordered or inserted is never taken for a restart. Three delayed messages in a row may be taken for one in HORUS's
+//! first [`RESTART_SLACK_US`](order::RESTART_SLACK_US); the next newer message corrects this. Other messages belong to
+//! another sender ([`order`], [`fleet`](crate::fleet)).
+//!
+//! The data of a restarted HORUS may arrive only after it has run for longer than before its restart. Its timestamps
+//! then continue as if it had not restarted, and the time for which it did not run looks like delay. Such a restart is
+//! detected only by a changed reason of HORUS's last reset, which stays the same as long as HORUS runs.
+//!
+//! The DPR's Link-Status and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR
+//! shows has the time of the base station that sent it, which cannot be compared with any other time here. So the last
+//! uplink is always kept. It is not a sign of life of the drone, and only its sender can evaluate it
+//! ([`uplink`](Drone::uplink)).
 //!
 //! **Everything that is kept can be shown.** Values that contradict the status of their own object are removed before
 //! they are kept ([`profile::range`]), so no display has to check again.
@@ -54,11 +58,11 @@ pub const SILENT_US: u64 = 1_000_000;
 /// The time for which a single event causes an alarm, µs.
 pub const RECENT_US: u64 = 10_000_000;
 
-/// The time after a sample's first arrival from which on more than [`FROZEN_REPEATS`] copies of it mean that HORUS's
-/// timestamp is frozen, µs.
+/// The time after a sample's first arrival, µs, from which on duplicates of the sample are counted. If there are more
+/// than [`FROZEN_REPEATS`] of them, HORUS's timestamp is frozen.
 pub const FROZEN_US: u64 = 300_000;
 
-/// The number of duplicates of one sample that may come [`FROZEN_US`] after it or later.
+/// The number of duplicates of one sample that may come [`FROZEN_US`] after its first arrival, or later.
 pub const FROZEN_REPEATS: u32 = 2;
 
 /// The verdict on an object that arrived.
@@ -72,7 +76,7 @@ pub enum Verdict {
     Older,
     /// The object is intact, but does not continue what was shown, and is not accepted yet.
     OutOfSequence,
-    /// There is no object in the place of this one: HORUS sent it, and the DPR did not accept it.
+    /// The place of this object is empty: HORUS sent the object, and the DPR did not accept it.
     Vacant,
     /// The object is not intact, or is in another object's place.
     Rejected(Rejection),
@@ -155,7 +159,7 @@ pub struct Counts {
     pub bad_crc: u64,
     /// The number of intact objects in another object's place, or of another length.
     pub misplaced: u64,
-    /// The number of messages whose intact objects of the profile are of different cycles.
+    /// The number of messages in which intact objects of the profile come from different cycles.
     pub mixed: u64,
     /// The number of cycles of HORUS that did not arrive, or only after a newer one.
     pub missed: u64,
@@ -236,7 +240,7 @@ impl Drone {
         verdicts
     }
 
-    /// Judges the bytes that arrived at `at_us`, µs, in the place of an object, and keeps the object if it is accepted.
+    /// Judges bytes that arrived at `at_us`, µs, as an object of the kind `place`. Keeps the object if it is accepted.
     pub fn take(&mut self, place: Place, at_us: u64, bytes: &[u8]) -> Verdict {
         let verdict = match place.judge(bytes) {
             Shown::Vacant => Verdict::Vacant,
@@ -321,14 +325,14 @@ impl Drone {
         if own == Some(crc) {
             return Verdict::Duplicate;
         }
-        // One sender never seals two different contents with one timestamp.
+        // One sender never seals two different contents with one timestamp, so there are two senders.
         self.rival_us = Some(at_us);
         Verdict::OutOfSequence
     }
 
     fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
-        // This is the receiver's index, from 0; Reported-Position has none.
+        // The index of the receiver, from 0; Reported-Position has no such index.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
             Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
@@ -385,7 +389,7 @@ impl Drone {
                 let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
                 self.gps[receiver] = Some(held);
             }
-            // This does not occur, because an intact object in its place is of that place's kind.
+            // This does not occur, because only a GPS object is found intact where a message has a GPS object.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
@@ -534,13 +538,13 @@ impl Drone {
     }
 
     /// Returns the last uplink of the base station that the DPR showed, as it arrived. If it equals the uplink that was
-    /// sent, the DPR has stored that; it does not show when.
+    /// sent, the DPR has stored that uplink; when it did so is not known.
     #[must_use]
     pub const fn uplink(&self) -> Option<&Uplink> {
         self.uplink.as_ref()
     }
 
-    /// Returns the highest number of a receiver of which an intact object arrived: 0 to 5.
+    /// Returns the highest number of a receiver of which an intact object arrived, 1 to 5; 0 if no such object arrived.
     #[must_use]
     pub const fn receivers(&self) -> usize {
         self.receivers

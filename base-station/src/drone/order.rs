@@ -21,26 +21,27 @@
 
 use profile::{Freshness, freshness};
 
-/// The time by which one of the first timestamps may come earlier than the shortest delay allows, µs: the difference of
+/// How much earlier one of a sender's first timestamps may come than the shortest delay allows, µs: the difference of
 /// delays in one carrier.
 pub const SLACK_US: u64 = 2_000_000;
 
-/// The time by which a timestamp may come earlier than the shortest delay allows, once [`SEARCH_CYCLES`] timestamps
-/// have come, µs.
+/// How much earlier a timestamp may come than the shortest delay allows, once [`SEARCH_CYCLES`] timestamps of the
+/// sender have come, µs.
 pub const AHEAD_US: u64 = 1_000_000;
 
 /// The longest time for which a carrier holds a message back while it delivers others, µs.
 pub const LATE_US: u64 = 10_000_000;
 
-/// The most by which a restarted sender's timestamp may exceed the time since the earlier sender's newest message, µs:
-/// the time for which that message may have been under way.
+/// How much a restarted sender's timestamp may exceed the time since the earlier sender's newest message, µs: the time
+/// for which that message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// The number of timestamps in a row, each advancing, after which a restart or another sender is accepted.
+/// The number of timestamps in a row, each newer than the one before, after which a restart or another sender is
+/// accepted.
 pub const SEARCH_CYCLES: u8 = 3;
 
-/// The time since a sender's last message within which another sender never replaces it, µs: a sender slower than 4 Hz
-/// is [stale](super::STALE_US) between two messages.
+/// How long after a sender's last message another sender never replaces it, µs. A sender slower than 4 Hz is
+/// [stale](super::STALE_US) between two messages.
 pub const QUIET_US: u64 = 250_000;
 
 /// The number of searches that are made at the same time, so that unrelated messages cannot keep a sender from being
@@ -52,7 +53,8 @@ const SEARCHES: usize = 4;
 pub enum Step {
     /// The timestamp is newer than all before it.
     Newest {
-        /// The number of whole cycles between this timestamp and the newest before it, which did not arrive.
+        /// The number of whole cycles between this timestamp and the newest before it; the objects of these cycles did
+        /// not arrive.
         missed: u32,
     },
     /// The timestamp equals the newest one.
@@ -81,14 +83,15 @@ struct Search {
     found: u8,
 }
 
-/// The relation of a timestamp to the newest.
+/// The relation of a timestamp to the newest one.
 enum Kind {
     Newest {
         missed: u32,
     },
     Same,
     Older,
-    /// The timestamp does not continue the earlier ones. `back` means that it is neither of a restart nor ahead.
+    /// The timestamp does not continue the earlier ones. `back` is true if it is neither that of a restarted sender nor
+    /// ahead of the earlier ones.
     Strange {
         back: bool,
     },
@@ -135,7 +138,7 @@ impl Order {
         Step::Restarted
     }
 
-    /// Returns whether a timestamp continues the earlier ones, or may be that of a late message; the arguments are
+    /// Returns whether a timestamp continues the earlier ones, or may be that of a late message. The arguments are
     /// those of [`judge`](Self::judge).
     #[must_use]
     pub fn fits(&self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> bool {
@@ -172,7 +175,7 @@ impl Order {
         };
         let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
         if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
-            // The timestamp belongs to another object of the same cycle.
+            // The timestamp is that of a search's last one, so it belongs to another object of the same cycle.
             return None;
         }
         let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
@@ -192,7 +195,8 @@ impl Order {
     }
 }
 
-/// Returns whether the timestamps advance by no more time than has passed here.
+/// Returns whether the timestamp advanced by no more time than has passed for the base station, except for drift and
+/// [`SLACK_US`].
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
@@ -228,7 +232,7 @@ mod tests {
             step
         }
 
-        /// Returns a sender that has sent at 10 Hz for a minute; its last message is that of 60 s.
+        /// Returns a sender that has sent at 10 Hz for a minute; the timestamp of its last message is 60 s.
         fn running() -> Self {
             let mut sender = Self::default();
             for tenth in 0..=600 {
@@ -287,7 +291,7 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // The burst replaces the true sender once that is quiet.
+        // The sender of the burst replaces the true sender once the true sender has been quiet long enough.
         for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
             let mut order = Sender::running();
             for burst in 1..=2_u32 {
@@ -305,7 +309,8 @@ mod tests {
             order.judge(60_000, 0, true, 0);
             order.judge(timestamp, SECOND, true, early_us)
         };
-        // The restarted sender may have started when the last message came, half a second before.
+        // The restarted sender may have started when the earlier sender's last message left, which may have been under
+        // way for half a second.
         assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
         let late = LATE_US.cast_signed();
         assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
@@ -321,7 +326,7 @@ mod tests {
 
     #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
-        // The time by which a timestamp may come too early becomes shorter with the third sample.
+        // From the third sample on, a timestamp may come less early than before.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
             let mut order = Order::default();
             order.judge(60_000, 0, true, 0);

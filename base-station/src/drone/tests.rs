@@ -177,8 +177,8 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on() {
 #[test]
 fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
     let again = status().with_reset_reason(ResetReason::Watchdog);
-    // HORUS's data come until 0.27 s after its start, and again a second later, when it has run for 0.28 s since its
-    // next start.
+    // HORUS's data arrive until 0.27 s after its start. HORUS then restarts, and its data arrive again one second
+    // later, when it has run for 0.28 s.
     let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
         let mut drone = Drone::new(0);
         (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
@@ -198,7 +198,8 @@ fn a_new_reset_reason_is_a_restart_even_if_timestamps_go_on() {
         assert_eq!((drone.counts().restarts, drone.gps(3)), (1, None), "what was before is forgotten");
         assert_eq!(codes(&mut drone, 1_270_000), ["restarted", "horus-unasked-reset"]);
     }
-    // If the reason of the last reset is the same, the sample looks like one that was held back.
+    // If the reason of the last reset is unchanged, the sample looks like a delayed one of a HORUS that has not
+    // restarted.
     let drone = taken(status(), 0..0);
     assert!((989_000..=990_000).contains(&drone.reported().unwrap().age_us(1_270_000)));
     assert_eq!(drone.counts().restarts, 0);
@@ -538,12 +539,12 @@ monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s a
     assert_eq!(drone.words(1_240_000), expected);
 }
 
-/// What becomes of one message on its way.
+/// The treatment of one message by the carrier.
 #[derive(Clone, Debug)]
 struct Fate {
     /// The number of copies of the message that arrive.
     copies: u8,
-    /// The delay of each copy of the message, in cycles.
+    /// The delay of each copy of the message, in cycles of 10 ms.
     delays: [u8; 3],
     /// The bit of the message that flips, if any.
     flips: Option<u16>,

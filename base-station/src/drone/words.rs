@@ -115,7 +115,7 @@ impl Drone {
     }
 }
 
-/// Writes the age of an object, and the end of the line.
+/// Writes the age of an object, and then the end of the line.
 fn age<T>(f: &mut String, held: &Held<T>, now_us: u64) -> fmt::Result {
     writeln!(f, "  {:.2} s ago", held.age_us(now_us) as f64 / 1e6)
 }

@@ -41,11 +41,11 @@ pub const KEEP_ALIVE_S: u16 = 5;
 /// The time without traffic after which a connection is ended.
 pub const SILENCE: Duration = Duration::from_secs(12);
 
-/// The greatest number of messages that may wait for the broker: three tenths of a second of a thousand drones at 10
-/// Hz.
+/// The greatest number of messages that may wait to be sent to the broker: those of a thousand drones at 10 Hz in three
+/// tenths of a second.
 const WAITING: usize = 3_000;
 
-/// The length of the longest packet that is accepted, bytes: a message, its topic, and room for a broker's additions.
+/// The length of the longest packet that is accepted, bytes: a message, its topic, and what a broker may add.
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
 /// A broker's address and login.
@@ -129,7 +129,7 @@ impl Outlet {
     }
 }
 
-/// The broker's end of an [`Outlet`], which has no connection yet.
+/// The sending side of an [`Outlet`], which is not connected to the broker yet.
 pub struct Unconnected {
     broker: Broker,
     events: EventLoop,
@@ -170,8 +170,8 @@ impl Unconnected {
     }
 }
 
-/// Receives the messages that all stations publish, or those of the station of this name, on a thread of its own for as
-/// long as the station here exists. `line` is the number of this line in recordings.
+/// Receives the messages that all stations publish or, if `station` is given, only those of that station. It runs on a
+/// thread of its own for as long as the receiving station exists. `line` is the number of this line in recordings.
 ///
 /// # Errors
 ///
@@ -181,13 +181,13 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
-        // The subscription is sent once there is a connection; the queue has room for it, because the last connection
-        // left the queue empty.
+        // The subscription is sent once there is a connection. The client's queue has room for the subscription,
+        // because the queue was emptied when the connection before ended.
         Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
         Happened::Lost => true,
         Happened::Came(published) => {
             let topic = std::str::from_utf8(&published.topic).ok();
-            // A retained message may be of any age, and does not state its age.
+            // A retained message may be of any age, and does not state its age, so it is not accepted.
             match topic.and_then(Name::of_topic).filter(|_| !published.retain) {
                 Some(name) => {
                     let (from, bytes) = (name.as_str().to_owned(), published.payload.to_vec());
@@ -211,7 +211,7 @@ fn is_granted(answer: &SubAck) -> bool {
     answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
 }
 
-/// Keeps a connection to the broker until there is no station any more, or `each` returns false.
+/// Keeps a connection to the broker until the station has ended or `each` returns false.
 fn spawn(
     broker: Broker,
     mut events: EventLoop,
@@ -241,7 +241,7 @@ fn spawn(
                     Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
-                // The messages that wait now will be old when there is a connection again.
+                // The messages that wait now will be old when there is a connection again, so they are dropped.
                 events.clean();
                 events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });

@@ -21,7 +21,7 @@ pub const PERIOD_US: u64 = 1_000_000;
 /// The time for which samples are kept, µs.
 pub const KEPT_US: u64 = 600_000_000;
 
-/// The greatest number of samples of a drone, while one is added.
+/// The greatest number of samples of a drone, including the one that is being added.
 const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
 
 /// The greatest size of a sample, bytes.
@@ -40,16 +40,16 @@ type Place = [i32; 2];
 pub struct Sample {
     /// The instant of the sample, µs of the station's clock.
     pub at_us: u64,
-    /// The place of Reported-Position, if it was valid and not stale.
+    /// The latitude and longitude of Reported-Position, if its position was valid and not stale.
     voted: Option<Place>,
-    /// The places of the receivers, where their positions were valid and not old.
+    /// The latitude and longitude of each receiver, if its position was valid and not old.
     gps: [Option<Place>; MAX_RECEIVERS],
     /// The reported height, m, if it was valid and not stale; otherwise NaN.
     height: f32,
     /// The greatest age of Reported-Position since the sample before, s; NaN before there was a Reported-Position.
     age: f32,
-    /// The least number of agreeing receivers since the sample before, over the time in which there was a position that
-    /// was not stale.
+    /// The least number of agreeing receivers since the sample before; times when the position was stale or missing do
+    /// not count.
     agree: Option<u8>,
 }
 
@@ -96,14 +96,15 @@ impl Sample {
         Some(self.age).filter(|age| !age.is_nan())
     }
 
-    /// Returns the least number of agreeing receivers since the sample before.
+    /// Returns the least number of agreeing receivers since the sample before. Times when the position was stale or
+    /// missing do not count.
     #[must_use]
     pub const fn agree(&self) -> Option<u8> {
         self.agree
     }
 }
 
-/// Converts degrees to 1e-7 degrees. An i32 holds 180 degrees in that unit; larger values or NaN do not occur in valid
+/// Converts degrees to 1e-7 degrees. An i32 holds 180 degrees in that unit; larger values and NaN do not occur in valid
 /// objects.
 fn place(latitude: f64, longitude: f64) -> Place {
     [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
@@ -117,7 +118,7 @@ fn degrees(place: Place) -> [f64; 2] {
 #[derive(Clone, Debug)]
 struct Track {
     samples: VecDeque<Sample>,
-    /// The greatest age of Reported-Position since the last sample.
+    /// The greatest age of Reported-Position since the last sample, s.
     age: f32,
     agree: Option<u8>,
 }
@@ -131,7 +132,7 @@ pub struct History {
 }
 
 impl History {
-    /// Examines every drone and stores its sample, if that is due.
+    /// Examines every drone, and stores a sample of each drone whose sample is due.
     pub fn look(&mut self, now_us: u64, fleet: &Fleet) {
         if self.looked_us.is_some_and(|looked_us| now_us < looked_us + LOOK_US) {
             return;

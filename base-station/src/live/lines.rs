@@ -14,11 +14,11 @@ use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 /// The longest time that a read of a serial port blocks.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
 
-/// The size of the system's buffer for bytes that arrive while this process does not run: a second of a thousand
-/// drones.
+/// The size of the system's buffer for bytes that arrive while this process does not run, bytes. It holds the messages
+/// of a thousand drones in a second.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
-/// The time after which a failed serial port is tried again.
+/// The time after which a serial port that failed is opened again.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// The longest interval at which a line checks whether the station still exists.
@@ -31,7 +31,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Returns an error if the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
-    // The system may grant a smaller buffer, which is no error.
+    // If the system grants a smaller buffer, that is not an error.
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
@@ -39,7 +39,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
         inlet.mouths.add_socket(line, socket.try_clone()?);
     }
     thread::spawn(move || {
-        // A datagram that fills one more byte than allowed is too long.
+        // The buffer is one byte longer than the longest allowed datagram. A datagram that fills it is too long.
         let mut buffer = vec![0; MAX_DATAGRAM + 1];
         loop {
             let event = match socket.recv_from(&mut buffer) {
@@ -47,8 +47,7 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
                     let bytes = buffer[..length].to_vec();
                     Event::Carried(Carried { at_us: clock.now_us(), kind, line, from: from.to_string(), bytes })
                 }
-                // A timeout means that the line works; it also gives a chance to check whether the station still
-                // exists.
+                // A timeout means that the line works. The loop then checks whether the station still exists.
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                     Event::Line { name: bound.to_string(), why: None }
                 }

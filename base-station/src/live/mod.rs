@@ -46,13 +46,13 @@ pub use recording::Recording;
 /// The longest interval between updates of the alarms.
 pub const TICK: Duration = Duration::from_millis(20);
 
-/// The greatest number of arrivals that may wait for the station: six seconds of a thousand drones at 10 Hz.
+/// The greatest number of arrivals that may wait for the station: those of a thousand drones at 10 Hz in six seconds.
 const WAITING: usize = 65_536;
 
 /// The number of alarm changes that are kept for the page.
 pub const KEPT_CHANGES: usize = 100;
 
-/// The time for which the page reports data that could not be published, µs.
+/// How long the page still reports that data could not be published, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
 
 /// A clock of µs since 1970 that does not go back: the system's time at the start, plus the elapsed time.
@@ -79,7 +79,7 @@ impl Clock {
     }
 
     /// Returns a clock whose elapsed time, µs, the caller sets, for data that follow another time than real time. The
-    /// clock stands still in between, and must not be set back.
+    /// clock stands still until the caller sets it again, and it must not be set back.
     #[must_use]
     pub fn told(passed_us: Arc<AtomicU64>) -> Self {
         Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
@@ -131,8 +131,8 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Passes an event on to the station, or counts it as dropped if too many wait. Returns whether the station still
-    /// exists.
+    /// Passes an event on to the station, or counts it as dropped if too many events wait. Returns whether the station
+    /// still exists.
     #[must_use]
     pub fn offer(&self, event: Event) -> bool {
         match self.to.try_send(event) {
@@ -151,8 +151,8 @@ impl Inlet {
         let _ = self.to.send(Event::End);
     }
 
-    /// Passes an event on to the station, for a playback, and waits until there is room. Returns whether the station
-    /// still exists.
+    /// Passes an event of a playback on to the station, and waits until the station's queue has room. Returns whether
+    /// the station still exists.
     #[must_use]
     pub fn push(&self, event: Event) -> bool {
         self.to.send(event).is_ok()
@@ -176,7 +176,7 @@ pub struct StationData {
     pub recorder: Option<Trouble>,
     /// The station's own messages, if enabled.
     pub voice: Option<Voice>,
-    /// The instant up to which the state includes everything, µs.
+    /// The instant, µs, up to which all events are included in the state.
     pub now_us: u64,
 }
 
@@ -212,7 +212,7 @@ impl Station {
 
     /// Returns the present state. The station waits while the returned guard exists.
     pub fn known(&self) -> MutexGuard<'_, StationData> {
-        // A thread that panicked while it had the state has changed nothing in it.
+        // A poisoned lock is ignored: a thread that panicked while it held the lock has not changed the state.
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -247,8 +247,8 @@ impl Time {
     }
 }
 
-/// Starts a station. It ends when an inlet is closed, or all inlets are gone; the handle returns when everything is
-/// written after that. `told` gets each alarm that begins or ends.
+/// Starts a station. It ends when an inlet is closed or all inlets are gone. After that, the thread of the returned
+/// handle ends once everything is written. `told` gets each alarm that begins or ends.
 #[must_use]
 pub fn start(
     verifier: Option<Verifier>,
@@ -285,7 +285,7 @@ pub fn start_publishing(
     (Inlet { to, dropped, mouths }, station, handle)
 }
 
-/// Reports on the page that data are not published, for as long as that goes on.
+/// Makes the page report that data are not published, for as long as data remain unpublished.
 #[derive(Default)]
 struct Unpublished {
     count: u64,
@@ -322,7 +322,8 @@ fn run(
             return;
         }
         let mut known = station.known();
-        // Waiting events are processed together, so that readers are not notified for each of a thousand drones.
+        // Waiting events are processed together, so that the readers are notified once and not for each of a thousand
+        // drones.
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
@@ -347,7 +348,8 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
-                    // The time is that of the recording, because the playback's own time is ahead of it during a jump.
+                    // The history gets the recording's time, because the playback's own time is ahead of that during a
+                    // jump.
                     let StationData { history, intake, .. } = &mut *known;
                     history.look(record.carried.at_us, intake.fleet());
                 }

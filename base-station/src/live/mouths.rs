@@ -1,4 +1,4 @@
-//! Sends messages on the lines of a base station: on the socket or port that also receives.
+//! Sends messages on the lines of a base station, by the socket or serial port that also receives.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -41,7 +41,8 @@ impl Mouths {
         self.with(|mouths| mouths.remove(&line));
     }
 
-    /// Sends a message. A message that is lost is no error, as on any carrier: it, or the next one, is sent again.
+    /// Sends a message. If the message is lost, that is no error, as on any carrier: the sender repeats it, or sends a
+    /// newer one.
     pub fn send(&self, to: To, bytes: &[u8]) {
         self.with(|mouths| match (to.line, to.address) {
             (Some(line), _) => {
@@ -73,8 +74,8 @@ impl Mouth {
     fn send(&mut self, to: To, bytes: &[u8]) {
         let _ = match (self, to.address) {
             (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
-            // One call takes no longer than the port's timeout, so a radio that accepts nothing delays the station no
-            // longer than that.
+            // One write takes no longer than the port's timeout. So a radio that accepts no bytes does not delay the
+            // station for longer.
             (Self::Port(port), _) => port.write(bytes),
             (Self::Socket(_), None) => Ok(0),
         };

@@ -1,4 +1,4 @@
-//! Plays a recording back, at any pace and from any place in it.
+//! Plays a recording back, at any pace and from any instant in it.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -24,7 +24,7 @@ pub struct Contents {
     pub first_us: u64,
     /// The instant of the last arrival, µs since 1970.
     pub last_us: u64,
-    /// The parts that are damaged or cut off, and where, as text.
+    /// The parts that are damaged or cut off, as text that says at which position.
     pub torn: Vec<String>,
 }
 
@@ -88,7 +88,7 @@ impl Recording {
     }
 }
 
-/// The place and the pace of a playback.
+/// The instant in the recording, and the pace, of a playback.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     /// The time within the recording at the instant `since`, µs.
@@ -98,7 +98,7 @@ struct Pace {
     speed: f64,
     /// The instant in the recording to which a user has jumped, µs.
     jump_us: Option<u64>,
-    /// The number of changes of pace or place that users have made.
+    /// The number of changes of pace or instant that users have made.
     changes: u64,
 }
 
@@ -143,7 +143,8 @@ impl Player {
         self.pace().speed
     }
 
-    /// Returns the number of changes of pace or place, which shows whether a change has taken effect.
+    /// Returns the number of changes of pace or instant that users have made, which shows whether a change has taken
+    /// effect.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.pace().changes
@@ -170,12 +171,12 @@ impl Player {
     }
 
     fn at(&self, pace: &Pace) -> u64 {
-        // A recording that is played for a century at a hundredfold pace is still exact to a µs here.
+        // The product is exact to a µs even if a recording is played for a century at a hundredfold pace.
         let passed = pace.since.elapsed().as_secs_f64() * pace.speed * 1e6;
         pace.at_us.saturating_add(passed as u64).min(self.last_us)
     }
 
-    /// Waits until the time within the recording is `at_us`. Returns false if a jump ended the wait.
+    /// Waits until the time within the recording reaches `at_us`. Returns false if a jump ended the wait.
     fn wait(&self, at_us: u64) -> bool {
         let mut pace = self.pace();
         loop {
@@ -200,8 +201,8 @@ impl Player {
     /// Returns an error if a file cannot be read.
     pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
         loop {
-            // The records before the place to which the player jumps are judged as well, without waiting, because the
-            // state there depends on them.
+            // The records before the position to which the player jumps are judged too, but without waiting: the state
+            // at that position depends on them.
             let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
             if !inlet.push(Event::Restart(self.first_us)) {
                 return Ok(());
@@ -214,7 +215,7 @@ impl Player {
                 there
             };
             recording.read(&mut hold, |_| {})?;
-            // At the end of the recording, and after a jump, the player waits for the next change of place.
+            // At the end of the recording, and after a jump, the player waits for the next jump.
             if !self.wait(u64::MAX) {
                 continue;
             }
@@ -249,8 +250,8 @@ mod tests {
         Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
     }
 
-    /// Records these cycles into a file. With `killed`, the recorder is not finished, like that of a process that was
-    /// killed.
+    /// Records these cycles into a file. With `killed`, the recorder is not finished, so the file is like that of a
+    /// process that was killed.
     fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
         let mut recorder = Recorder::new(Files::new(path));
         let mut intake = Intake::default();

@@ -83,7 +83,7 @@ impl Recording {
 
 fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Option<Trouble>>) -> Result<(), String> {
     let half = Duration::from_micros(FLUSH_US / 2);
-    // The recorder's time is that of the recorded data, and goes on while no data come.
+    // The recorder's time follows the time of the recorded data, and advances in real time while no data come.
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {

@@ -48,13 +48,13 @@ impl Default for Limits {
 /// The number of bytes that a connection reads ahead, which is also the greatest length of a request's head.
 const BUFFER: usize = 16 << 10;
 
-/// The number of bytes that the system may hold for a reader which has not read them: a few states.
+/// The number of bytes that the system may hold for a reader that has not read them yet: a few states.
 const SEND_BUFFER: usize = 64 << 10;
 
-/// The time for which no connection is accepted after an error that concerns all of them (too many open files).
+/// How long no connection is accepted after an error that concerns all connections (too many open files).
 const REST: Duration = Duration::from_millis(50);
 
-/// Serves `router` to all clients, within the limits that this [module](self) states. It does not end.
+/// Serves `router` to all clients, within the limits that this [module](self) states. This function does not return.
 ///
 /// # Errors
 ///
@@ -68,10 +68,10 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
             sleep(REST).await;
             continue;
         };
-        // There is no room, so the new connection is dropped, which closes it; a later attempt succeeds once there is
-        // room.
+        // The limit is reached, so the new connection is dropped, which closes it. A later attempt succeeds once
+        // another connection has ended.
         let Ok(place) = Arc::clone(&places).try_acquire_owned() else { continue };
-        // The system may grant a smaller buffer, which is no error.
+        // If the system grants a smaller buffer, that is not an error.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
         // A state must be sent at once, even while the state before it is not acknowledged.
         let _ = stream.set_nodelay(true);
@@ -80,7 +80,7 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) -> io:
         let connection =
             http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(router.clone()));
         tokio::spawn(async move {
-            // If a reader disconnects, or sends no valid request, that is no error of the page.
+            // A reader that disconnects, or sends no valid request, is not an error of the page.
             let _ = connection.await;
             drop(place);
         });

@@ -57,7 +57,7 @@ impl Server {
                         told.store(true, Ordering::Relaxed);
                     }
                 };
-                // A graceful end would wait for open event streams.
+                // A graceful end would wait for the open event streams, which do not end.
                 tokio::select! {
                     _ = ended => {}
                     served = async { tokio::join!(served, interrupts).0 } => {
@@ -86,7 +86,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // The channel's other end and the thread may be gone already.
+        // The receiver of this message and the thread may have ended already, so errors are ignored.
         let _ = self.end.take().map(|end| end.send(()));
         let _ = self.thread.take().map(JoinHandle::join);
     }

@@ -117,7 +117,8 @@ mod with {
     fn find<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a rustls::Error> {
         let mut next = Some(error);
         while let Some(error) = next {
-            // An I/O error does not return the error in it as its source, so that one is taken out of it.
+            // `io::Error::source` does not return the error inside an I/O error, so that error is taken out by
+            // `get_ref`.
             let inner = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
             let found = error.downcast_ref().or_else(|| inner.and_then(|inner| inner.downcast_ref()));
             if found.is_some() {
@@ -167,7 +168,7 @@ mod with {
 mod without {
     use super::{Transport, Unusable};
 
-    /// A type without values, in place of the settings of TLS.
+    /// A type without values, which stands for the settings of TLS in a program without TLS.
     #[derive(Clone)]
     pub enum Tls {}
 

@@ -238,7 +238,8 @@ impl<P: Parts> Recorder<P> {
         self.put(change.at_us, "/alarms", ros::ALARM, &data);
     }
 
-    /// Writes the data that are not written yet, if that is due; to be called at least every [`FLUSH_US`].
+    /// Writes the data that are not written yet, if they are due to be written; to be called at least every
+    /// [`FLUSH_US`].
     pub fn tick(&mut self, now_us: u64) {
         let Some(open) = &mut self.open else { return };
         if now_us.saturating_sub(open.flushed_us) < FLUSH_US {
@@ -297,8 +298,7 @@ impl<P: Parts> Recorder<P> {
         }
     }
 
-    /// Records a message. Returns whether it was recorded; it is not while it is too early to try again after a
-    /// failure.
+    /// Records a message. Returns whether it was recorded: for [`RETRY_US`] after a failure no message is recorded.
     fn try_put(&mut self, at_us: u64, topic: &str, schema: ros::Schema, data: &[u8]) -> Result<bool, String> {
         if self.open.is_none() {
             if self.tried_us.is_some_and(|tried| self.trouble.is_some() && at_us.saturating_sub(tried) < RETRY_US) {

@@ -46,7 +46,7 @@ pub struct Record {
 enum Stop {
     /// The file cannot be read.
     Io(io::Error),
-    /// The file was cut or damaged at this place; the text has the details.
+    /// The file was cut or damaged; the text says where and how.
     Torn(String),
 }
 
@@ -62,7 +62,7 @@ impl From<McapError> for Stop {
     }
 }
 
-/// Reads the arrivals of a recording, in order, and never holds more than a chunk.
+/// Reads the arrivals of a recording, in order. It never holds more than one chunk.
 pub struct Reader<R> {
     from: R,
     begun: bool,
@@ -100,13 +100,14 @@ impl<R: Read> Reader<R> {
         self.read
     }
 
-    /// Returns the place where the file was cut or damaged, as text, once it was reached. All records before it were
-    /// returned.
+    /// Returns a text that says where the file was cut or damaged, once the reader has reached that point. All records
+    /// before it were returned.
     pub fn torn(&self) -> Option<&str> {
         self.torn.as_deref()
     }
 
-    /// Returns the damaged chunks found so far, which are left out, as text: the places and the reasons.
+    /// Returns the damaged chunks found so far, which are left out, as text: where they are in the file, and what is
+    /// wrong.
     pub fn lost(&self) -> &[String] {
         &self.lost
     }
@@ -196,7 +197,8 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Reads `length` bytes into the buffer, in place of those that it holds. Returns whether there were as many.
+    /// Reads `length` bytes into the buffer, in place of those that it holds. Returns whether the file had `length`
+    /// more bytes.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.chunk = 0..0;
         self.body.clear();
@@ -241,9 +243,9 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Parses a record that is no chunk. If the record defines a channel of arrivals, its number is added to `channels`; if
-/// it is an arrival, it is returned. `is_lossy` means that an earlier chunk was lost, perhaps with the definitions of
-/// channels, so that each message is tested for being an arrival.
+/// Parses a record other than a chunk. If the record defines a channel of arrivals, the channel's number is added to
+/// `channels`. If the record is an arrival, it is returned. `is_lossy` means that an earlier chunk was lost, perhaps
+/// with the definitions of channels; then each message is tested for being an arrival.
 fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {

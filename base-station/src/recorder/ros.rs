@@ -117,7 +117,8 @@ string why                  # it was refused
 };
 
 fn put(out: &mut Vec<u8>, bytes: &[u8]) {
-    // No array comes near 4 GiB. A length that does not fit would make a shorter array, not a wrong one.
+    // No array comes near 4 GiB. If a length did not fit into a u32, the array would be cut off at the greatest length,
+    // and the message would still be readable.
     let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     out.extend(length.to_le_bytes());
     out.extend(bytes.iter().take(length as usize));

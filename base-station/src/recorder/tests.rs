@@ -58,7 +58,7 @@ fn profile(timestamp: u32) -> Profile<1> {
     Profile::seal(&reported, &[GpsValues { status, latitude, longitude, ..GpsValues::absent(timestamp) }])
 }
 
-/// Returns the arrival of this number, at 10 Hz; some are a duplicate, a damaged one or a foreign one.
+/// Returns the arrival of this number, at 10 Hz. Some arrivals are a duplicate, a damaged message or a foreign one.
 fn arrival(cycle: u32) -> Carried {
     let mut bytes = profile(70_000 + 100 * (cycle - u32::from(cycle % 7 == 1))).as_bytes().to_vec();
     match cycle % 11 {
@@ -238,7 +238,7 @@ fn a_disk_that_stays_full_is_told_without_a_pause() {
     record(&mut recorder, 0..100);
     let since = recorder.trouble().unwrap().since_us;
     for second in 1..20 {
-        // Here a file can be made again and again and holds the data that are in memory, but no data reach the disk.
+        // Here the system makes each file and accepts the data in memory, but no data reach the disk.
         record(&mut recorder, 100 * second..100 * second + 7);
         assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
     }

@@ -32,7 +32,7 @@ fn key() -> Key {
     Key::new([7; 32])
 }
 
-/// Cuts `bytes` into pieces whose lengths come from the bytes themselves.
+/// Cuts `bytes` into pieces; the bytes themselves determine the lengths of the pieces.
 fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = bytes;
     std::iter::from_fn(move || {
@@ -45,7 +45,8 @@ fn pieces(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 /// Checks the parser of MAVLink, in datagrams and in a stream, with a key and without.
 pub(crate) fn mavlink(bytes: &[u8]) {
-    // A false start of a message is recognised once enough bytes have followed.
+    // The zeros complete any bytes that only look like the beginning of a message, so that the parser goes on behind
+    // these.
     let ended = [bytes, &[0; 600]].concat();
     let whole = Receiver::default().datagram(NOW, &ended);
     let mut receiver = Receiver::default();

@@ -1,5 +1,5 @@
-//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ in a few places from those of
-//! the corpus. `cargo xtask fuzz` continues from there.
+//! Tests every parser of a carrier's bytes on its fuzz corpus, and on inputs that differ a little from those of the
+//! corpus. `cargo xtask fuzz` tests many more such inputs.
 
 mod bodies;
 use crate::common;

@@ -210,7 +210,7 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         };
         let all: Vec<Vec<u8>> = objects.iter().map(|(_, bytes)| bytes.clone()).collect();
 
-        // Each message is a datagram, in order, and is followed by the same message cut off.
+        // Each message is sent as a datagram, in order, and then once more, cut off.
         let mut receiver = Receiver::new(verifier());
         let mut received = vec![];
         for (nth, (ours, frame)) in frames.iter().enumerate() {
@@ -224,7 +224,7 @@ fn every_object_that_pymavlink_sends_is_received_plain_and_signed() {
         let other = receiver.counts().foreign + receiver.counts().malformed;
         assert_eq!(other, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
 
-        // The messages form a stream, in pieces of any length, with damage between them.
+        // The messages are sent as a stream in pieces of any length, and some of its bytes are damaged.
         let mut drawn = Drawn(1);
         let mut line = vec![];
         for (nth, (_, frame)) in frames.iter().enumerate() {
@@ -263,7 +263,7 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let mut line = vec![];
     for frame in &frames {
         match drawn.below(6) {
-            // The damage is a flipped bit, a lost end, foreign bytes, or a lost message.
+            // The damage is a flipped bit, a message that is cut off, foreign bytes, or a lost message.
             0 => {
                 let mut frame = frame.clone();
                 let bit = drawn.below(frame.len() as u64 * 8) as usize;
@@ -288,8 +288,8 @@ fn every_object_pymavlink_reads_from_a_damaged_stream_is_read_here_too() {
     let read = peer.parse(false, &[line]);
     let there: Vec<Vec<u8>> =
         read.iter().flatten().filter(|message| message["name"] == "TUNNEL").map(|message| payload(message).1).collect();
-    // After damage, pymavlink takes the bytes there for a message, continues after it, and loses the messages that
-    // begin in it.
+    // After damage, pymavlink takes the damaged bytes for a message and continues after it. So it loses the messages
+    // that begin within those bytes.
     let mut rest = here.iter();
     assert!(there.iter().all(|object| rest.any(|other| other == object)), "in order, each is among those read here");
     assert!(there.len() > 100 && here.len() >= there.len(), "{} there, {} here", there.len(), here.len());

@@ -29,39 +29,40 @@ use std::collections::BTreeMap;
 
 use crate::ubx::{self, Frame};
 
-/// Message class CFG, configuration.
+/// The message class CFG, configuration.
 pub const CLASS_CFG: u8 = 0x06;
-/// UBX-CFG-VALSET.
+/// The identifier of UBX-CFG-VALSET within class CFG.
 pub const VALSET: u8 = 0x8A;
-/// Message class ACK.
+/// The message class ACK, answers to messages of class CFG.
 pub const CLASS_ACK: u8 = 0x05;
-/// UBX-ACK-ACK.
+/// The identifier of UBX-ACK-ACK within class ACK: the message was applied.
 pub const ACK: u8 = 0x01;
-/// UBX-ACK-NAK.
+/// The identifier of UBX-ACK-NAK within class ACK: the message was refused.
 pub const NAK: u8 = 0x00;
 
-/// The most items in one UBX-CFG-VALSET.
+/// The greatest number of items in one UBX-CFG-VALSET.
 const MOST_ITEMS: usize = 64;
 /// The longest message that a receiver accepts in this model, bytes: 64 items of eight bytes fit.
 const LONGEST: usize = 1024;
 
-/// CFG-RATE-MEAS: the measurement period, ms.
+/// The key of CFG-RATE-MEAS, the measurement period, ms.
 pub const RATE_MEAS: u32 = 0x3021_0001;
-/// CFG-RATE-NAV: the number of measurements per navigation solution.
+/// The key of CFG-RATE-NAV, the number of measurements per navigation solution.
 pub const RATE_NAV: u32 = 0x3021_0002;
-/// CFG-NAVSPG-DYNMODEL: the motion that the receiver's filter assumes.
+/// The key of CFG-NAVSPG-DYNMODEL, the motion that the receiver's filter assumes.
 pub const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
-/// CFG-UART1-BAUDRATE, bit/s.
+/// The key of CFG-UART1-BAUDRATE, the bit rate of UART1, bit/s.
 pub const UART1_BAUDRATE: u32 = 0x4052_0001;
-/// CFG-MSGOUT-UBX_NAV_PVT_I2C, from which [`Port::output_key`] derives the key of another port.
+/// The key of CFG-MSGOUT-UBX_NAV_PVT_I2C, the output rate of NAV-PVT on I2C. [`Port::output_key`] derives the key of
+/// another port from it.
 pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
-/// CFG-MSGOUT-UBX_NAV_ATT_I2C.
+/// The key of CFG-MSGOUT-UBX_NAV_ATT_I2C, the output rate of NAV-ATT on I2C.
 pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
-/// CFG-MSGOUT-UBX_ESF_INS_I2C.
+/// The key of CFG-MSGOUT-UBX_ESF_INS_I2C, the output rate of ESF-INS on I2C.
 pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
-/// The offset of UBX in a group of output protocols.
+/// The number of the key for UBX within a group of keys for output protocols.
 pub const OUTPROT_UBX: u32 = 1;
-/// The offset of NMEA in a group of output protocols.
+/// The number of the key for NMEA within a group of keys for output protocols.
 pub const OUTPROT_NMEA: u32 = 2;
 
 /// The bit rates that a receiver's UART supports: data sheet, UART specifications, and interface description.
@@ -114,15 +115,15 @@ impl Port {
 pub struct Output {
     /// The time from one solution to the next, ms.
     pub period_ms: u32,
-    /// The number of solutions for each NAV-PVT message; 0 for no NAV-PVT.
+    /// The number of solutions per NAV-PVT message; 0 if no NAV-PVT is sent.
     pub position: u32,
-    /// The number of solutions for each NAV-ATT message; 0 for no NAV-ATT.
+    /// The number of solutions per NAV-ATT message; 0 if no NAV-ATT is sent.
     pub attitude: u32,
-    /// The number of solutions for each ESF-INS message; 0 for no ESF-INS.
+    /// The number of solutions per ESF-INS message; 0 if no ESF-INS is sent.
     pub inertial: u32,
     /// Whether the receiver sends the NMEA sentences of its factory settings with every solution.
     pub nmea: bool,
-    /// Bit rate of UART1, bit/s.
+    /// The bit rate of UART1, bit/s.
     pub bit_rate: u32,
 }
 
@@ -131,7 +132,7 @@ pub struct Output {
 pub(crate) struct Abilities {
     pub(crate) attitude: bool,
     pub(crate) inertial: bool,
-    /// Whether the period is fixed, so that it cannot be set.
+    /// Whether the receiver has a fixed measurement period and refuses to change it.
     pub(crate) fixed_period: bool,
 }
 
@@ -143,7 +144,7 @@ pub(crate) struct Configuration {
     factory: BTreeMap<u32, u64>,
     saved: BTreeMap<u32, u64>,
     ram: BTreeMap<u32, u64>,
-    /// The input so far, from the first byte on that may begin a message.
+    /// The bytes received so far, from the first one on that may begin a message.
     input: Vec<u8>,
 }
 
@@ -169,7 +170,7 @@ impl Configuration {
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
 
-    /// Sets and saves the settings that HORUS would set, except for the dynamic model.
+    /// Sets and saves the settings that HORUS would make, except for the dynamic model.
     pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
         let port = self.port;
         let items = [
@@ -223,7 +224,8 @@ impl Configuration {
         }
     }
 
-    /// Takes a byte; `None` stands for an unreadable one. Returns the answer to the message that the byte completes.
+    /// Processes a received byte; `None` stands for an unreadable one. Returns the answer to the message that the byte
+    /// completes, if there is one.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();
@@ -298,13 +300,13 @@ impl Configuration {
 
     fn can_be(&self, key: u32, value: u64) -> bool {
         match key {
-            // A period of 25 ms, which is 40 Hz, is the shortest of receivers of this generation (NEO-M9N: 25 Hz with
-            // several constellations).
+            // The shortest measurement period of receivers of this generation is 25 ms, which is 40 Hz (NEO-M9N: 25 Hz
+            // with several constellations).
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // The accepted dynamic models are 0 (portable) and 2 to 9 (stationary to wrist). Not every receiver has the
-            // later ones.
+            // The accepted dynamic models are 0 (portable) and 2 to 9 (stationary to wrist). Some receivers lack the
+            // models with higher numbers.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

@@ -61,7 +61,7 @@ const DRAG: f64 = 0.16;
 const RAMP_SLOPE: f64 = 1.875;
 /// Peak second derivative of the quintic ramp: 10/√3.
 const RAMP_CURVE: f64 = 5.773_502_691_896_258;
-/// Spacing of the position sums, s.
+/// The time between two entries of the table of flown distances, s.
 const GRID: f64 = 0.1;
 
 /// Position, motion and attitude of the aircraft.
@@ -89,21 +89,21 @@ pub struct State {
 /// A phase of a flight, as [`Flight::phase`] returns it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Phase {
-    /// On the ground before take-off.
+    /// The aircraft stands on the ground before take-off.
     Standing,
-    /// Take-off and climb.
+    /// The aircraft takes off and climbs.
     Climb,
-    /// Speeding up to cruise.
+    /// The aircraft speeds up to cruise.
     Acceleration,
-    /// Cruise, straight and in turns.
+    /// The aircraft cruises, straight and in turns.
     Cruise,
-    /// Slowing down to a hover.
+    /// The aircraft slows down to a hover.
     Braking,
-    /// Hovering over the recipient.
+    /// The aircraft hovers over the recipient.
     Hover,
-    /// Descent and touch-down.
+    /// The aircraft descends and touches down.
     Landing,
-    /// On the ground at the end.
+    /// The aircraft stands on the ground at the end.
     Landed,
 }
 
@@ -139,8 +139,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // Each phase has a share of a short flight, which is the first number, and at most the second number of
-        // seconds. On a long flight the cruise fills the rest.
+        // On a short flight, each phase takes the share that is the first number in its line. The second number is the
+        // greatest duration of the phase, s. On a long flight the cruise fills the rest.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -165,7 +165,7 @@ impl Flight {
         height.ramp(take_off, climb, height_gained);
         height.ramp(descend, landing, height_gained * (ground - 1.0));
 
-        // The ground speed is itself a first derivative, so only the slope of its plan is limited.
+        // The ground speed is a first derivative itself, so its plan has a limit of the slope only.
         let speed_reached = SPEED_MAX.min(ACCELERATION_MAX * acceleration.min(braking) / RAMP_SLOPE);
         let mut speed = Plan::starting_at(0.0);
         speed.ramp(climbed, acceleration, speed_reached);
@@ -194,7 +194,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // Speed is zero from `hovering` on, so later cells of the grid add nothing to the sums.
+        // The speed is zero from the instant `hovering` on, so later cells of the grid would add nothing to the sums.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -257,7 +257,7 @@ impl Flight {
         [north + more_north, east + more_east, -self.height.at(t)[0]]
     }
 
-    /// Distance flown north and east between two instants, m: five-point Gauss-Legendre.
+    /// The distance flown to north and east between two instants, m, by five-point Gauss-Legendre quadrature.
     fn distance(&self, from: f64, to: f64) -> [f64; 2] {
         /// The abscissae and weights of the quadrature on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
         const RULE: [(f64, f64); 5] = [
@@ -333,8 +333,8 @@ impl Pose {
     }
 }
 
-/// The largest change of a quintic ramp of `duration`, within the limit `slope` of its first derivative and the limit
-/// `curve` of its second.
+/// The largest change that a quintic ramp of `duration` can make. `slope` limits its first derivative, and `curve`
+/// limits its second derivative.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
@@ -370,7 +370,8 @@ impl Plan {
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The ramps' starts are sums of the same shares in different orders, so they are equal up to rounding.
+        // The starts of ramps are sums of the same durations in different orders, so they are equal only up to
+        // rounding.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }

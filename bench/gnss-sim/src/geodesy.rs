@@ -52,14 +52,14 @@ impl Geodetic {
             let n = prime_vertical_radius(sin(lat));
             lat = atan2(z + E2 * n * sin(lat), p);
         }
-        // The height along the normal uses both coordinates, so it is well conditioned at every latitude.
+        // The height is calculated from both coordinates, so its rounding error is small at every latitude.
         let n = prime_vertical_radius(sin(lat));
         let height = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
         Self { latitude: lat.to_degrees(), longitude: atan2(y, x).to_degrees(), height }
     }
 }
 
-/// Radius of curvature in the prime vertical, m.
+/// The radius of curvature in the prime vertical, m.
 fn prime_vertical_radius(sin_lat: f64) -> f64 {
     SEMI_MAJOR_AXIS / sqrt(1.0 - E2 * sin_lat * sin_lat)
 }

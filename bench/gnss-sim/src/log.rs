@@ -8,8 +8,8 @@
 //! # The timing
 //!
 //! A receiver sends one burst for each navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of
-//! week in ms). The file is divided where a message begins a new epoch, and the parts are sent at the intervals of
-//! their `iTOW`:
+//! week in ms). The file is divided where a message begins a new epoch. The pieces are sent at the intervals of their
+//! `iTOW`:
 //!
 //! - The bytes before the first epoch are sent [`FIRST_BURST_NS`] after reset, followed by the first epoch.
 //! - A NAV message with a right checksum whose `iTOW` is later than the current epoch's begins the next epoch. The
@@ -34,17 +34,17 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The instant of a log's first byte, ns after reset. The firmware receives by then, so no position of the log is lost
-/// while it starts.
+/// The instant at which a log's first byte is sent, ns after reset. By that instant the firmware receives, so it misses
+/// no position of the log.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
-/// Longest pause between two epochs, ms.
+/// The longest pause between two epochs, ms. A longer pause is shortened to this length.
 pub const GAP_MAX_MS: u32 = 5_000;
 
-/// Pause before an epoch whose time of week does not give its length, ms.
+/// The pause before an epoch whose time of week does not tell how long the pause was, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
-/// Longest log that is read, bytes: the log of a day at 1 Mbit/s is shorter.
+/// The length of the longest log that is read, bytes. The log of a day at 1 Mbit/s is shorter.
 pub const LENGTH_MAX: u64 = 1 << 30;
 
 /// The reason why a log cannot be played.
@@ -56,7 +56,7 @@ pub enum LogError {
         path.display()
     )]
     Unreadable {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// The operating system's error.
         source: io::Error,
@@ -64,13 +64,13 @@ pub enum LogError {
     /// The file has no bytes.
     #[error("{}: is empty. Record a receiver's output to it first, with NAV-PVT enabled", path.display())]
     Empty {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
     },
     /// The file is longer than [`LENGTH_MAX`].
     #[error("{}: is longer than {LENGTH_MAX} bytes. Cut a shorter recording out of it", path.display())]
     TooLong {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
     },
     /// The file holds no valid NAV-PVT position.
@@ -82,7 +82,7 @@ pub enum LogError {
         path.display(), counts.bytes, counts.ubx, counts.nav_pvt, counts.nmea, counts.rtcm, counts.unknown_bytes
     )]
     NoPosition {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// What the log contains in place of a position.
         counts: LogCounts,
@@ -92,17 +92,17 @@ pub enum LogError {
 /// The contents of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LogCounts {
-    /// Length of the log, bytes.
+    /// The length of the log, bytes.
     pub bytes: usize,
-    /// UBX messages with a right checksum.
+    /// The number of UBX messages with a right checksum.
     pub ubx: usize,
-    /// NAV-PVT messages among the UBX messages, with and without a valid position.
+    /// The number of NAV-PVT messages among the UBX messages, with and without a valid position.
     pub nav_pvt: usize,
-    /// NMEA sentences with a right checksum.
+    /// The number of NMEA sentences with a right checksum.
     pub nmea: usize,
-    /// RTCM 3 messages with a right CRC.
+    /// The number of RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// Bytes that belong to no whole message: those of damaged or cut-off messages, and noise.
+    /// The number of bytes that belong to no whole message: those of damaged or cut-off messages, and noise.
     pub unknown_bytes: usize,
 }
 
@@ -275,17 +275,17 @@ impl Log {
 /// Divides a log into epochs.
 #[derive(Debug, Default)]
 struct Cutter {
-    /// Time of week of the current epoch, ms.
+    /// The time of week of the current epoch, ms.
     epoch: Option<u32>,
-    /// Whether a NAV-PVT of the current epoch has already come.
+    /// Whether a NAV-PVT of the current epoch has arrived already.
     has_pvt: bool,
-    /// The start of each epoch but the first: its time after the first one, ns, and the offset of its first byte.
+    /// For each epoch but the first, the time from the first epoch to it, ns, and the offset of its first byte.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
 
 impl Cutter {
-    /// Takes a NAV message of the epoch `itow` that begins at `offset` of the log.
+    /// Processes a NAV message of the epoch `itow` that begins at `offset` of the log.
     fn message(&mut self, offset: usize, itow: u32, is_pvt: bool) {
         if let Some(epoch) = self.epoch {
             let step = (itow + WEEK_MS - epoch) % WEEK_MS;
@@ -314,8 +314,9 @@ impl Cutter {
     }
 }
 
-/// Length of the NMEA sentence with a right checksum at the start of `bytes`: `$`, at most 255 printable characters
-/// (u-blox sends proprietary ones beyond the standard's 82), `*hh`, CR, LF.
+/// The length of the NMEA sentence with a right checksum at the start of `bytes`; `None` if there is none. A sentence
+/// consists of `$`, at most 255 printable characters (u-blox sends proprietary sentences beyond the standard's 82),
+/// `*hh`, CR and LF.
 fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     const LONGEST: usize = 255;
     let body = bytes.strip_prefix(b"$")?;
@@ -329,8 +330,8 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     (told == u32::from(sum)).then_some(1 + star + 5)
 }
 
-/// Length of the RTCM 3 message with a right CRC at the start of `bytes` (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
-/// length, CRC-24Q).
+/// The length of the RTCM 3 message with a right CRC at the start of `bytes`; `None` if there is none (RTCM 10403:
+/// 0xD3, 6 zero bits, 10 bits of length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
     // The `crc` crate's catalogue lists CRC-24Q under LTE's name for it: polynomial 0x864CFB, start value 0.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);

@@ -36,11 +36,11 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     .collect()
 }
 
-/// An angle as NMEA writes it: the degrees with `digits` digits, then the minutes.
+/// An angle as text of NMEA: the degrees in `digits` digits, and then the minutes.
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Minutes that would be rounded to 60 with five digits are limited to less.
+    // Minutes that rounding to five digits would turn into 60 are set to the greatest number below 60.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

@@ -38,48 +38,49 @@ use crate::log::{Log, RecordedPosition};
 use crate::nmea;
 use crate::ubx::{EsfIns, Frame, NavAtt, NavPvt, WEEK_MS};
 
-/// Default bit rate of a receiver's UART, bit/s.
+/// The default bit rate of a receiver's UART, bit/s.
 pub const BIT_RATE: u32 = 460_800;
 
-/// Bits of a byte on the line: start, eight, stop.
+/// The number of bits of a byte on the line: a start bit, eight data bits and a stop bit.
 const BITS_PER_BYTE: u64 = 10;
 
-/// GPS week of simulated flights (from 22 June 2025).
+/// The GPS week of simulated flights, which began on 22 June 2025.
 const WEEK: i64 = 2_372;
-/// GPS time of week of the reset to within a second, ms: Wednesday, 10:00.
+/// The GPS time of week at which reset occurs, rounded down to a second, ms: Wednesday, 10:00.
 const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
 /// The number of seconds by which GPS time is ahead of UTC since 2017 (IERS Bulletin C 52).
 const LEAP_SECONDS: i64 = 18;
-/// Ellipsoid above mean sea level near Winterthur, m (EGM96).
+/// The height of the ellipsoid above mean sea level near Winterthur, m (EGM96).
 const GEOID: f64 = 47.5;
-/// Time constant of the wandering bias, s.
+/// The time constant of the wandering bias of the position, s.
 const BIAS_TIME: f64 = 60.0;
 
-/// The bytes that a receiver sends without a gap between them, and their instant.
+/// The bytes that a receiver sends without a gap between them, and the instant of the first one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Burst {
     /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// The bytes; empty where a receiver has a solution and is configured to send no message of it.
+    /// The bytes. There are none if the receiver has a solution, but is configured to send no message with it.
     pub bytes: Vec<u8>,
 }
 
 /// The model of a generated receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
-    /// Navigation period, ms, which divides the week.
+    /// The navigation period, ms, which divides the week.
     pub period_ms: u32,
-    /// Mean time from the epoch to the first byte of its solution, ms.
+    /// The mean time from an epoch to the first byte of the epoch's solution, ms.
     pub delay_ms: f64,
-    /// Standard deviation of the delay of a solution, ms; the deviation is limited to three times this value.
+    /// The standard deviation of a solution's delay, ms. No delay deviates from the mean by more than three times this
+    /// value.
     pub delay_jitter_ms: f64,
     /// Whether the receiver sends NAV-ATT.
     pub attitude: bool,
     /// Whether the receiver sends ESF-INS.
     pub inertial: bool,
-    /// Standard deviations of the wandering bias and of the white noise on each horizontal axis, m.
+    /// The standard deviations of the wandering bias and of the white noise, on each horizontal axis, m.
     pub horizontal_m: (f64, f64),
-    /// Standard deviations of the wandering bias and of the white noise on the vertical axis, m.
+    /// The standard deviations of the wandering bias and of the white noise, on the vertical axis, m.
     pub vertical_m: (f64, f64),
 }
 
@@ -148,9 +149,9 @@ impl Model {
 pub struct Receiver {
     source: Source,
     bit_rate: u32,
-    /// The instant at which the line is idle again, ns.
+    /// The instant from which on the line is idle again, ns after reset.
     idle_ns: u64,
-    /// The burst that is due; `None` until it is requested for the first time.
+    /// The next burst to be sent; `None` until it is requested for the first time.
     due: Option<Burst>,
 }
 
@@ -191,7 +192,7 @@ impl Receiver {
         self
     }
 
-    /// Returns the receiver with a solution every `period_ms`; it refuses every other period.
+    /// Returns the receiver with a solution every `period_ms` milliseconds; it refuses every other period.
     ///
     /// # Panics
     ///
@@ -216,9 +217,9 @@ impl Receiver {
         }
     }
 
-    /// Takes a byte at `at` (ns after reset); `None` stands for an unreadable one. Returns the answer, in UBX, if the
-    /// byte completes a message that is answered. The answer is sent along with the receiver's output, at the bit rate
-    /// from then on. A recorded receiver answers nothing.
+    /// Processes a byte that arrives at `at_ns`, ns after reset; `None` stands for an unreadable byte. If the byte
+    /// completes a message that is answered, this returns the answer, in UBX. The answer is sent along with the
+    /// receiver's output, at the bit rate that applies from then on. A recorded receiver answers nothing.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -226,8 +227,8 @@ impl Receiver {
         Some(answer)
     }
 
-    /// Restarts the receiver at `at` (ns after reset): unsaved settings are lost, and with `factory` the saved ones
-    /// too. A recorded receiver continues its log.
+    /// Restarts the receiver at `at_ns`, ns after reset. It loses its unsaved settings and, with `factory`, the saved
+    /// ones too. A recorded receiver continues its log.
     pub fn restart(&mut self, at_ns: u64, factory: bool) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
@@ -235,7 +236,7 @@ impl Receiver {
         }
     }
 
-    /// Makes the receiver lose its unsaved dynamic model, and nothing else.
+    /// Makes the receiver lose its unsaved dynamic model; it keeps all other settings.
     pub fn forget_dynamic_model(&mut self) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.forget_dynamic_model();
@@ -252,7 +253,7 @@ impl Receiver {
         }
     }
 
-    /// Adapts the receiver to a configuration that may have changed at `at`.
+    /// Adapts the receiver to a configuration that may have changed at `at_ns`, ns after reset.
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -269,7 +270,7 @@ impl Receiver {
         self.bit_rate = generated.output.bit_rate;
     }
 
-    /// The receiver's output; `None` for a recorded receiver.
+    /// The output for which the receiver is configured; `None` for a recorded receiver.
     #[must_use]
     pub fn output(&self) -> Option<Output> {
         match &self.source {
@@ -321,7 +322,7 @@ impl Receiver {
         self
     }
 
-    /// Bits per second on the line.
+    /// The bit rate on the line, bit/s.
     #[must_use]
     pub fn bit_rate(&self) -> u32 {
         self.bit_rate
@@ -375,33 +376,33 @@ struct Generated {
     configuration: Configuration,
     /// The output that follows from the configuration.
     output: Output,
-    /// The number of solutions so far.
+    /// The number of solutions that the receiver has calculated so far.
     solutions: u32,
-    /// The receiver's state before the burst that is due was calculated.
+    /// The receiver's state before it calculated the next burst, from which that burst can be calculated again.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
-    /// GPS time of week of the reset, ns.
+    /// The GPS time of week at which reset occurs, ns.
     reset_ns: u64,
     /// The number of the next epoch, counted from the start of the week.
     epoch: u64,
-    /// The time by which the receiver's clock is ahead at reset, ns; ±0.5 ms.
+    /// How far the receiver's clock is ahead of GPS time at reset, ns; ±0.5 ms.
     clock_ns: f64,
     /// The drift of the receiver's clock, parts per billion.
     clock_ppb: f64,
-    /// Wandering bias north, east, down, m.
+    /// The wandering bias of the position to north, east and down, m.
     bias: [f64; 3],
-    /// Constant errors of roll, pitch and heading, from the mounting, rad.
+    /// The constant errors of roll, pitch and heading, from the mounting, rad.
     mounting: [f64; 3],
-    /// Constant error of the accelerations, m/s².
+    /// The constant error of the accelerations, m/s².
     offset: [f64; 3],
     satellites: u8,
 }
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // Each receiver draws from a stream of its own, so their noise is independent under one seed; all share stream
-        // 0.
+        // Each receiver draws its noise from a stream of its own, so the noise of two receivers with one seed is
+        // independent. What all receivers share is drawn from stream 0.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -445,10 +446,10 @@ impl Generated {
         self.configuration = configuration(&self.model, self.port, self.fixed_period);
     }
 
-    /// Derives the output from the configuration again, from `at` (ns after reset) on.
+    /// Derives the output from the configuration again, for the time from `at_ns` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The next epoch is the first one after `at` that no error of the clock can place before it.
+        // The next epoch is the first one that lies after `at_ns` whatever the error of the receiver's clock is.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -472,13 +473,13 @@ impl Generated {
         Burst { at_ns: libm::round(sent_ns) as u64, bytes }
     }
 
-    /// Error of the receiver's clock, ns: it drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
+    /// The error of the receiver's clock, ns. It drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
     fn clock_error_ns(&self, since_reset_ns: u64) -> f64 {
         let free = self.clock_ns + self.clock_ppb * since_reset_ns as f64 / 1e9;
         free - 1e6 * libm::round(free / 1e6)
     }
 
-    /// The aircraft as observed by this receiver.
+    /// The state of the aircraft as this receiver observes it, with the receiver's errors.
     fn observe(&mut self, truth: &State) -> State {
         let mut normal = || normal(&mut self.noise);
         let keep = libm::exp(-f64::from(self.output.period_ms) / 1e3 / BIAS_TIME);
@@ -503,7 +504,7 @@ impl Generated {
         }
     }
 
-    /// The bytes of the messages of a solution that the receiver is configured to send.
+    /// The bytes of those messages of a solution that the receiver is configured to send.
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
@@ -594,7 +595,7 @@ fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration
 
 /// Rounds `value` to the nearest integer of a field of 32 bits.
 fn rounded(value: f64) -> i32 {
-    // A float-to-integer `as` saturates, but no value of a flight comes near that limit.
+    // A conversion by `as` limits a float to the range of the integer; no value of a flight comes near the limit.
     libm::round(value) as i32
 }
 

@@ -5,18 +5,18 @@
 //! on all of these. Fields are little-endian and in the units of the protocol; their names are those of the
 //! specification in Rust's spelling.
 
-/// The two bytes that open a frame: 0xB5 and, in ISO 8859.1, a small b.
+/// The two bytes that begin a frame: 0xB5 and, in ISO 8859-1, a small b.
 pub const SYNC: [u8; 2] = [0xb5, 0x62];
 
-/// Bytes of a frame beside its payload: sync, class, identifier, length, checksum.
+/// The number of bytes of a frame without its payload: sync, class, identifier, length and checksum.
 pub const OVERHEAD: usize = 8;
 
-/// Message class NAV, navigation results.
+/// The message class NAV, navigation results.
 pub const CLASS_NAV: u8 = 0x01;
-/// Message class ESF, external sensor fusion.
+/// The message class ESF, external sensor fusion.
 pub const CLASS_ESF: u8 = 0x10;
 
-/// Milliseconds in a GPS week, the modulus of `iTOW`.
+/// The number of milliseconds in a GPS week, the modulus of `iTOW`.
 pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 
 /// The 8-bit Fletcher checksum (RFC 1145) over class, identifier, length and payload.
@@ -49,9 +49,9 @@ pub fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
 /// A UBX frame in a byte stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame<'a> {
-    /// Message class.
+    /// The message class.
     pub class: u8,
-    /// Message identifier within its class.
+    /// The message identifier within its class.
     pub id: u8,
     /// The bytes of the frame between length and checksum.
     pub payload: &'a [u8],
@@ -116,19 +116,21 @@ pub struct NavPvt {
     pub minute: u8,
     /// Second, 0 ..= 60 (UTC).
     pub second: u8,
-    /// Validity of the time: bit 0 date valid, 1 time valid, 2 fully resolved, 3 magnetic declination valid.
+    /// Flags of the time: bit 0 the date is valid, bit 1 the time of day is valid, bit 2 the time of day is fully
+    /// resolved, bit 3 the magnetic declination is valid.
     pub valid: u8,
     /// Time accuracy estimate, ns.
     pub time_accuracy_ns: u32,
     /// Fraction of the second, ns, −1e9 ..= 1e9.
     pub nano: i32,
-    /// Type of the fix: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning, 5 time only.
+    /// The type of the fix: 0 none, 1 dead reckoning, 2 two-dimensional, 3 three-dimensional, 4 GNSS and dead
+    /// reckoning, 5 time only.
     pub fix_type: u8,
-    /// Flags of the fix: bit 0 gnssFixOK, 1 differential, 5 vehicle heading valid.
+    /// Flags of the fix: bit 0 gnssFixOK, bit 1 differential corrections used, bit 5 vehicle heading valid.
     pub flags: u8,
-    /// Confirmation of the time: bit 5 confirmation available, 6 date confirmed, 7 time confirmed.
+    /// Flags of the time's confirmation: bit 5 confirmation available, bit 6 date confirmed, bit 7 time confirmed.
     pub flags2: u8,
-    /// Satellites used.
+    /// The number of satellites used.
     pub satellites: u8,
     /// Longitude, 1e-7 deg.
     pub longitude_1e7: i32,
@@ -152,26 +154,26 @@ pub struct NavPvt {
     pub speed_accuracy_mm_s: u32,
     /// Heading accuracy estimate, 1e-5 deg.
     pub heading_accuracy_1e5: u32,
-    /// Position dilution of precision, 0.01.
+    /// The position dilution of precision, in units of 0.01.
     pub pdop_1e2: u16,
     /// Further flags: with bit 0 set, longitude, latitude, height and hMSL are invalid.
     pub flags3: u8,
-    /// Heading of vehicle, 1e-5 deg, valid where bit 5 of `flags` is set.
+    /// The heading of the vehicle, 1e-5 deg; valid if bit 5 of `flags` is set.
     pub heading_of_vehicle_1e5: i32,
 }
 
 impl NavPvt {
-    /// Message identifier within class NAV.
+    /// The message identifier within class NAV.
     pub const ID: u8 = 0x07;
-    /// Bytes of the payload (protocol version 15 and later).
+    /// The number of bytes of the payload (protocol version 15 and later).
     pub const PAYLOAD: usize = 92;
-    /// Bytes on the wire.
+    /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// The bit of `flags` by which the fix is valid, within the receiver's accuracy masks.
+    /// The bit of `flags` that says that the fix is valid within the receiver's accuracy masks.
     pub const FLAG_FIX_OK: u8 = 1;
-    /// The bit of `flags` by which the heading of vehicle is valid.
+    /// The bit of `flags` that says that the heading of the vehicle is valid.
     pub const FLAG_HEADING_OF_VEHICLE: u8 = 1 << 5;
-    /// The bit of `flags3` by which longitude, latitude, height and hMSL are invalid.
+    /// The bit of `flags3` that says that longitude, latitude, height and hMSL are invalid.
     pub const FLAG3_INVALID_LLH: u8 = 1;
 
     /// The encoded message.
@@ -217,16 +219,16 @@ pub struct NavAtt {
     pub pitch_1e5: i32,
     /// Vehicle heading, 1e-5 deg, 0 ..= 360.
     pub heading_1e5: i32,
-    /// Accuracy estimates of roll, pitch, heading, 1e-5 deg.
+    /// The accuracy estimates of roll, pitch and heading, 1e-5 deg.
     pub accuracy_1e5: [u32; 3],
 }
 
 impl NavAtt {
-    /// Message identifier within class NAV.
+    /// The message identifier within class NAV.
     pub const ID: u8 = 0x05;
-    /// Bytes of the payload.
+    /// The number of bytes of the payload.
     pub const PAYLOAD: usize = 32;
-    /// Bytes on the wire.
+    /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
 
     /// The encoded message.
@@ -250,20 +252,21 @@ impl NavAtt {
 pub struct EsfIns {
     /// GPS time of week, ms, of the navigation epoch.
     pub itow_ms: u32,
-    /// Turn rates about the body axes front, right, down, 1e-3 deg/s; all valid.
+    /// The turn rates about the body axes front, right and down, 1e-3 deg/s; all of them are valid.
     pub rates_1e3: [i32; 3],
-    /// Accelerations along the body axes front, right, down, gravity removed, 1e-2 m/s²; all valid.
+    /// The accelerations along the body axes front, right and down without gravity, 1e-2 m/s²; all of them are valid.
     pub accelerations_1e2: [i32; 3],
 }
 
 impl EsfIns {
-    /// Message identifier within class ESF.
+    /// The message identifier within class ESF.
     pub const ID: u8 = 0x15;
-    /// Bytes of the payload.
+    /// The number of bytes of the payload.
     pub const PAYLOAD: usize = 36;
-    /// Bytes on the wire.
+    /// The number of bytes of the message on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
-    /// The first field of the message: version 1 in bits 0 to 7, and the six valid bits, 8 to 13.
+    /// The first field of the message: version 1 in bits 0 to 7, and in bits 8 to 13 the flags that say that all six
+    /// values are valid.
     const BITFIELD: u32 = 0x3f01;
 
     /// The encoded message.

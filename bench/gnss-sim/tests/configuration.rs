@@ -16,7 +16,7 @@ fn receiver(index: usize, port: Port) -> Receiver {
     Receiver::generated(index, 1, Arc::new(Flight::new(1, 60.0))).connected_by(port)
 }
 
-/// UBX-CFG-VALSET with these keys and values, each as many bytes long as its key requires.
+/// UBX-CFG-VALSET with these keys and values. Each value has the number of bytes that its key requires.
 fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     let mut payload = vec![0, layers, 0, 0];
     for (key, value) in items {
@@ -36,12 +36,12 @@ fn answer(id: u8) -> Vec<Vec<u8>> {
     vec![ubx::frame(CLASS_ACK, id, &[CLASS_CFG, VALSET])]
 }
 
-/// The bursts that the receiver sends up to `end`.
+/// The bursts that begin up to `end`, ns after reset.
 fn sent(receiver: &mut Receiver, end: u64) -> Vec<Burst> {
     std::iter::from_fn(|| if receiver.next_at()? < end { receiver.next() } else { None }).collect()
 }
 
-/// Class and identifier of the UBX messages of a burst.
+/// The class and the identifier of each UBX message in a burst.
 fn messages(burst: &Burst) -> Vec<(u8, u8)> {
     let (mut found, mut rest) = (vec![], &burst.bytes[..]);
     while !rest.is_empty() {
@@ -165,7 +165,7 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // One refused message has no layer, one has an unknown version, and one has an item that is cut off.
+    // Three messages are refused: one has no layer, one has an unknown version, and one has an item that is cut off.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));

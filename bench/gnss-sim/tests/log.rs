@@ -25,7 +25,7 @@ fn log(pieces: &[&[u8]]) -> Result<Log, LogError> {
     Log::from_bytes("made.ubx", pieces.concat())
 }
 
-/// For each burst of the log the time since the first one, ms, and its length.
+/// For each burst of the log, the time from the first burst to it, ms, and its length, bytes.
 fn schedule(log: &Log) -> Vec<(u64, usize)> {
     log.bursts().map(|(at, bytes)| ((at - FIRST_BURST_NS) / 1_000_000, bytes.len())).collect()
 }
@@ -58,7 +58,7 @@ fn a_log_is_scheduled_despite_gaps_and_time_that_stands_still() {
         &pvt(0, 2).encode(),
         // The next message comes an hour later.
         &pvt(3_600_000, 3).encode(),
-        // The next two messages have the time of the last one again, then an earlier time.
+        // The next message has the time of the last one again. The message after it has an earlier time.
         &pvt(3_600_000, 4).encode(),
         &pvt(1_000, 5).encode(),
         // A late message of an earlier epoch begins no epoch.
@@ -135,7 +135,7 @@ fn only_fixes_that_a_receiver_vouches_for_are_positions() {
 
 #[test]
 fn a_position_is_the_float_nearest_to_its_decimal_number() {
-    // For this value the product with 1e-7 differs from the quotient in the last bit.
+    // For this value, the product with 1e-7 and the quotient differ in the last bit.
     let log = log(&[&pvt(1_000, -22_402_964).encode()]).expect("it holds a position");
     let position = log.positions()[0];
     assert_eq!(position.longitude().to_bits(), (-2.240_296_4_f64).to_bits());

@@ -134,8 +134,8 @@ fn esf_ins_reads_back_field_by_field() {
 
 #[test]
 fn framing_is_that_of_a_poll_request_of_the_specification() {
-    // The frame is a poll of NAV-PVT: it has an empty payload. Its checksum by hand is 01+07+00+00 = 08; 01+08+08+08 =
-    // 19 (hex).
+    // The frame is a poll of NAV-PVT, which has an empty payload. Its checksum was calculated by hand: 01+07+00+00 = 08
+    // and 01+08+08+08 = 19 (hexadecimal).
     assert_eq!(ubx::frame(0x01, 0x07, &[]), [0xb5, 0x62, 0x01, 0x07, 0x00, 0x00, 0x08, 0x19]);
 }
 

@@ -22,10 +22,11 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
         .collect()
 }
 
-/// A receiver's solutions as another parser reads them.
+/// A receiver's solutions as the parser of the crate `ublox` reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// The positions, each with time of week (ms), latitude, longitude, height and the burst's instant.
+    /// The positions: time of week (ms), latitude, longitude, height, and the burst's instant, ns after reset, for
+    /// each.
     positions: Vec<(u32, f64, f64, f64, u64)>,
     /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
@@ -89,8 +90,8 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         let mut errors = Vec::new();
         for (_, latitude, longitude, height, at_ns) in &seen.positions {
             let told = gnss_sim::Geodetic { latitude: *latitude, longitude: *longitude, height: *height };
-            // A solution is as old as its delay. The jitter of the delay and the error of the clock are at most 10 ms,
-            // which is 0.16 m at 16 m/s.
+            // The difference between a solution's age and the model's delay is at most 10 ms, from the jitter of the
+            // delay and the error of the clock. That is 0.16 m at 16 m/s.
             let then = *at_ns as f64 / 1e9 - model.delay_ms / 1e3;
             let truth = flight.state(then).ned;
             let ned = flight.plane().to_ned(told);
@@ -135,8 +136,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All receivers share the GPS time of the reset. So the instant at which iTOW is zero, as observed through each
-    // receiver, differs only by delay and clock.
+    // All receivers share the GPS time of the reset. So the instants at which iTOW is zero, as seen through two
+    // receivers, differ only by delay and clock.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()

@@ -1,4 +1,5 @@
-//! What every rule needs: since when each board runs, and what the bench disturbs on purpose.
+//! Provides what several rules need: how long each board has been running, what the bench disturbs, and the decoded
+//! event.
 
 use profile::Layout;
 
@@ -7,31 +8,31 @@ use crate::read::{Frame, Reading, Window};
 use crate::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
-/// What is known of a board's present run: since when it has been running, and whether it hangs.
+/// What is known of a board since its last start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Running {
     /// Whether the board has a supply.
     pub powered: bool,
-    /// When the board last started, ns: power-on, or the end of a reset.
+    /// The instant, ns, at which the board last started: the power-on, or the end of a reset.
     pub since: u64,
-    /// How often the board has started.
+    /// The number of the board's starts so far.
     pub starts: u64,
-    /// Since when the board hangs because the bench stopped it, ns, until its next start; `None` if it does not hang.
+    /// The instant, ns, since which the board hangs because the bench stopped its core; `None` if it does not hang.
     pub hung: Option<u64>,
-    /// Since when one of the board's tasks is dead, ns, until its next start; `None` if none is.
+    /// The instant, ns, since which one of the board's tasks is dead; `None` if none is.
     pub dead: Option<u64>,
-    /// Whether the board's last start ended a hang, or the death of a task.
+    /// Whether the board hung, or had a dead task, before its last start.
     pub ended_hang: bool,
 }
 
 impl Running {
-    /// Records that the board starts, or loses its supply.
+    /// Records that the board starts, or loses its supply, and therefore hangs no longer.
     fn ends_hang(&mut self) {
         self.ended_hang = self.hung.take().is_some() | self.dead.take().is_some();
     }
 }
 
-/// The frames that HORUS put on the air, and what the DPR must or may do with the frames that reached its antenna.
+/// The frames that HORUS put on the air, and what the DPR must or may do with those that reached its antenna.
 #[derive(Clone, Debug)]
 struct Air {
     truth: Truth,
@@ -40,7 +41,7 @@ struct Air {
     delivery: Option<Delivery>,
 }
 
-/// The state of the run at the event being judged, with that event included.
+/// The state of the run after the event that is being judged.
 #[derive(Clone, Debug)]
 pub struct Context {
     layout: Layout,
@@ -53,8 +54,8 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
-    /// The record of the frames on the air; `None` only while that record processes an event, because it is moved out
-    /// then to read this context.
+    /// The record of the frames on the air. It is `None` only while it processes an event itself, because it is moved
+    /// out then and reads this context.
     air: Option<Box<Air>>,
 }
 
@@ -171,7 +172,8 @@ impl Context {
         self.air().delivery.as_ref()
     }
 
-    /// Resets the window on the map when the DPR starts anew, because a request from before the start is lost.
+    /// Records that the next transaction reads the map from its beginning if the DPR starts anew, because the DPR has
+    /// lost the request from before the start.
     fn forget_window(&mut self, board: Board) {
         if board == Board::Dpr {
             self.window = Window::default();
@@ -212,7 +214,8 @@ impl Context {
         self.layout
     }
 
-    /// Returns whether the run's clock charges the longest time that the cores may take on silicon.
+    /// Returns whether the run uses the pessimistic clock, on which each instruction takes the longest time that it may
+    /// take on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.worst_case

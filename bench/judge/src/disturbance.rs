@@ -1,13 +1,13 @@
 //! What the bench disturbs on purpose, and everything that the judge excuses because of it.
 //!
-//! A [`Disturbance`] states what is disturbed and how. The log states beside it when it begins and when its cause goes
-//! away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance may take away
-//! ([`Excuse`]) and for how long after its cause has gone. [`Disturbances`] keeps the excuses that hold at present; the
-//! rules query it and keep no times of their own.
+//! A [`Disturbance`] states what the bench disturbs and how. Beside it the log states when the disturbance begins and
+//! when its cause goes away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance
+//! excuses ([`Excuse`]), and of how long each excuse holds after the cause has gone. [`Disturbances`] keeps the excuses
+//! that hold at present; the rules query it and keep no times of their own.
 //!
-//! Each excuse has an end. An effect that a firmware keeps until its next start (a counter, a flag) is excused until
-//! that start, and everything else for a bounded time after the cause has gone. When the disturbed board starts, the
-//! excuses of its earlier disturbances end, unless their cause is still there.
+//! Each excuse has an end. If a firmware keeps an effect until its next start (a counter, a flag), the effect is
+//! excused until that start; any other effect is excused for a bounded time after the cause has gone. When the
+//! disturbed board starts, the excuses of its earlier disturbances end, unless their cause is still present.
 //!
 //! # Where to add a disturbance
 //!
@@ -25,13 +25,13 @@ pub enum Disturbance {
     /// The air between the antennas. The log states separately which frames it loses, damages or delays, and when it
     /// takes the field away.
     Air,
-    /// A receiver, its line or its bus. The log states separately what the receiver says, and how well the line carries
-    /// it.
+    /// A receiver, its line or its bus. The log states separately which bytes the receiver sends, and whether the line
+    /// carries them unchanged.
     Receiver {
         /// The receiver's number, from 0.
         receiver: usize,
     },
-    /// A pair of pins that tells HORUS's state. The log states the pins' levels separately.
+    /// A pair of pins from which HORUS reads one of its inputs. The log states the pins' levels separately.
     Input {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -73,8 +73,9 @@ pub enum Disturbance {
         /// The board that hangs.
         board: Board,
     },
-    /// A task whose interrupt is off for good, while the rest of its board's firmware runs. Only tasks that have to
-    /// check in before the watchdog is fed are disturbed so, since the watchdog has to restart the board.
+    /// A task whose interrupt is switched off until the next start, while the rest of its board's firmware runs. Only a
+    /// task that has to check in before the watchdog is fed is disturbed in this way, since the watchdog has to restart
+    /// the board.
     DeadTask {
         /// The board whose task is dead.
         board: Board,
@@ -88,7 +89,7 @@ pub enum Disturbance {
         /// The part of the memory that is hit.
         memory: Memory,
     },
-    /// Instructions or variables of a board's firmware, which then does something other than it was written for.
+    /// Instructions or variables of a board's firmware, which are changed so that the firmware does something wrong.
     Code {
         /// The board whose firmware is changed.
         board: Board,
@@ -124,7 +125,7 @@ pub enum Wire {
     Fresh,
     /// The wire TICK, on which HORUS's timer shows its ticks.
     Tick,
-    /// The log's view of the pins that tell HORUS's state.
+    /// The pins from which HORUS reads its inputs, as the log states them: HORUS reads other levels.
     Inputs,
     /// The SSI's MISO line.
     Miso,
@@ -134,7 +135,7 @@ pub enum Wire {
     Radio,
     /// The sky that all receivers see: each of them computes a wrong position without being able to tell.
     Sky,
-    /// The path within the flight controller from its client to what it does.
+    /// The path within the flight controller from the verdict of its client to what the flight controller does.
     Client,
 }
 
@@ -154,45 +155,46 @@ pub enum Memory {
     Registers,
 }
 
-/// What the judge excuses while a disturbance lasts: a fault or an absence that would otherwise be a violation.
+/// Something that the judge does not report while a disturbance excuses it, although it would otherwise be a violation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excuse {
     /// A transmit command of HORUS may have no frame, a frame may break off or be missing, and the field may drop.
     Sending,
-    /// HORUS's front end may be used against its data sheet, because a firmware that cannot read from it goes on.
+    /// HORUS's front end may be used against its data sheet, because a firmware that cannot read from its front end
+    /// goes on using it.
     HorusFrontEndUse,
-    /// The DPR's front end may be used against its data sheet, for the reason given at [`Excuse::HorusFrontEndUse`].
+    /// The DPR's front end may be used against its data sheet, for the same reason as in [`Excuse::HorusFrontEndUse`].
     DprFrontEndUse,
-    /// HORUS may fail to read what a receiver on a bus offers. The excuse is for one receiver where one is disturbed.
+    /// HORUS may fail to read what a receiver on a bus offers. The excuse concerns the disturbed receiver, or else all.
     Polling,
-    /// HORUS may fail to use what it reads from a receiver on a bus. The excuse is for one receiver.
+    /// HORUS may fail to use what it reads from a receiver on a bus. The excuse concerns the disturbed receiver.
     Taking,
-    /// A receiver may have settings other than those that HORUS needs. The excuse is for one receiver where one is
-    /// disturbed.
+    /// A receiver may have settings other than those that HORUS needs. The excuse concerns the disturbed receiver, or
+    /// else all.
     Settings,
-    /// A receiver may state a wrong position or none, and may be excluded for that. The excuse is for one receiver.
+    /// A receiver may state a wrong position or none, and may be excluded for that. The excuse concerns one receiver.
     Position,
     /// HORUS's statements about its receivers, its vote and its inputs may differ from their present values.
     Content,
-    /// The DPR may fail to receive a frame that reaches its antenna, or fail to pass on what it received; and any cycle
-    /// that was received may be shown.
+    /// The DPR may fail to receive a frame that reaches its antenna, or fail to process a frame that it received. Any
+    /// cycle that was received may be shown.
     Hearing,
-    /// The DPR may withdraw an image before anybody has read it.
+    /// The DPR may withdraw an image before any transaction has read it.
     Withdrawal,
-    /// An image, or what is behind it in the map, may be unsound, and an image with the same content may replace it.
+    /// An image, or what follows it in the map, may be unsound, and an image with the same content may replace it.
     UnsoundImage,
     /// A frame may become readable late after its last bit.
     Latency,
-    /// The DPR may not know how long a frame is while it arrives, and may read most of it after its last bit.
+    /// The DPR may not know the length of a frame while the frame arrives, and may read most of it after its last bit.
     Length,
     /// The flight controller may make no transaction.
     Transactions,
-    /// The flight controller may go unserved over the SSI, what it reads may differ from what the DPR has sent, and
-    /// what it has written is not known.
+    /// The DPR may leave the flight controller unserved over the SSI, what the flight controller reads may differ from
+    /// what the DPR has sent, and it is not known what the flight controller has written.
     Service,
     /// Link-Status may report a RAM fault.
     RamFault,
-    /// Link-Status may state wrongly whether there is a field: the front end informs the DPR when the field comes and
+    /// Link-Status may state wrongly whether there is a field: the front end reports to the DPR that the field comes or
     /// goes, and may have failed to do so.
     NoField,
     /// Link-Status may report a flash fault.
@@ -201,33 +203,33 @@ pub enum Excuse {
     LinkCounters,
     /// A self-test of the DPR may fail.
     SelfTest,
-    /// HORUS may count faults.
+    /// HORUS's fault counters may be above zero.
     HorusComplaints,
-    /// The DPR may count faults.
+    /// The DPR's fault counters may be above zero.
     DprComplaints,
 }
 
 /// When an excuse ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// The excuse ends this many ns after the disturbance's cause has gone, or at the next start of the board that was
-    /// disturbed.
+    /// The excuse ends this many ns after the disturbance's cause has gone, or earlier at the next start of the
+    /// disturbed board.
     After(u64),
-    /// The excuse ends at this board's next start after the disturbance's cause has gone, because the board keeps some
-    /// state until then.
+    /// The excuse ends at the first start of this board after the disturbance's cause has gone, because the board keeps
+    /// the effect until it starts.
     Start(Board),
 }
 
 use End::{After, Start};
 
 impl Disturbance {
-    /// Returns each excuse that the disturbance brings, and when that excuse ends.
+    /// Returns each excuse that follows from the disturbance, and when that excuse ends.
     #[rustfmt::skip]
     const fn takes(self) -> &'static [(Excuse, End)] {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
-        // A self-test may be under way when the bit is hit.
+        // A self-test may be under way when the bit is disturbed.
         const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
@@ -282,7 +284,7 @@ impl Disturbance {
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
-            // Bytes that the receiver puts on its line may be lost.
+            // Bytes may be lost while the receiver puts them on its line.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
                 (Excuse::Taking, After(bounds::READ_SETTLED)),
@@ -318,7 +320,7 @@ impl Disturbance {
             ],
             Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
             Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
-            // A firmware whose code is broken is not excused for the faults that it counts.
+            // The faults that a firmware counts because its code was changed are not excused.
             Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
             Self::Code { board: Horus }
             | Self::Restart { board: Dpr }
@@ -328,21 +330,21 @@ impl Disturbance {
         }
     }
 
-    /// Returns whether the disturbance brings this excuse.
+    /// Returns whether this excuse follows from the disturbance.
     #[must_use]
     pub fn may_take(self, excuse: Excuse) -> bool {
         self.takes().iter().any(|(own, _)| *own == excuse)
     }
 
-    /// Returns whether a front end may have to be brought up again after the disturbance, for which the link has
-    /// [`bounds::BRING_UP_CYCLES`].
+    /// Returns whether a front end may have to be brought up again after the disturbance. If so, the link has
+    /// [`bounds::BRING_UP_CYCLES`] to recover.
     #[must_use]
     pub const fn brings_up(self) -> bool {
         matches!(self, Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. })
     }
 
-    /// Returns the board that is disturbed. Its next start ends the disturbance's excuses unless their cause is still
-    /// there.
+    /// Returns the board that is disturbed. The next start of that board ends the disturbance's excuses, unless the
+    /// disturbance's cause is still present.
     const fn board(self) -> Option<Board> {
         match self {
             Self::FrontEnd { board, .. }
@@ -367,13 +369,13 @@ impl Disturbance {
 #[derive(Clone, Copy, Debug)]
 struct Valid {
     excuse: Excuse,
-    /// The receiver that the excuse is for; `None` where it is for all receivers or concerns none.
+    /// The receiver that the excuse concerns; `None` if it concerns all receivers or has to do with none.
     receiver: Option<usize>,
-    /// The board whose start ends the excuse.
+    /// The board whose next start ends the excuse; `None` if no start ends it.
     board: Option<Board>,
-    /// The instant until which the cause of the disturbance is there, ns.
+    /// The instant, ns, at which the cause of the disturbance goes away.
     until: u64,
-    /// The instant until which the excuse holds, ns, if no start of a board ends it before.
+    /// The instant, ns, at which the excuse ends, unless a start of a board ends it before.
     over: u64,
 }
 
@@ -383,7 +385,7 @@ const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
 #[derive(Clone, Debug, Default)]
 pub struct Disturbances {
     valid: Vec<Valid>,
-    /// The instant until which each kind of excuse holds, ns.
+    /// For each kind of excuse, the instant, ns, until which it holds.
     over: [u64; EXCUSES],
     /// The last period in which the DPR's front end did not answer: its beginning and its end, ns.
     silent: (u64, u64),
@@ -398,7 +400,7 @@ impl Disturbances {
             What::Power { board, .. } => self.start(*board, at),
             What::Reset { board, .. } => {
                 self.start(*board, at);
-                // The reset may have cut off an access to the front end.
+                // The reset may have interrupted the firmware while it used the front end.
                 let excuse = front_end_use(*board);
                 self.add(
                     at,
@@ -442,7 +444,7 @@ impl Disturbances {
     /// Ends the excuses that end when this board starts or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        // An excuse that has held until now ends now, and remains stored.
+        // Excuses that no longer hold are not kept one by one; an excuse of any kind that held until now ends now.
         self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
@@ -456,14 +458,14 @@ impl Disturbances {
         at < self.until(excuse)
     }
 
-    /// Returns until when this excuse holds as far as the log has shown, ns; an instant in the past if it does not
-    /// hold.
+    /// Returns the instant, ns, at which this excuse ends, as far as the log has shown. If the excuse does not hold,
+    /// that instant has passed.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
     }
 
-    /// Returns whether this excuse holds for a receiver (from 0) at `at`, ns.
+    /// Returns whether this excuse holds for the receiver with this number (from 0) at the instant `at`, ns.
     #[must_use]
     pub fn excuse_of(&self, receiver: usize, excuse: Excuse, at: u64) -> bool {
         let concerns = |valid: &&Valid| valid.excuse == excuse && valid.receiver.is_none_or(|of| of == receiver);
@@ -477,7 +479,7 @@ impl Disturbances {
     }
 }
 
-/// Returns the excuse for the faults that a board counts.
+/// Returns the excuse that allows a board's fault counters to be above zero.
 #[must_use]
 pub const fn complaints(board: Board) -> Excuse {
     match board {
@@ -486,7 +488,7 @@ pub const fn complaints(board: Board) -> Excuse {
     }
 }
 
-/// Returns the excuse for the use of a board's front end against its data sheet.
+/// Returns the excuse that allows the use of a board's front end against its data sheet.
 #[must_use]
 pub const fn front_end_use(board: Board) -> Excuse {
     match board {
@@ -541,8 +543,8 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// Returns each excuse that holds, and how long it holds after the disturbance's cause has gone, ns; `None` if it
-    /// holds until the next start.
+    /// Returns each excuse that holds, and for how long, ns, it holds after the disturbance's cause has gone; `None` if
+    /// the excuse holds until the next start.
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
@@ -701,7 +703,7 @@ mod tests {
     #[test]
     fn a_start_forgets_nothing_of_what_was_excused_before_it() {
         let silent = Disturbance::FlightController { conduct: Conduct::Silent };
-        // When the next disturbance is added, the excuses that are over are dropped.
+        // The excuses that have ended are dropped when the next disturbance begins.
         let over = [(BEGINS, injected(silent, ENDS)), (ENDS, injected(Disturbance::Air, ENDS))];
         for board in [Board::Horus, Board::Dpr] {
             let start = [over[0].clone(), over[1].clone(), (ENDS + 1, reset(board))];

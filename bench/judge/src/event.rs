@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Disturbance;
 
-/// What is known of a run before anything happens.
+/// What is known of a run before its first event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// The version of the log's format: [`Header::VERSION`].
@@ -13,7 +13,7 @@ pub struct Header {
     pub gps: usize,
     /// The seed from which everything random in the run is drawn.
     pub seed: u64,
-    /// The clock that charges the cores' time: `fast`, `optimistic` or `pessimistic`.
+    /// The clock that determines how long the cores' instructions take: `fast`, `optimistic` or `pessimistic`.
     pub clock: String,
 }
 
@@ -21,8 +21,8 @@ impl Header {
     /// The version of the format that this crate writes and reads.
     pub const VERSION: u32 = 3;
 
-    /// Returns whether the run's clock charges the longest time that the cores may take on silicon, which is the
-    /// pessimistic clock.
+    /// Returns whether the run uses the pessimistic clock, on which each instruction takes the longest time that it may
+    /// take on silicon.
     #[must_use]
     pub fn worst_case(&self) -> bool {
         self.clock == "pessimistic"
@@ -45,17 +45,17 @@ pub enum Board {
 pub enum Cause {
     /// The board's supply came on.
     PowerOn,
-    /// The supply fell below the part's threshold for a moment.
+    /// The supply fell below the microcontroller's threshold for a moment.
     BrownOut,
     /// The reset pin was pulled.
     Pin,
-    /// The watchdog reset the part.
+    /// The watchdog reset the microcontroller.
     Watchdog,
-    /// The part's core locked up.
+    /// The microcontroller's core locked up.
     Lockup,
     /// The firmware requested the reset.
     Software,
-    /// The part woke from a sleep that ends in a reset.
+    /// The microcontroller woke from a sleep mode that ends in a reset.
     Wakeup,
 }
 
@@ -114,7 +114,7 @@ pub enum SsiEvent {
     Busy,
 }
 
-/// Something that happened. The order of the variants is the order in the log of events at one instant.
+/// Something that happened in a run. If several events have one instant, the log has them in the order of the variants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum What {
@@ -136,22 +136,23 @@ pub enum What {
     },
     /// The bench disturbs something on purpose. A change of a board's supply or reset pin is logged separately.
     Injected {
-        /// The kind of fault in words, as the list of faults names it, for people who read or count faults. No rule
+        /// The kind of fault in words, as the list of faults names it. People read it and count faults by it; no rule
         /// uses it.
         kind: String,
-        /// The disturbance that the fault is.
+        /// What the fault disturbs.
         disturbs: Disturbance,
-        /// When the fault's cause goes away, ns; the event's instant if the fault has no duration.
+        /// The instant, ns, at which the fault's cause goes away; the event's own instant if the fault has no duration.
         until: u64,
     },
-    /// A board hangs. Either the bench has its core execute nothing more and take no interrupt from now on, or its part
-    /// has warned it of a falling supply, after which its firmware has to do nothing more either. The board's next
-    /// start, or its supply going off, ends the hang.
+    /// A board hangs, for one of two reasons. The bench has stopped the board's core, which from now on executes
+    /// nothing and takes no interrupt. Or the microcontroller has warned the board of a falling supply, after which the
+    /// firmware need not do anything more. The hang ends when the board starts or its supply goes off.
     Hung {
         /// The board that hangs.
         board: Board,
     },
-    /// A board's part has warned its running firmware of a falling supply: the board has to enter its safe state.
+    /// A board's microcontroller has warned the running firmware of a falling supply. The board has to enter its safe
+    /// state.
     Warned {
         /// The board that was warned.
         board: Board,
@@ -163,8 +164,8 @@ pub enum What {
         /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins that tells HORUS's state change. Before the first event of this kind no input is
-    /// active.
+    /// The levels of a pair of pins from which HORUS reads one of its inputs change. Before the first event of this
+    /// kind no input is active.
     StateInput {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -176,7 +177,7 @@ pub enum What {
     /// HORUS's TICK pin rose: its 10 ms timer began the next cycle.
     Tick,
     /// The place of the simulated aircraft at the tick of this instant. A run that plays a recording has no such event,
-    /// because the place is not known.
+    /// because the aircraft's true place is not known.
     Aircraft {
         /// The latitude in 1e-9 degrees, north positive.
         latitude: i64,
@@ -185,16 +186,16 @@ pub enum What {
         /// The height above the ellipsoid, mm.
         height: i64,
     },
-    /// Chip select of HORUS's front end rose after the byte of a transmit command.
+    /// Chip select of HORUS's front end rose after a transmit command was written to the front end.
     Command,
     /// HORUS's front end switched its carrier.
     Field {
         /// Whether the carrier is on.
         on: bool,
     },
-    /// A frame of HORUS's front end has ended on the air; the instant is the end of its last bit.
+    /// A frame of HORUS's front end has ended on the air. The event's instant is the end of the frame's last bit.
     Sent {
-        /// When the frame's first preamble bit began, ns.
+        /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
         /// The nominal bit rate of the frame, bit/s.
         bit_rate: u32,
@@ -208,17 +209,17 @@ pub enum What {
         /// Whether there is a carrier.
         on: bool,
     },
-    /// A frame has ended at the DPR's antenna; the instant is the end of its last bit. A frame that was lost on the air
-    /// has no such event.
+    /// A frame has ended at the DPR's antenna. The event's instant is the end of the frame's last bit. A frame that was
+    /// lost on the air has no such event.
     Heard {
-        /// When the frame's first preamble bit began, ns.
+        /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
         /// The bytes of the frame as they arrived: LEN, payload and CRC-16.
         bytes: Bytes,
         /// Whether all bytes that LEN announced arrived.
         whole: bool,
     },
-    /// The DPR's front end began to send, which would be an answer.
+    /// The DPR's front end began to send, although a listener must never answer.
     Answer,
     /// A receiver on a bus has bytes to send, which wait in it until HORUS reads them.
     Offered {
@@ -231,35 +232,36 @@ pub enum What {
     Fed {
         /// The receiver's number, from 0.
         receiver: usize,
-        /// The time that one byte takes, ns: byte n (from 0) has crossed the line n + 1 of these times after the
+        /// The time that one byte takes, ns. Byte n (counted from 0) has crossed the line n + 1 such times after the
         /// event's instant.
         byte_ns: u64,
         /// The bytes that cross the line.
         bytes: Bytes,
         /// Whether the bytes arrive as the receiver sent them. On a UART this means that the line has no noise, no
-        /// break and no other bit rate; on a bus, that the transaction carried them unchanged and ended as it should.
+        /// break and the right bit rate. On a bus it means that the transaction carried the bytes unchanged and ended
+        /// as it should.
         clean: bool,
-        /// The instant since when the bytes had waited in a receiver on a bus, ns; `None` for a UART, where no bytes
-        /// wait.
+        /// The instant, ns, since which these bytes have waited in a receiver on a bus; `None` for a UART, where bytes
+        /// do not wait.
         #[serde(default)]
         since: Option<u64>,
     },
-    /// A simulated receiver has these settings from now on. Before a receiver's first event of this kind its settings
-    /// are not known.
+    /// A simulated receiver has these settings from now on. They are not known before the receiver's first event of
+    /// this kind.
     Settings {
         /// The receiver's number, from 0.
         receiver: usize,
         /// The dynamic model by which the receiver navigates, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
         model: u8,
-        /// Whether the receiver sends NAV-PVT, the message that HORUS takes positions from.
+        /// Whether the receiver sends NAV-PVT, the message from which HORUS takes positions.
         position: bool,
     },
     /// The DPR's FRESH pin rose or fell.
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// Where FRESH rose, the bytes that would have been read by a transaction that begins when the DPR's SPI
-        /// peripheral is first ready for one; `None` if a transaction was under way or began before that instant.
+        /// If FRESH rose, the bytes that a transaction would have read that begins when the DPR's SPI peripheral is
+        /// first ready for one. `None` if FRESH fell, or if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.
@@ -268,7 +270,7 @@ pub enum What {
     Selected,
     /// The flight controller's chip select rose: a transaction is over.
     Transaction {
-        /// When the DPR's pin detected the fall of chip select, ns.
+        /// The instant, ns, at which the DPR's pin detected the fall of chip select.
         selected: u64,
         /// The bytes that the flight controller sent in the transaction.
         mosi: Bytes,
@@ -279,7 +281,8 @@ pub enum What {
     Decided {
         /// The timestamp of the position to fly by, ms; `None` if there is none.
         position: Option<u32>,
-        /// The age, when the transaction began, of the sample that was read last, µs; `None` if it is not known.
+        /// The age, µs, that the sample read last had when the transaction began; `None` if the client does not know
+        /// it.
         age_us: Option<u32>,
     },
     /// The flight controller forwarded a profile to the base station without changing it.
@@ -302,9 +305,10 @@ pub enum What {
         /// The alarms that hold, by the names that programs use for them.
         alarms: Vec<String>,
     },
-    /// A part found an access that silicon does not answer, or a state that its manual forbids.
+    /// A microcontroller or a peripheral found an access that silicon does not answer, or a state that its manual
+    /// forbids.
     Finding {
-        /// The board whose part made the finding.
+        /// The board on which the finding was made.
         board: Board,
         /// Whether the board's core has met a fault or locked up, after which the board can only restart.
         fault: bool,
@@ -325,7 +329,7 @@ pub enum What {
         /// The delay in words.
         text: String,
     },
-    /// The value of a counter of a firmware at the end of the run, read from RAM as a debug probe reads it.
+    /// The value of a counter of a firmware at the end of the run. The bench reads it from RAM, as a debug probe does.
     Counter {
         /// The board whose firmware keeps the counter.
         board: Board,
@@ -334,7 +338,7 @@ pub enum What {
         /// The counter's value; `None` if the program has no such counter.
         value: Option<u32>,
     },
-    /// The share of the time, in ten thousandths, in which a core was awake, up to the end of the run.
+    /// The share of the run's time, in ten thousandths, in which a board's core was awake.
     Load {
         /// The board whose core it is.
         board: Board,
@@ -345,17 +349,17 @@ pub enum What {
     End,
 }
 
-/// Something that happened in a run, and when it happened.
+/// Something that happened in a run, with its instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// The instant in virtual ns since the run began.
+    /// The instant of the event, in virtual ns since the run began.
     pub at: u64,
     /// What happened.
     pub what: What,
 }
 
 impl What {
-    /// Returns the number by which events of one instant are ordered.
+    /// Returns the number by which events of one instant are sorted.
     #[must_use]
     pub fn rank(&self) -> u8 {
         match self {

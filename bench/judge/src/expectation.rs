@@ -1,13 +1,13 @@
 //! Determines which of the cycles that reach the DPR's antenna the DPR shows, by the sequence (docs/design.md#sequence)
 //! as it can be observed from outside.
 //!
-//! The judge cannot observe everything on which the outcome depends: it cannot tell whether the listener received a
-//! frame that came while the listener was being armed, or on which side of a limit a step falls that is close to it.
-//! Therefore the judge keeps *every* state that a correct DPR can be in (`State`), and lets each frame lead each state
-//! to all its successors. Where all states agree on something, the DPR [must](Certainty::Must) do it; where no state
-//! allows something, the DPR must [never](Certainty::Never) do it; of everything else the judge requires nothing. While
-//! everything is clear there is one state. After something unclear there are several, which become one again when the
-//! sequence has been found from all of them. That takes four cycles.
+//! The judge cannot observe everything on which the outcome depends. It cannot tell whether the listener received a
+//! frame that came while the listener was being armed. It cannot tell either on which side of a limit a step is that is
+//! close to the limit. Therefore the judge keeps *every* state that a correct DPR can be in (`State`), and determines
+//! for each frame and each state all states that may follow. What a DPR does in all of these states, it
+//! [must](Certainty::Must) do; what it does in none, it must [never](Certainty::Never) do; otherwise nothing is
+//! required. As long as everything is certain there is one state. After something uncertain there are several, until
+//! the sequence has been found in all of them, which takes four cycles.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -50,13 +50,13 @@ impl Certainty {
 /// A frame of one of the profile's lengths that reached the antenna of a running DPR.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Delivery {
-    /// When the frame's first preamble bit began, ns.
+    /// The instant, ns, at which the frame's first preamble bit began.
     pub started: u64,
-    /// When the frame's last bit ended, ns.
+    /// The instant, ns, at which the frame's last bit ended.
     pub ended: u64,
     /// The frame's number in its cycle, from 0.
     pub number: usize,
-    /// When the sample that the frame carries was taken, by the constants of the profile, ns.
+    /// The instant, ns, at which the frame's sample was taken, as computed by the constants of the profile.
     pub sampled: u64,
     /// The timestamp of the frame's first valid object, ms.
     pub timestamp: Option<u32>,
@@ -64,17 +64,17 @@ pub struct Delivery {
     pub received: Certainty,
     /// Whether the DPR received the frame and its cycle is in sequence.
     pub shown: Certainty,
-    /// Whether the DPR took the frame for a restart of HORUS, which is a step back of the timestamp.
+    /// Whether the DPR concluded from the frame that HORUS has restarted, because the timestamp stepped back.
     pub restarted: Certainty,
-    /// The number of each valid object, its bytes, and whether it is shown.
+    /// The frame's valid objects: the number of each, its bytes, and whether it is shown.
     pub objects: Vec<(usize, Vec<u8>, Certainty)>,
     /// The number of objects that a frame of this length holds.
     pub places: u32,
 }
 
 impl Delivery {
-    /// Returns whether this frame is the second one of the cycle whose first frame is `first`, as far as its end and
-    /// its intact objects show.
+    /// Returns whether this frame is the second frame of the cycle whose first frame is `first`, judged by the ends of
+    /// both frames and by their intact objects.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -83,7 +83,7 @@ impl Delivery {
     }
 }
 
-/// The relation of a cycle to the cycles before it.
+/// How a cycle follows the cycles before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     First,
@@ -92,7 +92,8 @@ enum Step {
     Irregular,
     TooEarlyOrLate,
     Regular {
-        /// Whether the step is exactly one cycle, and as punctual as the search requires.
+        /// Whether the step is exactly one cycle, and deviates from it by no more than the search for the sequence
+        /// allows.
         exact: bool,
     },
 }
@@ -102,10 +103,10 @@ enum Step {
 struct State {
     /// The timestamp of the last cycle, ms, and the instant of its sample, ns.
     last: Option<(u32, u64)>,
-    /// The number of cycles in a row that have advanced as the search requires; at [`bounds::SEARCH_CYCLES`] the
-    /// sequence is found.
+    /// The number of consecutive cycles that have advanced as the search for the sequence requires. At
+    /// [`bounds::SEARCH_CYCLES`] the sequence is found.
     found: u8,
-    /// The frames of the last cycle that have arrived: bit 0 stands for the first.
+    /// The frames of the last cycle that have arrived: bit 0 stands for the first frame.
     frames: u8,
     /// Whether the last cycle is shown.
     shown: bool,
@@ -118,8 +119,8 @@ impl State {
         self.found >= bounds::SEARCH_CYCLES
     }
 
-    /// Passes to `to` each state that a cycle's frame may lead to, and whether the timestamp of the frame steps back
-    /// from that of the state before.
+    /// Passes to `to` each state that may follow when a frame arrives, and whether the frame's timestamp steps back in
+    /// that case.
     fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
         let frame = 1 << number;
         let (mut same, mut other) = (false, true);
@@ -147,7 +148,7 @@ impl State {
         }
     }
 
-    /// Passes to `to` each kind that the step to this cycle may have in the DPR's judgement.
+    /// Passes to `to` each kind that a correct DPR may assign to the step from the last cycle to this one.
     fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
         let Some((last, at)) = self.last else { return to(Step::First) };
         let advance = timestamp.wrapping_sub(last);
@@ -180,8 +181,8 @@ impl State {
         }
     }
 
-    /// Returns the latest instant, ns, at which a cycle can still continue the sequence of the last one, if the limit
-    /// is `band` (ns) later than the design says; 0 if no cycle can.
+    /// Returns the latest instant, ns, at which a cycle can still continue the sequence of the last cycle. The limit is
+    /// taken as `band` ns later than the design says. Returns 0 if no cycle can continue it.
     fn held_until(&self, band: i64) -> u64 {
         let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
         let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
@@ -192,35 +193,36 @@ impl State {
     }
 }
 
-/// The time, ns, after the last cycle from which on a state counts as one in which no cycle has ever arrived, since the
-/// next cycle is then not in sequence.
+/// How long after the last cycle, ns, a state counts as one in which no cycle has ever arrived, because the next cycle
+/// cannot be in sequence any more.
 const FORGOTTEN: u64 = 300_000_000;
 
-/// Everything that a correct DPR can have made of the frames that reached its antenna.
+/// All states that a correct DPR can be in after the frames that have reached its antenna.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     layout: Layout,
     /// The states that the DPR can be in; never empty.
     states: Vec<State>,
-    /// Until when the listener may miss frames after the carrier has come, ns.
+    /// The instant, ns, until which the listener may miss frames, because the carrier has come only shortly before.
     armed: u64,
-    /// The end of the last frame, of whatever length, ns.
+    /// The instant, ns, at which the last frame of any length ended.
     last_end: Option<u64>,
-    /// The end of the last whole frame that no disturbance kept the listener from receiving, ns.
+    /// The instant, ns, at which the last whole frame ended that no disturbance kept the listener from receiving.
     last_whole: u64,
-    /// A period without whole frames, long enough for the DPR to take its front end for deaf, ns.
+    /// The last period, ns, in which the DPR may have concluded that its front end does not receive, because no whole
+    /// frame had arrived for long.
     silence: Range<u64>,
 }
 
 impl Expectation {
-    /// Returns the states that the DPR may have at power-on.
+    /// Returns the states that a correct DPR may be in at power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
         Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
     }
 
-    /// Updates the states with the next event of the log. Returns the frame, if the event is one that the DPR may have
-    /// received.
+    /// Updates the states with the next event of the log. Returns the frame of the event, if there is one and the DPR
+    /// may have received it.
     pub fn take(&mut self, event: &Event, context: &Context) -> Option<Delivery> {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
@@ -230,11 +232,11 @@ impl Expectation {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
             What::Heard { started, whole, bytes } => {
-                // A listener may take a frame's length from LEN rather than from the bytes that arrive.
+                // A listener may take the length of a frame from LEN or from the number of bytes that arrive.
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
-                // A frame that the listener may have missed ends no silence.
+                // If the listener may have missed a frame, that frame does not end a silence.
                 if whole && !context.disturbances().excuse(Excuse::Hearing, *started) {
                     let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
                     if event.at > silent_from {
@@ -253,7 +255,7 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        // A hung DPR passes nothing on, so what has not reached an image by then reaches none.
+        // A hung DPR processes nothing, so a frame that has not become an image yet never becomes one.
         if !dpr.powered || dpr.hung.is_some() {
             return None;
         }
@@ -287,8 +289,8 @@ impl Expectation {
         })
     }
 
-    /// Updates the states with a frame that has a timestamp. Returns whether the frame's cycle is shown and whether it
-    /// counts as a step back, if the frame was received.
+    /// Updates the states with a frame that has a timestamp. Returns whether the DPR shows the frame's cycle, and
+    /// whether the timestamp counts as a step back, both under the condition that the DPR received the frame.
     fn enter(
         &mut self,
         timestamp: u32,
@@ -338,7 +340,8 @@ impl Expectation {
         verdict
     }
 
-    /// Returns until when the sequence must be held and until when it may be held, ns; 0 if it is not held.
+    /// Returns the instant, ns, until which the DPR must hold the sequence, and that until which it may hold it; 0 if
+    /// it does not hold the sequence.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -353,15 +356,16 @@ impl Expectation {
         Certainty::of(self.states.iter().map(|state| state.frozen))
     }
 
-    /// Returns whether no frame had arrived for so long at `at` (ns) that the DPR may have taken its front end for
-    /// deaf.
+    /// Returns whether, at the instant `at`, ns, no frame had arrived for so long that the DPR may have concluded that
+    /// its front end does not receive.
     #[must_use]
     pub fn is_silent(&self, at: u64) -> bool {
         at > self.last_whole + bounds::SILENCE || self.silence.contains(&at)
     }
 }
 
-/// Returns the age, ns, that a cycle's sample has when the last bit of the cycle's frame `number` (from 0) ends.
+/// Returns the age, ns, of a cycle's sample at the instant at which the last bit of frame `number` (from 0) of the
+/// cycle ends.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     let us = match layout.receivers() {
@@ -391,8 +395,8 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // Each cycle of the last 300 ms may be the last one, with the sequence found or with any number of the search's
-        // steps.
+        // Each cycle of the last 300 ms may be the last one that the DPR received, and in each case the sequence may be
+        // found, or the search for it may have made any number of steps.
         assert!((100..150).contains(&most), "{most}");
     }
 
@@ -411,8 +415,8 @@ mod tests {
 
     const AT: u64 = 1_000_000_000;
 
-    /// Returns the kinds that the step from timestamp 1000 ms, sampled at [`AT`], to this timestamp and sample may have
-    /// in the DPR's judgement.
+    /// Returns the kinds that a correct DPR may assign to the step from timestamp 1000 ms, sampled at [`AT`], to this
+    /// timestamp and this sample.
     fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
         let state = State { last: Some((1_000, AT)), ..State::default() };
         let mut steps = vec![];
@@ -449,7 +453,7 @@ mod tests {
         state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
     }
 
-    /// The limits are those of docs/design.md#sequence. Around each lies a band in which either verdict is right.
+    /// The limits are those of docs/design.md#sequence. Close to each limit either verdict is right.
     #[test]
     fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
         let late = Step::TooEarlyOrLate;

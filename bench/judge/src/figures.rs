@@ -1,5 +1,4 @@
-//! The measured figures of a run. A series without values has no figures, so that missing values do not look like good
-//! ones.
+//! The measured figures of a run. A series without values has no figures, because zeros would look like good ones.
 
 use std::collections::BTreeMap;
 
@@ -82,7 +81,7 @@ pub struct Faults {
     /// The longest time from the end of a disturbance to the first valid object of a cycle that HORUS sent after it, in
     /// cycles of 10 ms, rounded up; `None` without disturbances.
     pub max_recovery_cycles: Option<u64>,
-    /// The longest time as in `max_recovery_cycles`, but only over the disturbances after which no front end had to be
+    /// The longest time as in `max_recovery_cycles`, but only of the disturbances after which no front end had to be
     /// brought up again.
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
@@ -92,10 +91,10 @@ pub struct Faults {
 pub struct Exclusion {
     /// The receiver's number, from 1.
     pub receiver: usize,
-    /// The tick of the first cycle whose objects call the receiver excluded, ns.
+    /// The instant, ns, of the tick of the first cycle whose objects call the receiver excluded.
     pub from_ns: u64,
-    /// The tick of the first cycle whose objects do not call the receiver excluded any more, or the restart that ended
-    /// the exclusion, ns; `None` if the exclusion lasted to the run's end.
+    /// The instant, ns, of the tick of the first cycle whose objects no longer call the receiver excluded, or of the
+    /// restart that ended the exclusion. `None` if the exclusion lasted until the end of the run.
     pub until_ns: Option<u64>,
     /// The receiver's distance along the ground from the farthest of the other receivers when the exclusion began, m;
     /// `None` if it is not known.
@@ -105,12 +104,12 @@ pub struct Exclusion {
     pub height_m: Option<f64>,
 }
 
-/// The results of HORUS's voter, over the profiles that HORUS sent.
+/// The results of HORUS's voter in the profiles that HORUS sent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Voter {
-    /// The number of cycles, by the number of receivers that agreed in them.
+    /// For each number of agreeing receivers, the number of cycles in which that many agreed.
     pub agree: BTreeMap<u64, u64>,
-    /// The number of cycles in which fewer receivers agree than are fitted.
+    /// The number of cycles in which fewer receivers agreed than are fitted.
     pub degraded: u64,
     /// The number of cycles without a position.
     pub none: u64,
@@ -150,7 +149,7 @@ impl Voter {
     }
 }
 
-/// The figures of a run, in ns unless stated otherwise.
+/// The figures of a run. Times are in ns unless stated otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
     /// The number of frames whose last bit was on the air.
@@ -165,18 +164,18 @@ pub struct Figures {
     pub tick_to_command_ns: Option<Span>,
     /// The time from the tick to the first preamble bit of the cycle's first frame.
     pub tick_to_air_ns: Option<Span>,
-    /// The time from the tick that stamps the objects until the next transaction gets the image that holds them.
+    /// The time from the tick that stamps the objects until a transaction would read the image that holds them.
     pub sample_to_readable: Option<Quantiles>,
-    /// The time from the cycle's last bit on the air until the next transaction gets the image that holds its objects.
+    /// The time from the cycle's last bit on the air until a transaction would read the image that holds its objects.
     pub last_bit_to_readable: Option<Max>,
     /// The time from the rise of chip select until the DPR can serve the next transaction.
     pub ready_ns: Option<Max>,
     /// The number of HORUS's cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// When chip select fell for the first transaction of the last series of transactions without a valid position, ns;
-    /// `None` if the last transaction brought a valid position, or none ever did.
+    /// The instant, ns, at which chip select fell for the first transaction of the run's last series without a valid
+    /// position. `None` if the last transaction read a valid position, or if none ever did.
     pub invalid_since_ns: Option<u64>,
-    /// For each receiver, when the last byte of its last valid position had crossed its line, ns.
+    /// For each receiver, the instant, ns, at which the last byte of its last valid position had crossed its line.
     pub last_solution_ns: Vec<Option<u64>>,
     /// The figures of HORUS's voter.
     pub voter: Voter,

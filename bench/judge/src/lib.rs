@@ -1,28 +1,28 @@
 //! The event log of a run of the link, and its verdict.
 //!
-//! Boards, chips and the world beside them write one [`Log`]. It holds, each with its instant, what a logic analyser on
-//! the wires, an antenna between the boards and a debug probe would see. [`judge`] is a pure function of that log, so a
-//! log can be stored, judged again and tested without a bench. This crate uses the wire format (`profile`) and the
-//! design's bounds ([`bounds`]), and nothing of how a firmware is made: what a firmware counts about itself supplements
+//! Boards, chips and their environment write one [`Log`]. It holds what a logic analyser on the wires, an antenna
+//! between the boards and a debug probe would record, each with its instant. [`judge`] is a pure function of the log,
+//! so a log can be stored, judged again and tested without a bench. This crate uses the wire format (`profile`) and the
+//! design's bounds ([`bounds`]), but nothing of how a firmware is made. What a firmware counts about itself supplements
 //! the observations from outside and never replaces them.
 //!
 //! # Where to add a violation
 //!
-//! A new violation needs a line in [`Violation`] that says what it is, a rule in one of the files of [`rules`] that
-//! finds it, and a row in the bench's table of violations (`bench/tests/violations/`) that provokes it and no other. A
-//! violation without a row fails that table.
+//! A new violation needs three things: a line in [`Violation`] that says what it is, a rule in one of the files of
+//! [`rules`] that finds it, and a row in the bench's table of violations (`bench/tests/violations/`) whose run has this
+//! violation and no other. The test of that table fails if a violation has no row.
 //!
 //! # What is excused
 //!
-//! The log records each disturbance that the bench makes on purpose, with its type. [`disturbance`] alone states what
-//! each type excuses, and from when until when.
+//! The log records each disturbance that the bench makes on purpose, with its type. [`disturbance`] alone determines
+//! what each type excuses, and for how long.
 //!
 //! # How rules are kept apart
 //!
-//! One cause shall show as one violation. Therefore each rule requires of a stage only what the stage before it has
-//! brought. The judge requires a frame where there was a tick, requires an object to be shown where it reached the
-//! DPR's antenna whole, and requires the base station to show what the flight controller has forwarded. What is missing
-//! at a stage is a violation of that stage alone, because absence is a violation too.
+//! One cause must lead to one violation. Therefore each rule requires of a stage only what follows from the stage
+//! before. The judge requires a frame where there was a tick, an object in the image where that object reached the
+//! DPR's antenna whole, and an object at the base station where the flight controller has forwarded that object. An
+//! absence is a violation, too, and it is reported for the stage at which something is first missing.
 #![forbid(unsafe_code)]
 
 pub mod bounds;
@@ -59,7 +59,8 @@ pub fn judge(log: &Log) -> Verdict {
     judge.finish()
 }
 
-/// Judges a log like [`judge`], but one event at a time, for a run whose log is too long to be kept in memory.
+/// Judges a log like [`judge`], but processes one event at a time, for a run whose log is too long to be kept in
+/// memory.
 #[derive(Clone, Debug)]
 pub struct Judge {
     context: Context,
@@ -68,13 +69,13 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// Returns a judge of a run in which nothing has happened yet.
+    /// Returns a judge for a run, before the run's first event.
     #[must_use]
     pub fn new(header: &Header) -> Self {
         Self { context: Context::new(header), rules: rules::Rules::new(header), findings: Findings::default() }
     }
 
-    /// Processes the next event of the log. Events come in order of time.
+    /// Processes the next event of the log. The events must be passed in order of time.
     pub fn take(&mut self, event: &Event) {
         self.context.take(event);
         self.rules.take(event, &self.context, &mut self.findings);

@@ -1,4 +1,4 @@
-//! A log in memory, and as a file with one JSON object per line, the header first.
+//! A run's log in memory and as a file. The file has one JSON object per line, the header first.
 
 use std::io::{self, BufRead, Write};
 
@@ -9,7 +9,7 @@ use crate::{Event, Header, What};
 /// A run's events, in order of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Log {
-    /// What is known of the run before anything happens.
+    /// What is known of the run before its first event.
     pub header: Header,
     /// The events, in order of time.
     pub events: Vec<Event>,
@@ -32,7 +32,7 @@ pub enum LogError {
     /// The file has no header.
     #[error("the log is empty")]
     Empty,
-    /// The log has a format that this version does not read.
+    /// The log has a version of the format that this crate does not read.
     #[error("the log has format {found}, and this version reads format {}", Header::VERSION)]
     Version {
         /// The version of the file's format.
@@ -51,7 +51,7 @@ pub enum LogError {
 }
 
 impl Log {
-    /// Reads a stored log. An incomplete line at the end, which a killed run leaves, is ignored.
+    /// Reads a stored log. An incomplete last line is ignored, because a run that was killed leaves one.
     ///
     /// # Errors
     ///
@@ -79,7 +79,7 @@ impl Log {
         Ok(Self { header, events })
     }
 
-    /// Returns whether the run came to its end. The log of a killed run may end after any event.
+    /// Returns whether the log holds the end of the run. The log of a killed run may end after any event.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.events.last().is_some_and(|event| event.what == What::End)
@@ -99,7 +99,7 @@ impl Log {
     }
 }
 
-/// Writes a log while its events occur.
+/// Writes a log during a run, one event at a time.
 #[derive(Debug)]
 pub struct LogWriter<W: Write>(W);
 

@@ -15,10 +15,10 @@ pub enum Values {
     Gps(GpsValues),
 }
 
-/// The contents of the bytes where a frame or an image has a certain object.
+/// What was found in a frame or an image where a certain object belongs.
 #[derive(Clone, Debug, PartialEq)]
 pub enum State {
-    /// The bytes are an intact object, and it is the one that belongs there.
+    /// The bytes are an intact object, and it is the object that belongs there.
     Valid {
         /// The object's timestamp, ms since HORUS's start.
         timestamp: u32,
@@ -27,7 +27,7 @@ pub enum State {
     },
     /// The bytes are 0x00 or 0xFF throughout, so there is no object.
     Vacant,
-    /// The bytes are anything else; this is why they were rejected.
+    /// The bytes are neither an intact object nor empty. This is the reason why they were rejected.
     Unsound(Rejection),
 }
 
@@ -36,7 +36,7 @@ pub enum State {
 pub struct Placed {
     /// The object's number in the profile: 0 is Reported-Position, n is GPSn.
     pub index: usize,
-    /// The object's timestamp and values, or why there is none.
+    /// What the object's bytes contain: its timestamp and values, or the reason why they are not an object.
     pub state: State,
     /// The object's bytes.
     pub bytes: Vec<u8>,
@@ -79,16 +79,16 @@ pub fn is_vacant(bytes: &[u8]) -> bool {
 pub struct Frame {
     /// The payload between LEN and CRC-16.
     pub payload: Vec<u8>,
-    /// The frame's number in the cycle, from 0, which its length determines; `None` if no frame of the profile is that
-    /// long.
+    /// The frame's number in the cycle, from 0, as determined by the frame's length; `None` if no frame of the profile
+    /// has that length.
     pub number: Option<usize>,
-    /// The frame's objects; empty if the frame has none of the profile's lengths.
+    /// The frame's objects; empty if the frame's length is none of the profile's.
     pub objects: Vec<Placed>,
 }
 
 impl Frame {
-    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. The payload of a frame that is not `whole` is as long as its
-    /// LEN announces, if that many bytes arrived before it broke off.
+    /// Decodes the frame in `bytes`: LEN, payload, CRC-16. If the frame is not `whole`, it broke off; its payload is
+    /// then still as long as LEN announces, if that many bytes had arrived.
     #[must_use]
     pub fn of(layout: Layout, bytes: &[u8], whole: bool) -> Self {
         let announced = bytes.first().map_or(0, |len| usize::from(*len));
@@ -116,15 +116,15 @@ impl Frame {
 /// A transaction on the SSI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// When chip select fell, ns.
+    /// The instant, ns, at which chip select fell.
     pub selected: u64,
-    /// When chip select rose, ns.
+    /// The instant, ns, at which chip select rose.
     pub deselected: u64,
-    /// The offset in the map of the first byte that was read.
+    /// The offset in the map of the first byte that the transaction read.
     pub offset: usize,
-    /// Whether every byte read 0xFF: the DPR was busy, or no image was readable.
+    /// Whether every byte was read as 0xFF, because the DPR was busy or no image was readable.
     pub silent: bool,
-    /// The values of Link-Status, or the reason why it was rejected; `None` unless all of it was read.
+    /// The values of Link-Status, or the reason why it was rejected; `None` if the transaction did not read all of it.
     pub link: Option<Result<LinkValues, Rejection>>,
     /// The objects of which the transaction read every byte.
     pub objects: Vec<Placed>,
@@ -168,7 +168,8 @@ impl Reading {
     }
 }
 
-/// The part of the map that the next transaction reads. The request in one transaction chooses the window of the next.
+/// The part of the map that the next transaction reads, called the window. Each transaction may request the window of
+/// the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
@@ -181,8 +182,8 @@ impl Window {
         self.offset
     }
 
-    /// Updates the window after a transaction in which the flight controller sent `mosi`. A busy DPR does not receive
-    /// the request, and still shows the window that was requested before (`dpr_fw::ssi`).
+    /// Updates the window after a transaction in which the flight controller sent `mosi`. A busy DPR (`silent`) does
+    /// not receive the request, so the window stays as it was (`dpr_fw::ssi`).
     pub fn transaction(&mut self, layout: Layout, mosi: &[u8], silent: bool) {
         if silent {
             return;

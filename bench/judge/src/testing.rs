@@ -1,4 +1,5 @@
-//! Makes logs for the tests of the rules: a flawless run, in which a test makes the change that the rule has to find.
+//! Makes logs for the tests of the rules. A test starts with a flawless run and makes a change that the rule has to
+//! find.
 
 use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
@@ -10,16 +11,16 @@ use crate::{
 
 /// A millisecond, in ns.
 pub(crate) const MS: u64 = 1_000_000;
-/// When the first tick comes, ns.
+/// The instant, ns, of the first tick.
 pub(crate) const FIRST_TICK: u64 = 20 * MS;
 /// The times from a tick to the transmit commands of the cycle's first and second frame, ns.
 pub(crate) const COMMAND: [u64; 2] = [100_000, 4_130_000];
-/// The time from a command to its frame's first bit, ns.
+/// The time from a transmit command to the first bit of its frame, ns.
 pub(crate) const LATENCY: u64 = 3_650;
 /// The time that a byte takes on a receiver's line, ns.
 pub(crate) const BYTE_NS: u64 = 21_702;
 
-/// Returns the layout for this number of receivers.
+/// Returns the layout of the profile for this number of receivers.
 pub(crate) fn layout(gps: usize) -> Layout {
     Layout::for_receivers(gps).unwrap()
 }
@@ -29,7 +30,7 @@ pub(crate) fn header(gps: usize) -> Header {
     Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned() }
 }
 
-/// The events of a run, which are sorted when all have been added.
+/// The events of a run. They are sorted only when the log is made, so they can be added in any order.
 #[derive(Clone, Debug)]
 pub(crate) struct Events {
     /// The number of receivers.
@@ -60,7 +61,7 @@ impl Events {
         self
     }
 
-    /// Ends the run at `at` instead of where it ended before, and removes later events.
+    /// Moves the end of the run to the instant `at`, and removes later events.
     pub(crate) fn end(&mut self, at: u64) -> &mut Self {
         self.events.retain(|event| event.at <= at && event.what != What::End);
         self.add(at, What::End)
@@ -164,8 +165,8 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
     (findings.into_broken(), figures)
 }
 
-/// Returns the violations that one rule finds in a log (which one, how often, and when first, ns), and the rule's
-/// figures.
+/// Returns the violations that one rule finds in a log, and the rule's figures. For each violation this states how
+/// often it occurred, and the instant, ns, at which it first occurred.
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)

@@ -5,12 +5,12 @@ use std::collections::VecDeque;
 use crate::read::Placed;
 use crate::{Board, Context, Event, What, bounds};
 
-/// The time for which frames that were sent, or that reached the antenna, are kept, ns. A transaction may be long, and
-/// an image that is not replaced may be old.
+/// How long frames are kept, ns, that were sent or that reached the antenna. The time is long, because a transaction
+/// may last long and an image may be old if it is not replaced.
 pub const KEPT: u64 = 2_000_000_000;
 
-/// The number of frames that are kept: ten seconds, or five with two frames a cycle. An image cannot be that old unless
-/// it has been expired for long.
+/// The number of frames that are kept: those of ten seconds, or of five seconds with two frames a cycle. An image of
+/// that age must have expired long before.
 const REMEMBERED: usize = 1_000;
 
 /// The number of ticks that are kept. A few are enough, because a frame ends before the next tick but one.
@@ -22,13 +22,13 @@ pub struct SentFrame {
     /// The frame's number among all frames that were sent. A frame with a higher number is younger, also across a
     /// restart of HORUS.
     pub serial: u64,
-    /// The number of HORUS's start that sent the frame.
+    /// The number of the start of HORUS after which the frame was sent.
     horus_start: u64,
-    /// When the frame's first preamble bit began, ns.
+    /// The instant, ns, at which the frame's first preamble bit began.
     pub started: u64,
-    /// The tick that the frame belongs to, ns, if the TICK pin showed one.
+    /// The instant, ns, of the tick to which the frame belongs; `None` if there was none on the TICK pin.
     pub tick: Option<u64>,
-    /// The number in the profile, and the bytes, of each valid object of the frame.
+    /// The valid objects of the frame: the number of each in the profile, and its bytes.
     objects: Vec<(usize, Vec<u8>)>,
 }
 
@@ -63,8 +63,8 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // A frame from an earlier start of HORUS than the last but one cannot be shown any more, once no
-                // transaction that is judged can have begun during that start.
+                // A frame from before HORUS's last start but one is dropped once every transaction that could show it
+                // is over.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
@@ -74,7 +74,8 @@ impl Truth {
         }
     }
 
-    /// Returns the last frame begun by `before` (ns) that carried object number `index` with these bytes.
+    /// Returns the last frame begun at the instant `before`, ns, or earlier whose object number `index` has these
+    /// bytes.
     #[must_use]
     pub fn find(&self, index: usize, bytes: &[u8], before: u64) -> Option<&SentFrame> {
         let carried = |frame: &&SentFrame| {

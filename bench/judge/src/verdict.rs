@@ -11,9 +11,9 @@ pub struct Broken {
     pub violation: Violation,
     /// How often the violation occurred.
     pub count: u64,
-    /// When the violation first occurred, ns.
+    /// The instant, ns, at which the violation first occurred.
     pub first_at: u64,
-    /// A description of the first occurrence, with its figures.
+    /// A description of the first occurrence, with its measured values.
     pub words: String,
 }
 

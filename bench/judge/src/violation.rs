@@ -26,15 +26,15 @@ macro_rules! violations {
 violations! {
     // ---- Sending side
 
-    /// HORUS does not tick: a start-up time after power-on or reset there has been no tick, or one and a half cycles
-    /// after a tick there has been no further one.
+    /// HORUS does not tick: there was no tick within a start-up time after power-on or reset, or within one and a half
+    /// cycles after the tick before.
     NoTick = "HORUS does not tick",
-    /// The tick is not constant: the time between two ticks differs from 10 ms by more than the error of a clock
-    /// without its crystal, or varies.
+    /// The tick is not constant: the time between two ticks varies, or differs from 10 ms by more than the error of a
+    /// clock without its crystal.
     TickIrregular = "the tick is not constant",
     /// A tick was not followed by the frames of its cycle.
     NoFrame = "a cycle without its frames",
-    /// HORUS sent a frame that its cycle does not have.
+    /// HORUS sent more frames in a cycle than the cycle has.
     ExtraFrame = "more frames than the cycle has",
     /// A transmit command was not followed by a frame.
     CommandWithoutFrame = "a transmit command without a frame",
@@ -48,82 +48,84 @@ violations! {
     SentInvalid = "HORUS sent an object that is not valid",
     /// HORUS's timestamp is wrong: it does not count 10 ms for each tick since the start, or lies in the future.
     TimestampWrong = "HORUS's timestamp is not its tick's",
-    /// The time from tick to command is not constant: its spread, peak to peak, exceeds the bound.
+    /// The time from a tick to the transmit command is not constant: its spread, peak to peak, exceeds the bound.
     CommandJitter = "the time from tick to command is not constant",
-    /// The time from tick to air is not constant: its spread, peak to peak, exceeds the bound.
+    /// The time from a tick to the first bit on the air is not constant: its spread, peak to peak, exceeds the bound.
     AirJitter = "the time from tick to air is not constant",
     /// The field dropped: HORUS's carrier went off while HORUS ran.
     FieldDropped = "the field dropped",
     /// A GPS object differs from what its receiver sent: a value is not that of the receiver's last message.
     ContentWrong = "a GPS object differs from what its receiver said",
-    /// A GPS object's status differs from what its receiver sent, in a bit such as fix, valid, heard or stale.
+    /// A GPS object's status differs from what its receiver sent, in a bit such as those for the fix, a valid position,
+    /// a heard receiver or a stale solution.
     StatusWrong = "a GPS object's status differs from what its receiver sent",
-    /// Reported-Position does not follow from the receivers that agree: its position, attitude or acceleration is not
-    /// the median of theirs, it states another number of receivers than agree, or its status is wrong.
+    /// Reported-Position does not follow from the receivers that agree. Its position, attitude or acceleration is not
+    /// the median of those of the receivers, or it states another number of agreeing receivers, or its status is wrong.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
-    /// A position was voted without a majority, or jumps. Too few receivers support it, or no more than oppose it, or
-    /// its receivers do not agree; or a place or an altitude is farther from the last one than an aircraft can have
-    /// flown, and is shown before it has lasted for a second.
+    /// A position was voted without a majority, or it jumps. Without a majority means that too few receivers support
+    /// the position, or no more than oppose it, or that the receivers that support it do not agree. A place or an
+    /// altitude jumps if it is farther from the last one than an aircraft can have flown; it must not be shown before
+    /// it has lasted for a second.
     VoteWrong = "a voted position without a majority, or one that jumps",
     /// There is no voted position although a majority agrees, and the position does not jump or has lasted for a
     /// second.
     VoteMissing = "no voted position although a majority agrees",
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no receiver of the voted
-    /// position; or an excluded receiver returns before it has agreed for a second, or does not return after that.
+    /// position. Or an excluded receiver takes part again before it has agreed for a second, or does not take part
+    /// again after that.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
-    /// HORUS shows the position of a receiver that does not navigate as airborne as valid, long after it should have
-    /// set the receiver's dynamic model.
+    /// HORUS shows as valid the position of a receiver that does not navigate by the airborne model, although HORUS
+    /// should have set the receiver's dynamic model long before.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
-    /// HORUS's state does not agree with its inputs. The relay, the motor cut or the emergency measure is active or
-    /// contradicts itself for longer than the debounce time and the state shows something else, or the state shows one
-    /// of these and the input is not so.
+    /// HORUS's state does not agree with its inputs (relay, motor cut, emergency measure). An input has been active, or
+    /// has contradicted itself, for longer than the debounce time and the state does not show it. Or the state shows
+    /// something that no input justifies.
     StateWrong = "HORUS's state is not what its inputs say",
-    /// HORUS does not read what a receiver offers. The bytes of a receiver on a bus wait until HORUS reads them; those
-    /// of a receiver on a UART do not wait.
+    /// HORUS does not read what a receiver offers. This concerns receivers on a bus, whose bytes wait until HORUS reads
+    /// them; the bytes of a receiver on a UART do not wait.
     NotRead = "HORUS does not read what a receiver offers",
-    /// A receiver does not have the settings that HORUS needs: it sends no positions, long after HORUS should have set
-    /// it to send them.
+    /// A receiver does not have the settings that HORUS needs: it sends no positions, although HORUS should have set it
+    /// long before to send them.
     NotConfigured = "a receiver is not set as HORUS needs it",
-    /// HORUS has no position in a sound run: enough receivers work, and no other violation explains the absence.
+    /// HORUS has no position although enough receivers work, and no other violation explains the absence.
     NoPosition = "HORUS has no position in a sound run",
-    /// A position lies far from the aircraft: Reported-Position shows it as valid, although the aircraft was not there
-    /// at any instant within the time for which a solution may be valid.
+    /// HORUS sends a position far from the aircraft: Reported-Position shows a valid position at which the aircraft was
+    /// not at any instant within the time for which a solution may be valid.
     PositionOff = "a position far from where the aircraft is",
     /// HORUS states wrongly whether it runs without its crystal.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
-    /// A fault has no consequence: a bit of a board's program memory was changed, a bit of a buffer is stuck, or a
+    /// A fault has no consequence. A bit of a board's program memory was changed, a bit of a buffer is stuck, or a
     /// supply falls, and the board neither reports the fault nor stops within the required time.
     FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 
-    /// The listener answered: the DPR's front end sent something.
+    /// The listener answered: the DPR's front end sent something, although it must only receive.
     Answered = "the listener answered",
-    /// The flight controller reads nothing: there was no transaction for longer than its cycle allows.
+    /// The flight controller made no transaction for longer than its cycle allows.
     NoTransaction = "the flight controller reads nothing",
-    /// The DPR never became ready for a transaction: nothing could be read from a start-up time after power-on or reset
-    /// on.
+    /// The DPR never became ready for a transaction: nothing could be read although the start-up time after power-on or
+    /// reset had passed.
     NeverReady = "the DPR never got ready for a transaction",
     /// The SSI was not ready in time: after the end of a transaction the DPR could not serve the next one within the
     /// bound.
     NotReady = "the SSI was not ready in time",
-    /// A transaction reads nothing although an image is readable: it reads 0xFF throughout, although no image was being
-    /// put in and no transaction had just ended.
+    /// A transaction read 0xFF throughout although an image was readable: no image was being put in, and no transaction
+    /// had just ended.
     Unserved = "a transaction reads nothing although an image is readable",
-    /// FRESH is too short: the flight controller's pin interrupt may miss the pulse.
+    /// FRESH is high for too short a time, so that the flight controller's pin interrupt may miss the pulse.
     FreshShort = "FRESH is too short",
-    /// The SSI was held back too long: the processor kept the SSI's buffers longer than the bound.
+    /// The processor kept the SSI's buffers longer than the bound, so no transaction could be served.
     HeldBack = "the SSI was held back too long",
-    /// Two transactions in a row met the DPR busy. Only one may do so while a new image is put in.
+    /// Two transactions in a row found the DPR busy. Only one may do so while a new image is put in.
     BusyTwice = "two transactions in a row met the DPR busy",
-    /// Nothing can be read although the DPR runs, because its images expire instead of being replaced.
+    /// Nothing can be read although the DPR runs, because its images expire and no new one replaces them.
     Silent = "nothing can be read",
-    /// An object is missing in the image although it was delivered whole: the image shows the cycle, and lacks an
-    /// object of it that reached the antenna whole.
+    /// An object is missing in the image although it was delivered whole: the image shows the object's cycle, but not
+    /// this object, which reached the antenna whole.
     Vacant = "a vacant object although it was delivered whole",
-    /// A cycle is not shown although it was delivered: it reached the antenna whole and in sequence and was never
-    /// shown.
+    /// A cycle was not shown although it was delivered: it reached the antenna whole and in sequence.
     NotShown = "a cycle not shown although it was delivered",
-    /// An invalid object is shown as valid: HORUS never sent these bytes, although their CRC is right.
+    /// An invalid object is shown as valid: its CRC is right, but HORUS never sent these bytes.
     ShownNeverSent = "an invalid object shown as valid",
     /// An object out of sequence is shown as valid: its frame was repeated, delayed or inserted, or came before the
     /// sequence was found.
@@ -133,7 +135,8 @@ violations! {
     ShownStale = "stale data shown past its deadline",
     /// An expired image can be read: an object is shown although its image was not replaced within its 25 ms.
     ShownExpired = "an expired image can be read",
-    /// Old data are shown after new data: an object is older than one with the same identifier that was shown before.
+    /// Old data are shown after new data: an object is older than an object with the same identifier that was shown
+    /// before.
     Regression = "old data shown after new",
     /// A read is torn: the bytes that one transaction read come from several images, even within an object.
     Torn = "a torn read",
@@ -141,54 +144,56 @@ violations! {
     Damaged = "damaged data in the image",
     /// A valid object is where another object belongs: it is intact, but at another object's offset.
     Misplaced = "a valid object in another's place",
-    /// FRESH announces no readable image: it rose, and a transaction at that instant would have met the DPR busy, or
-    /// read an unsound image.
+    /// FRESH announces no readable image: a transaction at the instant of the rise would have found the DPR busy, or
+    /// would have read an unsound image.
     FreshUnreadable = "FRESH without a readable image",
-    /// FRESH announces no new image: it rose, and the image that was readable at that instant was the one before.
+    /// FRESH announces no new image: the image that was readable at the instant of the rise was the one before.
     FreshNotNew = "FRESH without a fresh image",
-    /// An image is readable without FRESH: a transaction brought an image that FRESH had not announced.
+    /// An image is readable without FRESH: a transaction read an image that FRESH had not announced.
     FreshMissing = "an image readable without FRESH",
     /// A frame was readable too late after its last bit.
     LateReadable = "a frame was readable too late after its last bit",
-    /// A sample was readable too late.
+    /// A sample was readable too late after its tick.
     LateSample = "a sample was readable too late",
-    /// The link recovers too late: after a disturbance has ended, no valid object that HORUS sent after it was read
-    /// within the number of cycles that a recovery may take.
+    /// The link recovers too late: after the end of a disturbance, no valid object that HORUS sent after that end was
+    /// read within the number of cycles that a recovery may take.
     RecoversLate = "the link recovers too late",
-    /// Link-Status states a wrong age of the sample, compared with the instant of the sample as it was on the wires.
+    /// Link-Status states a wrong age of the sample, compared with the tick at which the sample was taken.
     LinkAge = "Link-Status tells a wrong age",
     /// Link-Status states wrong counters, compared with the frames that reached the antenna.
     LinkCounters = "Link-Status tells wrong counters",
-    /// Link-Status states wrong flags, compared with the frames that reached the antenna and with what happened to the
-    /// board.
+    /// Link-Status states wrong flags, compared with the frames that reached the antenna, the DPR's starts and the
+    /// injected faults.
     LinkFlags = "Link-Status tells wrong flags",
     /// Link-Status states a wrong time: its timestamp differs from the time since the DPR's start.
     LinkTime = "Link-Status tells a wrong time",
-    /// Port-Status is wrong about uplinks, commands or access violations of a kind, compared with what was written.
+    /// Port-Status states something wrong about uplinks, commands or the access violations of a kind, compared with
+    /// what was written.
     PortStatusWrong = "Port-Status tells what is not so",
-    /// An uplink is read otherwise than it was written: its bytes, its age, or whether it is fresh.
+    /// An uplink differs from what was written: in its bytes, in its age, or in whether it counts as fresh.
     UplinkWrong = "an uplink is read otherwise than it was written",
     // ---- Flight controller and base station
 
     /// The client uses a position that it must not use: the position is too old, or HORUS did not send it.
     ClientWrong = "the client flies by a position that it must not",
-    /// The client states a wrong age, compared with the instant of the sample, as far as the wires show it.
+    /// The client states a wrong age, compared with the tick of the sample and with what the wires show.
     ClientAge = "the client tells a wrong age",
-    /// The client states no position although it reads valid ones in sequence.
+    /// The client states no position although it reads valid positions in sequence.
     ClientHides = "the client has no position although it reads them",
-    /// A profile is not forwarded, although the flight controller read a new one that was whole and sound.
+    /// The flight controller did not forward a new profile that it read complete and intact.
     NotForwarded = "a profile is not forwarded",
-    /// The base station states a wrong age, compared with the instant of the sample that it shows.
+    /// The base station states a wrong age, compared with the tick of the sample that it shows.
     StationAge = "the base station tells a wrong age",
-    /// The base station's alarms are wrong: an alarm holds that must not, or one that must hold does not.
+    /// The base station's alarms are wrong: an alarm is given that must not be, or one that must be given is not.
     StationAlarm = "the base station alarms wrongly",
 
     /// The base station missed a profile: the flight controller forwarded it and it did not arrive.
     BaseMissed = "the base station missed a profile",
-    /// The base station got another profile than the flight controller forwarded: bytes were changed, added or invented
-    /// on the way.
+    /// The base station received another profile than the flight controller forwarded: bytes were changed, added or
+    /// invented on the way.
     BaseChanged = "the base station got another profile than was forwarded",
-    /// The base station shows an object that is not valid, by its CRC, its identifier or its place.
+    /// The base station shows an object that is not valid: its CRC or its identifier is wrong, or it is at the wrong
+    /// offset.
     BaseInvalid = "the base station shows an object that is not valid",
     /// The base station shows objects of several cycles as those of one cycle.
     BaseMixed = "the base station shows objects of several cycles as one",
@@ -200,21 +205,21 @@ violations! {
     HorusRestarted = "HORUS restarted unasked",
     /// The DPR restarted although the bench did not ask for it.
     DprRestarted = "the DPR restarted unasked",
-    /// HORUS hangs, and its watchdog does not restart it: the bench had its core stop, and the longest time that the
+    /// HORUS hangs, and its watchdog does not restart it: the bench stopped HORUS's core, and the longest time that the
     /// watchdog may take has passed.
     HorusStaysHung = "HORUS hangs, and its watchdog does not restart it",
-    /// The DPR hangs, and its watchdog does not restart it: the bench had its core stop, and the longest time that the
-    /// watchdog may take has passed.
+    /// The DPR hangs, and its watchdog does not restart it: the bench stopped the DPR's core, and the longest time that
+    /// the watchdog may take has passed.
     DprStaysHung = "the DPR hangs, and its watchdog does not restart it",
-    /// HORUS did what its part does not allow.
+    /// HORUS did something that its microcontroller does not allow.
     HorusFinding = "HORUS did what its part does not allow",
-    /// The DPR did what its part does not allow.
+    /// The DPR did something that its microcontroller does not allow.
     DprFinding = "the DPR did what its part does not allow",
-    /// A front end was used against its data sheet; the description names the firmware that did it.
+    /// A front end was used against its data sheet. The description names the board whose firmware did it.
     FrontEndMisuse = "a front end was used against its data sheet",
-    /// HORUS's processor is loaded too much.
+    /// HORUS's processor is awake for a greater share of the time than is allowed.
     HorusOverloaded = "HORUS's processor is loaded too much",
-    /// The DPR's processor is loaded too much.
+    /// The DPR's processor is awake for a greater share of the time than is allowed.
     DprOverloaded = "the DPR's processor is loaded too much",
     /// HORUS's firmware counts faults that have no cause: a counter differs from zero, and nothing observed from
     /// outside explains it.
@@ -224,7 +229,7 @@ violations! {
     DprComplains = "the DPR counts faults that have no cause",
     /// A program has no telemetry: a counter that the judge needs is missing.
     NoTelemetry = "an image without telemetry",
-    /// The bench acted on a board late, so the run is not exact in time.
+    /// The bench acted on a board later than it was due, so the run is not exact in time.
     Late = "the bench acted late",
 }
 

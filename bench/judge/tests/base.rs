@@ -1,12 +1,12 @@
-//! Tests that the base station shows the profiles that were forwarded, on logs that are each changed in one way.
+//! Tests whether the base station shows the profiles that were forwarded. Each test changes a flawless log in one way.
 
 use crate::common;
 
 use bench_judge::{Log, Violation, Violation::*, What, bounds};
 use common::*;
 
-/// Returns a flawless log and the index in it of a forwarded profile's event. The next event is the arrival of that
-/// profile.
+/// Returns a flawless log, and the index in it of the event at which a profile is forwarded. The next event is the
+/// arrival of that profile.
 fn forwarding(gps: usize) -> (Plan, Log, usize) {
     let plan = Plan::new(gps, 40);
     let log = plan.log();
@@ -42,7 +42,8 @@ fn a_profile_must_arrive_within_100_ms_or_it_is_missed() {
         found(&log)
     };
     assert_eq!(late(bounds::DOWNLINK), []);
-    // If a profile arrives this late, it counts as missed, and its arrival as that of a profile that was not forwarded.
+    // If a profile arrives this late, it counts as missed, and its arrival counts as that of a profile that was not
+    // forwarded.
     assert_eq!(late(bounds::DOWNLINK + 1), [(BaseMissed, 1), (BaseChanged, 1)]);
     // The missing profile is the last of the run.
     let mut log = log;
@@ -78,8 +79,8 @@ fn a_profile_changed_on_its_way_is_not_missed_too() {
 #[test]
 fn a_change_explains_one_missing_profile_of_its_time_and_no_other() {
     let (_, log, place) = forwarding(3);
-    // A changed profile arrives long before the missing one was forwarded, or just before that, or two profiles are
-    // missing and one of them arrives changed.
+    // In the first case a changed profile arrives long before the missing one is forwarded, in the second just before
+    // that. In the third case two profiles are missing and one of them arrives changed.
     let spoilt = |log: &Log, place: usize| {
         let mut what = log.events[place].what.clone();
         if let What::Arrived { profile, shown } = &mut what {
@@ -175,7 +176,8 @@ fn the_base_station_may_not_show_an_invalid_object() {
         let mut log = log.clone();
         let (profile, _) = arrived(&mut log, place + 1);
         profile[plan.layout.in_profile(index).unwrap().start + 20] ^= 1;
-        // The channel is blamed for the change, and the base station for showing the changed object.
+        // The judge reports two things: the change on the way to the base station, and that the base station shows the
+        // changed object.
         assert_eq!(found(&log), [(BaseChanged, 1), (BaseInvalid, 1)], "{index}");
     }
     // The base station shows an object that the profile does not have.
@@ -184,7 +186,7 @@ fn the_base_station_may_not_show_an_invalid_object() {
         *arrived(&mut log, place + 1).1 |= 1 << index;
         assert_eq!(found(&log), [(BaseInvalid, 1)], "{index}");
     }
-    // Two objects are each where the other one belongs.
+    // Two objects have changed places, so each is where the other one belongs.
     let mut log = log;
     let (profile, _) = arrived(&mut log, place + 1);
     let second = profile[124..184].to_vec();
@@ -259,12 +261,12 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
         }
     }
     assert_eq!(kinds(&log), [Torn]);
-    // The object that was torn does not have to be shown either.
+    // The base station need not show the object that was torn, either.
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
 
-/// Returns how often a profile was not forwarded, and when that first occurred, ns.
+/// Returns how many profiles were not forwarded, and the instant, ns, of the first of them; empty if there is none.
 fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
     let found = bench_judge::judge(log).violations.into_iter();
     found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
@@ -273,7 +275,7 @@ fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
 #[test]
 fn a_new_profile_must_be_forwarded_when_it_is_read() {
     let log = Plan::new(3, 40).log();
-    // The test needs a profile that differs from the one before it.
+    // The test needs a profile that differs from the profile before it.
     let of = |place: usize| match &log.events[place].what {
         What::Forwarded { profile } => Some(profile),
         _ => None,
@@ -284,7 +286,7 @@ fn a_new_profile_must_be_forwarded_when_it_is_read() {
     kept.events.drain(place..=place + 1);
     assert_eq!(not_forwarded(&kept), [(1, log.events[place].at)]);
     assert_eq!(not_forwarded(&log), []);
-    // A profile that is forwarded a nanosecond later is too late, because it must be forwarded at once.
+    // A profile must be forwarded at once, so one that is forwarded a nanosecond later is too late.
     let at = log.events[place].at;
     let mut late = log;
     late.events[place].at += 1;

@@ -1,4 +1,4 @@
-//! Tests whether the image that is read is the one that FRESH announced, on logs that are each changed in one way.
+//! Tests whether the image that is read is the one that FRESH announced. Each test changes a flawless log in one way.
 
 use crate::common;
 
@@ -8,8 +8,8 @@ use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the indices in the log of the rises of FRESH, later than `after`, for which the log states at FRESH's fall
-/// which bytes could be read.
+/// Returns the indices in the log of certain rises of FRESH later than `after`: those for which the log states which
+/// bytes could be read only when FRESH falls.
 fn rises(log: &Log, after: u64) -> Vec<usize> {
     let rises = log.events.iter().enumerate();
     let rises = rises.filter(|(_, event)| event.at > after && matches!(event.what, What::Fresh { high: true, .. }));
@@ -21,7 +21,7 @@ fn rises(log: &Log, after: u64) -> Vec<usize> {
     rises.filter(|(_, event)| falls(event.at)).map(|(place, _)| place).collect()
 }
 
-/// Returns the bytes that could be read when the FRESH that rose at index `place` falls.
+/// Returns the bytes that, according to the log, could be read when FRESH fell after its rise at index `place`.
 fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
     let at = log.events[place].at + 2_000;
     let mut events = log.events.iter_mut().filter(|event| event.at == at);
@@ -33,7 +33,7 @@ fn offered(log: &mut Log, place: usize) -> &mut Option<bench_judge::Bytes> {
         .unwrap()
 }
 
-/// Returns a log in which each rise of FRESH already states the bytes that can be read, which `log` states only at its
+/// Returns a log that states the bytes that can be read at each rise of FRESH. `log` itself states them only at the
 /// fall.
 fn offering_at_once(log: &Log) -> Log {
     let mut log = log.clone();
@@ -143,14 +143,16 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
     plan.publications[2].image = plan.publications[0].image.clone();
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
-    // While a bit of an image may be hit, an image with the same content may replace it, but no older one.
+    // While a bit of an image may be disturbed, an image with the same content may replace that image, but an older one
+    // may not.
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();
         let rose = plan.publications[2].at;
         insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
-        // The verdict is the same if only the bytes that are read, and not those that FRESH announces, are known.
+        // The verdict is the same if only the bytes that a transaction reads are known, but not those that FRESH
+        // announces.
         let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
         *offered(&mut log, rise.unwrap()) = None;
         let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
@@ -177,7 +179,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
 
 #[test]
 fn fresh_after_which_an_older_image_is_read_is_a_violation() {
-    // The bytes that FRESH announces are known only from those that a transaction reads.
+    // What FRESH announces is known only from the bytes that a transaction reads.
     let (plan, log, _) = run(3);
     let rise = rises(&log, 200 * MS)[0];
     let rose = log.events[rise].at;
@@ -232,7 +234,7 @@ fn every_image_is_readable_without_fresh_where_fresh_is_stuck() {
     let verdict = judged(&stuck);
     assert_eq!(found(&stuck), [(FreshMissing, images)]);
     assert_eq!(verdict.figures.last_bit_to_readable, None);
-    // FRESH is stuck at its level from one instant to another.
+    // FRESH is stuck at its level between two instants.
     let mut stuck = log.clone();
     stuck.events.retain(|event| !(200 * MS..300 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
     assert_eq!(found(&stuck), [(FreshMissing, 10)]);
@@ -245,7 +247,7 @@ fn fresh_that_rises_after_the_image_is_readable_is_one_violation() {
     let soon = |place: &usize| next(log.events[*place].at) < log.events[*place].at + 2 * MS;
     let place = rises(&log, 200 * MS).into_iter().find(soon).unwrap();
     let at = log.events[place].at;
-    // FRESH rises during the first transaction that brings the image, or after it.
+    // FRESH rises during the first transaction that reads the image, or after it.
     for (after, violations) in [(1, [(LateReadable, 1)]), (400_000, [(FreshMissing, 1)])] {
         let mut log = log.clone();
         let image = offered(&mut log, place).clone();
@@ -281,7 +283,7 @@ fn a_hit_bit_excuses_unsound_images_until_its_buffer_is_replaced() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
         let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
-        // FRESH announces an unsound image that nobody reads.
+        // FRESH announces an unsound image that no transaction reads.
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
         let rose = plan.publications[number].at;

@@ -1,5 +1,5 @@
-//! Tests that a DPR that hangs need not serve the SSI until it restarts, and that what is read from it still has to be
-//! right.
+//! Tests the judge of a DPR that hangs. The DPR need not serve the SSI until it restarts, but what is read from it
+//! still has to be right.
 
 use crate::common;
 
@@ -7,17 +7,17 @@ use bench_judge::{Board, Disturbance, Event, Log, SsiEvent, Violation, Violation
 use common::*;
 
 const MS: u64 = 1_000_000;
-/// When the DPR restarts, ns.
+/// The instant, ns, at which the DPR restarts.
 const RESTARTS: u64 = 330 * MS;
-/// When the DPR's first image after the restart is put in, ns. The flight controller's last transaction before that is
-/// over by then.
+/// The instant, ns, at which the DPR's first image after the restart is put in. By then the flight controller's last
+/// transaction before that instant is over.
 const BACK: u64 = 344_950_000;
 
 fn hung() -> What {
     What::Hung { board: Board::Dpr }
 }
 
-/// Returns a log in which nothing can be read from `from` on until the DPR is back after a restart.
+/// Returns a log in which nothing can be read from `from` until the DPR has put in its first image after a restart.
 fn silent(plan: &Plan, from: u64) -> Log {
     let mut log = plan.log();
     blind(&mut log, from, BACK);
@@ -51,8 +51,8 @@ fn a_hang_of_the_dpr_excuses_what_it_does_not_serve() {
     for from in [250 * MS, 253 * MS, 256 * MS, 259 * MS] {
         let mut log = silent(&Plan::new(3, 60), from);
         assert_eq!(judged_at(&log, from), [], "{from}");
-        // The DPR did not become ready after the last transaction before the hang. This is reported if the DPR had to
-        // be ready before the hang.
+        // The DPR did not become ready after the last transaction before the hang. This is reported only if the DPR had
+        // to be ready before the hang began.
         let horus = What::Hung { board: Board::Horus };
         let restart =
             log.events.iter().position(|event| event.at == RESTARTS && event.what == dpr_reset(true)).unwrap();
@@ -75,7 +75,7 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     assert_eq!(judged_at(&log, first - MS), []);
     let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
     assert!(told.contains(&Silent), "{told:?}");
-    // With only one transaction after the hang, the violation is that the DPR was not ready.
+    // With only one transaction after the hang, the violation is that the DPR did not become ready.
     log.events.retain(|event| {
         event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
     });
@@ -83,7 +83,7 @@ fn a_hang_excuses_unserved_transactions_until_the_run_ends() {
     assert_eq!(found(&log), [(NotReady, 1)]);
 }
 
-/// Returns when the last transaction before `before` ended, ns.
+/// Returns the instant, ns, at which the last transaction before `before` ended.
 fn last_end(log: &Log, before: u64) -> u64 {
     let is_end = |event: &&Event| matches!(event.what, What::Transaction { .. }) && event.at < before;
     log.events.iter().rfind(is_end).unwrap().at
@@ -91,7 +91,7 @@ fn last_end(log: &Log, before: u64) -> u64 {
 
 #[test]
 fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
-    // The DPR keeps the buffers too long after a transaction, or keeps them without one.
+    // The DPR keeps the buffers too long, in one case after a transaction and in the other without one.
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);

@@ -1,4 +1,4 @@
-//! Tests the bytes that transactions read, on logs that are each changed in one way.
+//! Tests how the bytes that transactions read are judged. Each test changes a flawless log in one way.
 
 use crate::common;
 
@@ -9,7 +9,7 @@ use profile::{GpsObject, GpsValues, Identifier, LinkStatus, LinkValues, Reported
 
 const GPS: [usize; 4] = [1, 2, 3, 5];
 
-/// Returns the number of bits in which the two differ.
+/// Returns the number of bits in which `a` and `b` differ.
 fn distance(a: &[u8], b: &[u8]) -> u32 {
     a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
 }
@@ -29,7 +29,8 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // The object that contains the splice may equal that of one of the two images except for one bit.
+                // The bytes of two images are joined at one offset. The object at that offset may equal the object of
+                // one of the images except for one bit.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });
@@ -60,7 +61,7 @@ fn a_place_that_is_scrubbed_while_it_is_read_is_torn() {
             assert_eq!(found(&log), [(Torn, 1)], "{range:?} {fill}");
         }
     }
-    // The transaction reads the object between the two fills of a scrub.
+    // The transaction reads the object while a scrub fills it: the first bytes have one fill, the others the other one.
     let mut log = log.clone();
     miso(&mut log, place)[96..130].fill(0x00);
     miso(&mut log, place)[130..156].fill(0xFF);
@@ -129,7 +130,7 @@ fn a_valid_object_in_the_place_of_another_is_misplaced() {
         let mut log = log.clone();
         miso(&mut log, place)[at..at + object.len()].copy_from_slice(object);
         let violations = match at {
-            // A part of an object is no object, and neither is an object that begins before its own offset.
+            // A part of an object is not an object, and neither is an object that begins before its own offset.
             0 | 212 => [(Damaged, 1)],
             _ => [(Misplaced, 1)],
         };

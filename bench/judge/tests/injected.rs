@@ -9,13 +9,13 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the violations that are found at the SSI. A test changes what was read but not what was forwarded, so the
-/// violation `BaseChanged` that follows from that is left out.
+/// Returns the violations of the SSI. The tests change what was read but not what was forwarded. The violation
+/// `BaseChanged` follows from that, so it is left out.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }
 
-/// Returns a log in which the flight controller reads, from `from` to `to`, bytes that the DPR did not send.
+/// Returns a log in which the flight controller reads bytes that the DPR did not send, from the instant `from` to `to`.
 fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
     let mut log = Plan::new(3, 60).log();
     for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
@@ -95,7 +95,7 @@ fn images_of_one_millisecond_with_different_counters_are_distinct() {
     let mut plan = Plan::new(3, 40);
     let place = plan.showing(200);
     let publication = plan.publications[place].clone();
-    // Two images without objects are published 300 µs apart; the second one counts one rejected object more.
+    // Two images without objects are published 300 µs apart. The second one counts one more rejected object.
     let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
     let at = publication.at;
     plan.publications[place].image = plan.image(at, None, values(50));
@@ -136,8 +136,8 @@ fn a_damaged_length_allows_the_latency_of_a_frame_stored_whole() {
     }
 }
 
-/// Returns the frame's number and the number of objects that the context finds in a frame of one receiver that broke
-/// off after `bytes` bytes.
+/// Returns the frame's number and the number of objects that the context finds in a frame of one receiver. The frame
+/// broke off after `bytes` bytes unless `whole` is set.
 fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
@@ -233,7 +233,7 @@ fn a_frame_lost_with_the_front_ends_supply_is_excused() {
         let place = plan.showing(300);
         let ended = plan.publications[place].at - common::TO_FRESH;
         let mut log = plan.log();
-        // The cycle reaches the antenna, and no image shows it.
+        // The cycle reaches the antenna, but no image shows it.
         let layout = Layout::for_receivers(3).unwrap();
         let shown = |bytes: &[u8]| bytes[layout.in_image(0).unwrap()].starts_with(&300_u32.to_le_bytes());
         for (_, miso) in transactions(&mut log).filter(|(_, miso)| shown(miso)) {

@@ -1,4 +1,4 @@
-//! Tests how soon a cycle is readable, on logs that are each changed in one way.
+//! Tests how soon a cycle is readable. Each test changes a flawless log in one way.
 
 use crate::common;
 
@@ -90,7 +90,7 @@ fn disturbed_frames_and_cycles_without_a_tick_are_not_measured() {
     plan.upstream.retain(|event| event.what != What::Tick);
     let figures = judged(&plan.log()).figures;
     assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
-    // A time that would begin at a tick of long ago is not measured either.
+    // If the last tick was long before the frame, the time from that tick is not measured either.
     let mut plan = Plan::new(3, 40);
     plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
     assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 4_960_000 + 14_659);
@@ -131,8 +131,8 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// A frame in a buffer with a hit bit has as much time as one that is read only when it is complete, because the bit
-/// may be one of those that hold LEN.
+/// If a bit of the buffer of a frame is disturbed, the frame has as much time as one that the DPR reads only when it is
+/// complete, because that bit may be one of LEN.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {
@@ -168,7 +168,7 @@ fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
         let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
         let mut again = first.unwrap().clone();
         let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
-        // The fault ends just before the frame, and the front end is being brought up.
+        // The fault ends just before the frame begins, and the front end is being brought up during the frame.
         let until = *started - 1_000;
         *started += 850_000;
         again.at += 850_000;

@@ -1,4 +1,4 @@
-//! Tests the log in memory and as a file, and that it is judged the same in both ways.
+//! Tests that a log is judged the same in memory and after it was stored in a file.
 
 use crate::common;
 
@@ -14,7 +14,7 @@ fn stored(log: &Log) -> Vec<u8> {
     file
 }
 
-/// Returns one event of each kind, in the order of their declaration.
+/// Returns one event of each kind, in the order in which the kinds are declared.
 fn one_of_each() -> Vec<What> {
     let text = || "line 1\nline 2 \"\u{e9}\"".to_owned();
     vec![
@@ -97,7 +97,7 @@ fn bytes_are_stored_as_two_hexadecimal_digits_each() {
     assert!(serde_json::from_str::<Event>(&line.replace("\"000fa5ff\"", "[0,15]")).is_err());
 }
 
-/// Returns the error of reading a file with these lines.
+/// Returns the error that occurs when a log is read from these lines.
 fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
@@ -151,7 +151,7 @@ fn a_log_that_is_cut_off_is_read_up_to_there() {
     }
 }
 
-/// A file that cannot be read or written.
+/// A reader and writer that always fails.
 struct Broken;
 
 impl std::io::Read for Broken {
@@ -179,7 +179,7 @@ fn what_the_file_says_is_passed_on() {
     assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
     let log = Plan::new(1, 4).log();
     assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
-    // The bytes for which the file has no room may be those that are written only when the log is flushed.
+    // The writer may report that there is no room only when the log is flushed.
     let mut room = [0; 1 << 20];
     let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
     assert!(log.write(buffered).is_err());
@@ -283,7 +283,8 @@ fn what() -> impl Strategy<Value = What> {
 }
 
 proptest! {
-    /// Any events in any order are judged without a panic, read back equal, and have one verdict.
+    /// Whatever events a log has, in any order, they are judged without a panic, are equal after they were stored and
+    /// read, and have one verdict.
     #[test]
     fn any_log_reads_back_equal_and_has_one_verdict(
         steps in prop::collection::vec((0..20_000_000_u64, what()), 0..60),
@@ -313,7 +314,7 @@ fn the_example_log_has_no_violation_until_it_is_damaged() {
     let verdict = judge(&log);
     assert_eq!(verdict.violations, []);
     assert!(verdict.figures.sample_to_readable.is_some());
-    // Without its ticks, as if HORUS had no time of its own.
+    // Without its ticks the log has violations.
     let events = log.events.iter().filter(|event| event.what != What::Tick).cloned().collect();
     assert_ne!(judge(&Log { header: log.header.clone(), events }).violations, []);
 }

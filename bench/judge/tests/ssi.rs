@@ -1,4 +1,5 @@
-//! Tests whether the flight controller reads and whether the DPR serves it, on logs that are each changed in one way.
+//! Tests whether the flight controller makes transactions and whether the DPR serves them. Each test changes a flawless
+//! log in one way.
 
 use crate::common;
 
@@ -9,13 +10,13 @@ use profile::LinkValues;
 
 const MS: u64 = 1_000_000;
 const CYCLE: u64 = 10 * MS;
-/// An instant between the flight controller's last transaction before an image is published and FRESH for that image,
-/// ns.
+/// The instant, ns, at which an image is announced by FRESH, after the flight controller's last transaction before
+/// that.
 const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
-    // The DPR is ready after the same time with every number of receivers.
+    // With every number of receivers the DPR takes the same time to become ready.
     for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, TO_READY)] {
         let plan = Plan::new(gps, 60);
         let log = plan.log();
@@ -83,7 +84,7 @@ fn a_flight_controller_must_read_at_least_every_100_ms() {
     let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
-    // The flight controller twice makes no transaction for too long, the second time until the end of the run.
+    // The flight controller makes no transaction for too long twice, the second time until the end of the run.
     let mut log = without_transactions(from, from + 150 * MS).log();
     log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
     log.events
@@ -120,7 +121,7 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
     let verdict = judged(&plan.log());
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NeverReady, bounds::START));
-    // Nothing is required of the DPR in its start-up time.
+    // Nothing is required of a DPR that is starting.
     let mut plan = Plan::new(3, 8);
     plan.publications.clear();
     assert_eq!(plan.end, bounds::START);
@@ -157,7 +158,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
-    // If the flight controller deselects the DPR earlier, the DPR has to be ready.
+    // If the flight controller raises chip select earlier, the DPR has to be ready.
     for event in &mut log.events {
         if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
             event.at = 300 * MS;
@@ -172,7 +173,7 @@ fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     restarted_in(&Plan::new(3, 60), at, back, what)
 }
 
-/// Returns the log of [`restarted`] for a run of the given plan.
+/// Returns the log that [`restarted`] returns, for a run of the given plan.
 fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = plan.log();
     blind(&mut log, at, back);
@@ -239,8 +240,8 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // No other transaction is made around the end of the misuse, so that this one ends with the misuse and the
-        // image that it brought is forwarded.
+        // No other transaction is made close to the end of the misuse. So this transaction ends together with the
+        // misuse, and the image that it read is forwarded.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -268,7 +269,7 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     assert_eq!(found(&log), []);
 }
 
-/// Moves the events of the DPR's SPI peripheral at `from` to `to` (ns).
+/// Moves those events of the DPR's SPI peripheral that are in `which` from the instant `from` to `to` (ns).
 fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
     let mut log = log.clone();
     let mut count = 0;
@@ -298,7 +299,7 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
     assert_eq!(verdict.violations[0].first_at, ended);
     assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
-    // The DPR stays busy until after the next transaction, so that it serves neither that transaction nor the one after
+    // The DPR stays busy until the next transaction is over, so it serves neither that transaction nor the one after
     // it.
     let mut late = at(2 * CONTROL_CYCLE + 100_000);
     blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
@@ -309,8 +310,8 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&late), [(NotReady, 1)]);
 }
 
-/// While the flight controller misuses the SSI, the DPR may take the buffers late after a transaction that it did not
-/// serve.
+/// While the flight controller misuses the SSI, the DPR may leave a transaction unserved, and may take the buffers late
+/// after it.
 #[test]
 fn buffers_taken_after_a_transaction_owed_nothing_are_not_held_back() {
     for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
@@ -353,7 +354,7 @@ fn a_dpr_that_is_never_ready_again_is_one_violation() {
         .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
     assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
     assert_eq!(found(&log), [(NotReady, 1)]);
-    // The time until the DPR would have been ready is not known, so it is not in the figure.
+    // It is not known how long the DPR would have taken to become ready, so this time is not in the figure.
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
 }
 
@@ -412,7 +413,7 @@ fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
         blind(&mut log, ended, ended + transactions * CONTROL_CYCLE);
         assert_eq!(found(&log), violations, "{transactions}");
     }
-    // Two transactions that do not follow each other directly meet the DPR busy.
+    // Two transactions find the DPR busy, but another one comes between them.
     let mut log = log.clone();
     blind(&mut log, ended, ended + 1);
     blind(&mut log, ended + 2 * CONTROL_CYCLE, ended + 2 * CONTROL_CYCLE + 1);
@@ -431,7 +432,7 @@ fn a_silence_without_a_timely_restart_is_a_violation() {
         log.events.last_mut().unwrap().at = over;
         assert_eq!(found(&log), violations, "{cycles}");
     }
-    // The watchdog restarts a DPR that hangs within 100 ms; another rule judges that.
+    // If a DPR hangs, its watchdog restarts it within 100 ms, and another rule judges that.
     let first = log.events[repeats(&log)[10]].at;
     for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
         let mut log = log.clone();
@@ -550,7 +551,7 @@ fn a_runaway_flight_controller_must_be_served_up_to_the_budget() {
             let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
             insert(&mut log, at + 160_000, what);
         }
-        // The profile that is forwarded here is the one that the first transaction with this image brought.
+        // The profile that is forwarded here is the one that the first transaction with this image read.
         let profile = image[32..].to_vec();
         log.events.retain(|event| match &event.what {
             What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
@@ -610,11 +611,12 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
     let due = bounds::START;
     for (longer, blamed) in [(0, true), (1, false)] {
-        // The DPR is still selected when its time is over and just after that.
+        // The DPR is still selected at the end of the time for its start, and a little longer.
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // The DPR was deselected just before its time was over, and has [`bounds::SSI_READY`] to become ready.
+        // The DPR was deselected just before the end of the time for its start, so it has [`bounds::SSI_READY`] to
+        // become ready.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {
@@ -670,7 +672,7 @@ fn a_dpr_that_restarts_while_selected_may_hold_its_buffers() {
 
 #[test]
 fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
-    // A reset while the DPR has no supply changes nothing.
+    // A reset of a DPR that has no supply has no effect.
     let power = |on| What::Power { board: Board::Dpr, on };
     let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 260 * MS, dpr_reset(true));
@@ -680,7 +682,7 @@ fn a_restart_of_the_dpr_keeps_supply_violations_and_figures() {
     let mut log = without_transactions(251 * MS, 450 * MS).log();
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    // The longest time until readiness may have occurred before the restart.
+    // The greatest time in which the DPR became ready may have been measured before the restart.
     let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
@@ -718,7 +720,7 @@ fn a_transaction_must_be_served_while_an_image_is_readable() {
     };
     let (log, _) = nothing();
     assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
-    // FRESH rises once more for the image that is there already, shortly before the transaction or within it.
+    // FRESH rises again for an image that is already readable, shortly before the transaction or during it.
     for (apart, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
         for within in [false, true] {
             let (mut log, selected) = nothing();

@@ -139,7 +139,8 @@ impl FrontEnd {
     /// The next instant at which the chip changes its state without an input or its antenna emits a delayed event, ns.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        // Events that have already left the antenna are taken before the chip's time advances.
+        // Events that have already left the antenna do not count, because they are taken before the chip's time
+        // advances.
         let held_back = Some(self.emission.next_at()).filter(|at| *at > self.chip.now());
         self.chip.next_event().unwrap_or(u64::MAX).min(held_back.unwrap_or(u64::MAX))
     }

@@ -25,14 +25,15 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// The value of CSW after a reset (TRM): Prot bits at their reset values, accesses permitted, word size.
+/// The value of CSW after a reset (TRM): the Prot bits have their reset values, accesses are permitted, and the size is
+/// a word.
 const CSW_RESET: u32 = 0x4380_0042;
 /// The bits of CSW that can be written: MasterType, HPROT1, AddrInc, Size.
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
 /// The bits of TAR that its automatic increment changes (ADI C2.2.2).
 const INCREMENT: u32 = 0x3FF;
 
-/// How TAR changes after an access.
+/// The change of TAR after an access.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Step {
     Off,

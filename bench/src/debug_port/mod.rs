@@ -55,11 +55,11 @@ pub enum Request {
 /// The port's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// The transfer is done; the word is what a read returned.
+    /// The transfer is done. The word is the result of a read.
     Ok(u32),
     /// A sticky flag is set, or a domain has no power: the request had no effect.
     Fault,
-    /// Neither port nor part drives the line.
+    /// No answer came: neither the port nor the part drives the line.
     Nothing,
 }
 
@@ -80,7 +80,7 @@ pub trait Wire: Send + std::fmt::Debug {
     /// Lets `ns` nanoseconds of virtual time pass on the board.
     fn pass(&mut self, ns: u64);
 
-    /// Virtual time since the board was switched on, in nanoseconds.
+    /// The virtual time since the board was switched on, ns.
     fn now(&self) -> u64;
 
     /// Takes the findings about the board's firmware since the last call.
@@ -101,11 +101,11 @@ pub trait Wire: Send + std::fmt::Debug {
 enum Line {
     /// JTAG, the state in which an SWJ-DP is after power-on (ADI B5.2.1).
     Jtag,
-    /// SWD, where the port waits for a line reset after the selection of SWD or a protocol error (ADI B4.2.5).
+    /// SWD is selected, or a protocol error occurred: the port waits for a line reset (ADI B4.2.5).
     Lost,
-    /// After a line reset only DPIDR can be read (ADI B4.3.3).
+    /// A line reset has ended: the port answers only a read of DPIDR (ADI B4.3.3).
     Reset,
-    /// Requests are answered.
+    /// The port answers all requests.
     Open,
 }
 
@@ -118,7 +118,7 @@ const TO_JTAG: u16 = 0xE73C;
 /// The identifier of an SW-DP of version 1, by Arm, as Cortex-M4 parts have it (TRM; RM0090 38.8.3).
 const DPIDR: u32 = 0x2BA0_1477;
 
-/// CTRL/STAT (ADI B2.2.2).
+/// The bits of the register CTRL/STAT (ADI B2.2.2).
 const STICKY_ORUN: u32 = 1 << 1;
 const STICKY_CMP: u32 = 1 << 4;
 const STICKY_ERR: u32 = 1 << 5;
@@ -140,8 +140,8 @@ const DLCR: u32 = 0x40;
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// The number of successive one bits up to now, the number of bits since the last line reset, and the latest
-    /// sixteen of them.
+    /// Three properties of the bits on SWDIO: the number of successive ones up to now, the number of bits since the
+    /// last line reset, and the latest sixteen bits.
     ones: u32,
     since_reset: u32,
     latest: u16,

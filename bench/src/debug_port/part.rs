@@ -28,7 +28,7 @@ pub trait Debugged: Part {
         true
     }
 
-    /// Whether the part has a reset pin now.
+    /// Whether the part has a reset pin in its present configuration.
     fn has_reset_pin(&self) -> bool {
         true
     }
@@ -70,8 +70,8 @@ impl Debugged for Nrf52840 {
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
     }
 
-    /// Every reset of the nRF52840 but a soft one or a lock-up's resets the debug registers (PS 5.3.7.8, *Reset
-    /// behavior*: "Debug").
+    /// Every reset of the nRF52840 resets the debug registers, except a soft reset and the reset by a lock-up (PS
+    /// 5.3.7.8, *Reset behavior*: "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }

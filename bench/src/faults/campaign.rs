@@ -44,7 +44,7 @@ pub struct RunOutcome {
 /// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// The kinds of upset that the trials have in turn. A kind that is no upset is left out.
+    /// The kinds of upset, which the trials take in turn. A kind that is not an upset is left out.
     pub kinds: Vec<Kind>,
     /// The boards that take turns at being upset.
     pub boards: Vec<Board>,
@@ -54,7 +54,7 @@ pub struct Options {
     pub per_instant: usize,
     /// The range from which the instants of the upsets are drawn, virtual ns.
     pub between: (u64, u64),
-    /// The time for which each copy runs after its upset, ns.
+    /// How long each copy runs after its upset, ns.
     pub for_ns: u64,
     /// The seed of the instants and upsets.
     pub seed: u64,
@@ -106,8 +106,8 @@ impl Class {
 
 /// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station.
 /// Where the judge finds wrong contents of an object, it does not report whether the object was shown, so such a
-/// violation counts. Wrong flags of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong uplink count
-/// too, because a reader acts on them as on a position.
+/// violation counts as dangerous. Wrong flags of Link-Status, a wrong state of HORUS, a wrong timestamp and a wrong
+/// uplink count too, because a reader acts on them as on a position.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -391,7 +391,8 @@ mod tests {
         assert!(instants.is_sorted());
         instants.dedup();
         assert_eq!(instants.len(), 25);
-        // The instants lie in parts of 320 ns, one in each part, and each has one reference.
+        // The range of instants is divided into intervals of 320 ns. Each interval has one instant, and each instant
+        // has one reference.
         for (nth, at) in instants.iter().enumerate() {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");

@@ -21,8 +21,8 @@ pub enum Conduct {
     Hangs,
     /// The flight controller selects the DPR and clocks noise until the episode's end: a million bytes a second.
     RunsAway,
-    /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms, in as many control cycles as
-    /// that allows.
+    /// The flight controller reads 10 000 bytes in each transaction, which takes 10 ms. It begins a transaction in each
+    /// control cycle in which the transaction before is over.
     TenThousand,
     /// Chip select falls for 1 µs and rises for 1 µs without a clock, 500 000 times a second.
     TogglesCsn,

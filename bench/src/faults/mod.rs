@@ -139,7 +139,7 @@ impl Fault {
         }
     }
 
-    /// The disturbance of the link by this fault, from which the judge takes what it excuses.
+    /// The disturbance of the link that this fault causes; it determines which violations the judge excuses.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match *self {

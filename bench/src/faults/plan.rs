@@ -197,8 +197,8 @@ impl Faults {
                 }
             }
         }
-        // The list is sorted once at the end, because a day has tens of thousands of episodes of each kind. The sort is
-        // stable.
+        // The list is sorted once at the end, because a run of one day has tens of thousands of episodes of each kind.
+        // The sort is stable.
         faults.episodes.sort_by_key(|episode| episode.at);
         faults.without_hangs_in_starts();
         faults

@@ -51,13 +51,13 @@ impl PowerFault {
         }
     }
 
-    /// The disturbance of `board` by this fault, from which the judge takes what it excuses.
+    /// The disturbance of `board` that this fault causes; it determines which violations the judge excuses.
     #[must_use]
     pub const fn disturbs(self, board: bench_judge::Board) -> Disturbance {
         match self {
             Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
             Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
-            // The log has each start of a board with a dead crystal as a hang.
+            // The log records each start of a board with a dead crystal as a hang.
             Self::CrystalDead => Disturbance::Hang { board },
             Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }

@@ -18,7 +18,7 @@ impl Rng {
         Self(seed ^ of_stream.word())
     }
 
-    /// Any number.
+    /// Returns a random number of 64 bits.
     pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -42,7 +42,7 @@ impl Rng {
         self.below(n) == 0
     }
 
-    /// A byte.
+    /// Returns a random byte.
     pub fn byte(&mut self) -> u8 {
         (self.word() >> 56) as u8
     }

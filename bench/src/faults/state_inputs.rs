@@ -1,6 +1,6 @@
 //! Faults of HORUS's state inputs: relay, motor cut, emergency measure.
 
-/// The number of inputs, each a pair of pins.
+/// The number of state inputs; each input is a pair of pins.
 pub const INPUTS: usize = 3;
 
 /// The names of the state inputs, the least severe first.

@@ -19,13 +19,13 @@ use super::{ReceiverFault, Rng};
 pub enum WireFault {
     /// FRESH stays low, whatever the DPR drives.
     FreshStuck,
-    /// FRESH has an additional pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse of the DPR's.
+    /// FRESH has an additional pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse that the DPR drives.
     FreshGlitch,
     /// Every edge of FRESH arrives later by this many ns.
     FreshLate(u64),
     /// TICK stays low, whatever HORUS drives.
     TickStuck,
-    /// TICK has an additional tick, [`GLITCH_AFTER_NS`] after each tick of HORUS's.
+    /// TICK has an additional tick, [`GLITCH_AFTER_NS`] after each tick that HORUS drives.
     TickGlitch,
     /// The changes of HORUS's state inputs are missing from the log.
     InputsUnseen,
@@ -36,13 +36,13 @@ pub enum WireFault {
         /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// MISO repeats the bytes of the latest transaction that ended at least this long before. Bytes that the earlier
-    /// transaction does not have are what the DPR sends.
+    /// MISO repeats the bytes of the latest transaction that ended at least this long before. Beyond the end of the
+    /// earlier transaction MISO carries what the DPR sends.
     MisoReplay {
         /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// From this byte on, MISO repeats the bytes of the transaction before, as far as that had any.
+    /// From this byte on, MISO repeats the bytes of the preceding transaction, up to the end of that transaction.
     MisoSplice {
         /// The index of the first byte that is repeated, from 0.
         at_byte: usize,
@@ -54,8 +54,8 @@ pub enum WireFault {
         /// The object whose bytes read 0x00: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction repeats the last one that ended before the fault began, as far as that had bytes: an isolator
-    /// or a bridge in the line hangs and repeats its contents.
+    /// Every transaction repeats the bytes of the last transaction that ended before the fault began. The cause is an
+    /// isolator or a bridge in the line that hangs and repeats its contents.
     MisoFrozen,
     /// Bits of one object, or of Link-Status, are inverted and the object's CRC is corrected, where a transaction reads
     /// the whole object. A line cannot do that, but a bridge that generates frames of its own can.
@@ -111,7 +111,8 @@ pub const GLITCH_NS: u64 = 2_000;
 /// The greatest age of a transaction that MISO can repeat, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// The most transactions that are kept for repetition: a flight controller that hammers makes 200 000 a second.
+/// The greatest number of transactions that are kept for repetition. A flight controller that misuses the SSI makes up
+/// to 200 000 transactions a second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
@@ -240,8 +241,8 @@ impl Wires {
         }
     }
 
-    /// Takes a transaction that ended at `at` (ns). In it the DPR sent `miso`, whose first byte is that at `offset` of
-    /// the image. Changes `miso` to the bytes that the flight controller receives.
+    /// Takes a transaction that ended at `at` (ns). In it the DPR sent `miso`, whose first byte is the image's byte at
+    /// `offset`. Changes `miso` to the bytes that the flight controller receives.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -284,7 +285,7 @@ impl Wires {
         }
     }
 
-    /// Exchanges GPS1 and GPS2 in `miso`, whose first byte is that at `offset` of the image.
+    /// Exchanges GPS1 and GPS2 in `miso`, whose first byte is the image's byte at `offset`.
     fn swap(&self, offset: usize, miso: &mut [u8]) {
         let (Some(one), Some(two)) = (self.layout.in_image(1), self.layout.in_image(2)) else { return };
         let Some(start) = one.start.checked_sub(offset) else { return };
@@ -380,7 +381,8 @@ impl Wires {
     }
 }
 
-/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, as far as that has any.
+/// Replaces the bytes of `miso` from `from` on by those of the transaction `old`, up to the end of the shorter of the
+/// two.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);

@@ -13,12 +13,12 @@ use gdbstub_arch::arm::ArmBreakpointKind;
 
 /// The number of 32-bit registers before the first double register: 0 to 15, xPSR, and six system registers.
 const FIRST_DOUBLE: usize = 23;
-/// d0 to d15.
+/// The number of double registers, d0 to d15.
 const DOUBLES: usize = 16;
-/// FPSCR comes last.
+/// The index of FPSCR, which is the last register.
 const FPSCR: usize = FIRST_DOUBLE + DOUBLES;
 
-/// Armv7E-M with FPv4-SP.
+/// The architecture of the core: Armv7E-M with the FPU FPv4-SP.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum CortexM4 {}
 
@@ -83,7 +83,7 @@ const fn is_double(id: usize) -> bool {
 /// All registers in the description's order: one word for each, two words for a double.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct CoreRegisters {
-    /// The words.
+    /// The values of the registers as words.
     pub(super) words: Vec<u32>,
 }
 

@@ -103,7 +103,7 @@ where
 /// A firmware alone on one board, for [`Target::run_connected`].
 #[derive(Debug)]
 pub struct Alone<'a> {
-    /// The board.
+    /// The type of board.
     pub target: Target,
     /// The cost of processor time.
     pub clock: Clock,

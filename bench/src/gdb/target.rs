@@ -48,7 +48,8 @@ impl<W: World> Debuggee<W> {
         self.world.node()
     }
 
-    /// Runs for a while. Returns the reason why the board has stopped, if it has, or that the run is over.
+    /// Runs the board for a while. Returns the reason for which the board has stopped, or that the run is over; `None`
+    /// if neither is the case.
     pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, W::Error> {
         self.world.go()?;
         Ok(match self.node().halted() {

@@ -198,7 +198,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.add_faults(&Faults::none().with(now, now, fault));
     }
 
-    /// Draws faults for the rest of the run.
+    /// Draws faults of the kinds in `list` for the rest of the run and adds them.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {

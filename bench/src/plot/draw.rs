@@ -19,7 +19,7 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// The most points that are drawn of a line: more than its width in pixels.
+/// The greatest number of points that are drawn of a line. It exceeds the line's width in pixels.
 const MOST_POINTS: usize = 2_000;
 /// The least length of an axis that shows metres, m.
 const LEAST_M: f64 = 20.0;
@@ -99,7 +99,7 @@ fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64
     pieces
 }
 
-/// Every cycle, or every n-th of them if there are more than can be drawn.
+/// Returns all cycles, or every n-th cycle if there are more cycles than can be drawn.
 fn thinned(cycles: &[Drawn]) -> impl Iterator<Item = &Drawn> {
     cycles.iter().step_by(cycles.len().div_ceil(MOST_POINTS).max(1))
 }
@@ -244,7 +244,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// Draws the time to readable of each group of cycles by the group's longest, so that no long one is hidden.
+/// Draws the time to readable. A group of cycles is drawn by its longest time, so that no long time is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

@@ -15,19 +15,19 @@ use crate::faults::{Campaign, Class, name_of};
 /// The speed of the host, which is the only part of a report that differs between runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Speed {
-    /// Virtual time over wall time.
+    /// The run's virtual time divided by the wall time that the run took.
     pub times_real_time: f64,
 }
 
-/// The sending side.
+/// The figures of HORUS, the sending side.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Horus {
     /// The number of frames whose preamble went on the air.
     pub frames_sent: u64,
     /// The time between the first frames of two successive cycles, ns.
     pub period_ns: Option<Span>,
-    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns: the rise of chip
-    /// select after the command's byte. The jitter of this time is the firmware's.
+    /// The time from the 10 ms timer's tick to the transmit command of the cycle's first frame, ns. The command counts
+    /// from the rise of chip select after its byte. The jitter of this time is the firmware's.
     pub tick_to_command_ns: Option<Span>,
     /// The time from the 10 ms timer's tick to the first preamble bit of the cycle's first frame, ns. The jitter of
     /// this time is the firmware's and the scatter with which the front end starts.
@@ -36,7 +36,7 @@ pub struct Horus {
     pub load: f64,
 }
 
-/// The air between the antennas.
+/// The figures of the air between the antennas.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Air {
     /// The bit rate of the last frame, bit/s.
@@ -81,7 +81,7 @@ pub struct Latency {
     pub last_bit_to_readable: Option<Max>,
 }
 
-/// The flight controller's port.
+/// The figures of the flight controller's SSI transactions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Ssi {
     /// The number of transactions of the flight controller.
@@ -94,7 +94,7 @@ pub struct Ssi {
     pub busy: u64,
     /// The number of transactions in which an object marked valid failed its CRC.
     pub bad_crc: u64,
-    /// The time from the rise of CSN until the DPR can serve the next transaction, ns.
+    /// The time from the rise of chip select until the DPR can serve the next transaction, ns.
     pub ready_ns: Option<Max>,
 }
 
@@ -179,15 +179,15 @@ impl From<&Campaign> for Upsets {
     }
 }
 
-/// A run of the link.
+/// The figures and violations of a run of the link.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
-    /// The seed of everything random.
+    /// The seed of all random values.
     pub seed: u64,
     /// The clock, by which the cores' instructions take time: `fast`, `optimistic` or `pessimistic`. The last two bound
     /// what silicon takes.
     pub clock: &'static str,
-    /// The length of the run.
+    /// The length of the run, virtual seconds.
     pub virtual_seconds: f64,
     /// The number of receivers in the profile.
     pub gps: usize,

@@ -110,8 +110,8 @@ impl BoardEvents {
         self.restarts = node.resets().len();
     }
 
-    /// Records a hang where the part warned its firmware of the supply. The firmware must then stop until its watchdog,
-    /// or the supply, restarts it, and the judge treats that as a hang.
+    /// Records a hang if the part has warned its firmware of a falling supply. The firmware must then stop until its
+    /// watchdog, or the supply, restarts it, and the judge treats that as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
             self.note(node.now(), What::Hung { board: self.side });

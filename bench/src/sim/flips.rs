@@ -20,9 +20,9 @@ use emulator_node::{Clock, Threads};
 
 /// The longest time from a flip of a register's bit until the flight controller reads valid data again, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
-/// The time for which the bench has run when the first bit is flipped, ns.
+/// How long the bench has run when the first bit is flipped, ns.
 const WARM: u64 = 600_000_000;
-/// The time for which each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
+/// How long each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
 pub const FOR_NS: u64 = 2_000_000_000;
 /// The longest time between two readings of new data in a working link, ns: two cycles of HORUS and a control cycle of
 /// the flight controller, with some margin.
@@ -40,8 +40,8 @@ pub struct Flip {
     /// The time after the flip from which on the flight controller read valid and new data again until the end, ns: 0
     /// if such data were never missing, `None` if they were missing at the end.
     pub back_after: Option<u64>,
-    /// The numbers of readings without valid and new data in which Link-Status reported the link down, the front end
-    /// faulty, and neither.
+    /// The numbers of readings without valid and new data, by what Link-Status reported in them: that the link was
+    /// down, that the front end was faulty, and neither.
     pub said: [u32; 3],
     /// Invalid data that were shown as valid, described as text.
     pub dangerous: Vec<String>,

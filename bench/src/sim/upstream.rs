@@ -20,16 +20,16 @@ use crate::trace::{Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
 use gnss_sim::Port;
 
-/// The time for which the pin TICK is high before each tick, ns.
+/// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
 /// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise an answer within one
 /// second; real receivers take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
-/// The time for which a receiver may ignore its input after a change of its bit rate, ns: u-blox integration manuals,
-/// "UART interfaces", "a short time delay of typically 100 ms".
+/// How long a receiver may ignore its input after a change of its bit rate, ns: u-blox integration manuals, "UART
+/// interfaces", "a short time delay of typically 100 ms".
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
-/// The time for which a restarting receiver neither sends nor receives, ns.
+/// How long a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
 
 /// A receiver and the messages that it will send.

@@ -26,10 +26,11 @@
 //! task; `..._running` has the number of the exception that runs. `..._idle` is 1 in thread mode with the core awake,
 //! `..._asleep` while the core sleeps, and `..._other` in exceptions that are not in the firmware's table of tasks.
 //!
-//! The models exchange whole bytes, each at the end of its eighth clock. The trace draws the clock edges and data bits
-//! of a byte back from there at the bus's clock rate. A byte's signal has its value from the byte's first clock until
-//! the next byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive slightly out of order,
-//! because the boards run apart by up to the scheduler's lookahead, so they wait in a window before they are written.
+//! The models exchange whole bytes, each at the end of its eighth clock. From that instant the trace calculates the
+//! earlier clock edges and data bits of the byte, with the bus's clock rate. A byte's signal has its value from the
+//! byte's first clock until the next byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive
+//! slightly out of order, because the boards run apart by up to the scheduler's lookahead, so the trace holds each
+//! event back for a fixed time before it writes the event.
 
 mod file;
 mod fst;
@@ -47,7 +48,7 @@ use signals::{BUSES, Id, Signals, Value};
 pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
 pub use tasks::TaskWatch;
 
-/// The age up to which an event may still come, ns: more than the longest byte and the greatest lookahead together.
+/// How late an event may come after later events, ns: longer than the longest byte and the greatest lookahead together.
 const WINDOW_NS: u64 = 200_000;
 
 /// The reason why a trace cannot be written.
@@ -57,13 +58,13 @@ pub enum Error {
     /// The file's name does not end in a known format.
     #[error("a trace's name ends in .vcd or in .fst, and {} does not", path.display())]
     Ending {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
     },
     /// The file cannot be created or written.
     #[error("the trace cannot be written to {}", path.display())]
     Io {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// The operating system's error.
         source: io::Error,
@@ -71,7 +72,7 @@ pub enum Error {
     /// An event came after the trace had been written up to an instant later than the event's.
     #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
     Late {
-        /// The signal.
+        /// The name of the late event's signal.
         signal: String,
         /// The instant of the late event, ns.
         at: u64,

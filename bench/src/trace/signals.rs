@@ -14,41 +14,41 @@ pub enum Board {
 /// A wire of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
-    /// HORUS: SPI clock of the front end.
+    /// The SPI clock of HORUS's front end.
     HorusSck,
-    /// HORUS: controller to front end.
+    /// The SPI line from HORUS's microcontroller to its front end (MOSI).
     HorusMosi,
-    /// HORUS: front end to controller.
+    /// The SPI line from HORUS's front end to its microcontroller (MISO).
     HorusMiso,
-    /// HORUS: chip select of the front end, active low.
+    /// The chip select of HORUS's front end, active low.
     HorusCs,
-    /// HORUS: the front end's interrupt output.
+    /// The interrupt output of HORUS's front end.
     HorusIrq,
-    /// The 10 ms timer of HORUS begins its next cycle.
+    /// TICK of HORUS, which rises when the 10 ms timer begins the next cycle.
     HorusTick,
-    /// The poller's carrier.
+    /// The poller's carrier, high while the carrier is on.
     Field,
-    /// A frame is on the air.
+    /// The frames on the air, high while a frame is being sent.
     Frame,
-    /// DPR: SPI clock of the front end.
+    /// The SPI clock of the DPR's front end.
     DprSck,
-    /// DPR: controller to front end.
+    /// The SPI line from the DPR's microcontroller to its front end (MOSI).
     DprMosi,
-    /// DPR: front end to controller.
+    /// The SPI line from the DPR's front end to its microcontroller (MISO).
     DprMiso,
-    /// DPR: chip select of the front end, active low.
+    /// The chip select of the DPR's front end, active low.
     DprCs,
-    /// DPR: the front end's interrupt output.
+    /// The interrupt output of the DPR's front end.
     DprIrq,
-    /// SSI clock.
+    /// The clock of the SSI.
     SsiSck,
-    /// SSI: flight controller to DPR.
+    /// The SSI's line from the flight controller to the DPR (MOSI).
     SsiMosi,
-    /// SSI: DPR to flight controller.
+    /// The SSI's line from the DPR to the flight controller (MISO).
     SsiMiso,
-    /// SSI chip select, active low.
+    /// The chip select of the SSI, active low.
     SsiCsn,
-    /// A new image is readable.
+    /// FRESH of the DPR, whose pulse announces that a new image is readable.
     Fresh,
 }
 
@@ -152,7 +152,7 @@ pub const SSI: Bus = Bus {
     changes_on_rise: false,
 };
 
-/// Every bus.
+/// All SPI buses of the trace.
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
 /// A signal's index in the list of all signals.
@@ -283,7 +283,7 @@ impl Signals {
 }
 
 impl fmt::Display for Task {
-    /// The task's name as that of a signal: `rf_irq_EXTI3`.
+    /// Writes the name of the task's signal: `rf_irq_EXTI3`.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}_{}", self.name, self.vector)
     }

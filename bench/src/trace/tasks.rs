@@ -84,7 +84,7 @@ impl TaskWatch {
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<Mark>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);
-            // Two exceptions that are not in the list of tasks share a signal.
+            // All exceptions that are not in the list of tasks share one signal, which ends only with the last of them.
             if self.entered.iter().all(|&(entered, _)| self.signal(entered) != signal) {
                 marks.push(self.mark(at, signal, 0));
             }

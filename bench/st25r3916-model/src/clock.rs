@@ -12,7 +12,7 @@ pub(crate) const CYCLES_106: u64 = 128;
 /// A crystal's time base.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
-    /// Attoseconds in a thousand carrier cycles.
+    /// The duration of a thousand carrier cycles, attoseconds.
     millicycle_as: u64,
 }
 
@@ -40,12 +40,12 @@ impl Clock {
     }
 }
 
-/// Carrier cycles of a bit at the rate with the code `rate` in register 04 or 24.
+/// Returns the number of carrier cycles in one bit at the rate with the code `rate` in register 04 or 24.
 pub(crate) fn bit_cycles(rate: u8) -> u64 {
     CYCLES_106 >> rate
 }
 
-/// The nominal rate of a bit of `cycles` carrier cycles, bit/s.
+/// Returns the nominal bit rate at which a bit takes `cycles` carrier cycles, bit/s.
 pub(crate) fn rate_of(cycles: u64) -> u32 {
     match cycles {
         64 => 212_000,
@@ -55,16 +55,16 @@ pub(crate) fn rate_of(cycles: u64) -> u32 {
     }
 }
 
-/// The duration of `bits` bits of `bit_as` attoseconds in ns, rounded.
+/// Returns the duration of `bits` bits of `bit_as` attoseconds each, in ns, rounded.
 pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
     let a = u128::from(bits) * u128::from(bit_as);
     let ns = (a + u128::from(AS_PER_NS / 2)) / u128::from(AS_PER_NS);
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// The number of whole bits of `bit_as` attoseconds in `ns`.
+/// Returns the number of whole bits of `bit_as` attoseconds each that fit into `ns`.
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
-    // Half a nanosecond is added, so that an instant from `bits_ns` counts its own bit.
+    // Half a nanosecond is added, so that the bits up to an instant that `bits_ns` has rounded down are all counted.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);
     u64::try_from(a / u128::from(bit_as.max(1))).unwrap_or(u64::MAX)
 }
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn air_times_of_the_data_sheet() {
-        // A frame takes (64 + 8 (n + 3)) bits of 32 cycles.
+        // An NFC-F frame with n bytes of payload takes (64 + 8 (n + 3)) bits of 32 carrier cycles.
         let bit = Clock::new(0).cycles_as(32);
         assert_eq!(bits_ns(64 + 8 * (244 + 3), bit), 4_814_159);
         assert_eq!(bits_ns(64 + 8 * (254 + 3), bit), 5_002_950);

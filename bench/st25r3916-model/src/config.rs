@@ -10,7 +10,8 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// The chip's handling of a frame that breaks off, by a length byte that exceeds the data or by a lost field.
+/// The chip's handling of a frame that breaks off, because its length byte exceeds its data or because the field is
+/// lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
     /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx): the framing logic detects the missing bits.
@@ -19,55 +20,60 @@ pub enum BrokenFrame {
     NeverEnds,
 }
 
-/// A chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect crystal.
+/// The configuration of a chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect
+/// crystal.
 ///
 /// There are three kinds of values: the part and its board; switches where the documents contradict themselves or each
 /// other; and latencies and converter results that no document gives. The defaults of the last kind were measured on
 /// one ST25R3916 at 5.2 V, except where the field is marked "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
-    /// The part.
+    /// The variant of the part.
     pub variant: Variant,
-    /// Supply voltage, mV. It decides the result of Measure power supply (DF) and whether sup3V suits. The part's range
-    /// is 2400 to 5500; any other value is accepted, for a driver to detect, and is a finding when the part is put to
-    /// work with it.
+    /// Supply voltage, mV. It determines the result of Measure power supply (DF), and which setting of sup3V is right.
+    /// The part's range is 2400 to 5500. Any other value is accepted, so that a driver can detect it, and is a finding
+    /// when the part is put to work with it.
     pub vdd_mv: u16,
-    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; it is clamped to ±1 000 000.
+    /// Error of the 27.12 MHz crystal, parts per billion, clamped to ±1 000 000; a positive value is a fast crystal.
     pub crystal_ppb: i64,
     /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
     pub oscillator_startup_ns: u64,
 
-    /// Whether DB (clear FIFO) also clears the interrupt registers: the data sheet contradicts itself.
+    /// Whether DB (clear FIFO) also clears the interrupt registers. The data sheet contradicts itself about this.
     pub db_clears_irqs: bool,
-    /// Whether C2 (stop) clears the interrupt registers: in a recording, an I_gpe that was due before a C2 was gone
-    /// after it.
+    /// Whether C2 (stop) clears the interrupt registers. In a recording of silicon, an I_gpe that had been due before a
+    /// C2 was no longer set after it.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: the data sheet implies it,
-    /// but it was not observed.
+    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe. The data sheet implies that
+    /// it does, but this was not observed.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious choice.
+    /// Whether a target must be unmasked (D1) before its first frame and after each frame. The cautious choice is true.
     pub target_rearms_by_command: bool,
-    /// The handling of a frame that breaks off.
+    /// The handling of a received frame that breaks off.
     pub broken_frame: BrokenFrame,
     /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. If true,
-    /// it is only a finding, because some of it may get through; if false, the frame is also missed.
+    /// the unsuitable setting is only a finding, because some of the signal may get through; if false, the frame is
+    /// also missed.
     pub unsuited_chain_receives: bool,
 
-    /// The same for a frame that is sent with settings that cannot modulate NFC-F, or into an antenna that is out of
-    /// tune. If true, it is only a finding; if false, only the carrier leaves the antenna, and an antenna that is out
-    /// of tune receives nothing either.
+    /// Whether a frame reaches the other chip although it is sent with settings that cannot modulate NFC-F, or into an
+    /// antenna that is out of tune. If true, the unsuitable setting is only a finding. If false, only the carrier
+    /// leaves the antenna, and an antenna that is out of tune receives nothing either.
     pub unsuited_modulation_reaches: bool,
-    /// The antenna's tuning (26, 27) that suits its matching network in a poller and in a listener.
+    /// The values of the antenna tuning registers (26, 27) that suit the board's matching network, in a poller and in a
+    /// listener.
     pub tuning: [[u8; 2]; 2],
-    /// The tolerance of the tuning, steps: assumed, because it depends on the antenna's quality.
+    /// The largest deviation from the suitable antenna tuning, in steps, at which the antenna counts as tuned. The
+    /// value is assumed, because it depends on the antenna's quality.
     pub tuning_tolerance: u8,
-    /// The voltage of another chip's field at the field detector's input, mV: assumed, some centimetres away.
+    /// The voltage of another chip's field at the field detector's input, mV. The value is assumed, for a distance of
+    /// some centimetres.
     pub field_mv: u16,
 
-    /// Whether the chip is meant to answer. If not, each answer is a finding.
+    /// Whether the chip is meant to answer. If false, each answer is a finding.
     pub answers: bool,
-    /// Whether the end of a poller's transmission opens a receiver that D0 has masked: no document that is at hand says
-    /// so, and ST's library always stops the chip (C2) between D0 and a transmission.
+    /// Whether the end of a poller's transmission unmasks a receiver that D0 has masked. No document that is at hand
+    /// says so, and ST's library always stops the chip (C2) between D0 and a transmission.
     pub transmit_unmasks: bool,
     /// Whether D1 also clears the FIFO, as a comment in ST's library says (stm32duino/ST25R3916
     /// `src/rfal_rfst25r3916.cpp`).
@@ -77,13 +83,13 @@ pub struct Config {
     pub seed: u64,
     /// Measured on one chip: mean time from the end of the command byte to the start of the frame on the air, ns. Seven
     /// NFC-A frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length
-    /// of the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred,
-    /// and so is that for an answer.
+    /// of the frame; half a clock less from the byte's end); the default is the middle of this range. The values for
+    /// NFC-F and for an answer are inferred from it.
     pub transmit_latency_ns: u64,
     /// Measured on one chip: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for
     /// none. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
-    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. It is limited to
-    /// twice the mean.
+    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs). The default of 2.3 µs, which is a bit at 424 kbit/s,
+    /// covers these differences. The scatter is limited to twice the mean.
     pub transmit_scatter_ns: u64,
     /// Measured on one chip: time from the first rising clock edge of the byte that carries an interrupt register to
     /// the fall of the IRQ pin, ns (recorded: 30 to 32 ns).
@@ -94,15 +100,15 @@ pub struct Config {
     pub guard_extra_ns: u64,
     /// Measured on one chip: excess of the no-response timer over its setting, ns.
     pub no_response_extra_ns: u64,
-    /// Measured on one chip: NFC-A answer, time from the end of its start of communication to I_rxs, ns.
+    /// Measured on one chip: time from the end of an NFC-A answer's start of communication to I_rxs, ns.
     pub nfc_a_start_latency_ns: u64,
-    /// Measured on one chip: NFC-A answer, time from the end of a byte to the byte in the FIFO, and from the end of the
-    /// frame to I_rxe, ns.
+    /// Measured on one chip, for an NFC-A answer: time from the end of a byte on the air until the byte is in the FIFO,
+    /// and from the end of the frame to I_rxe, ns.
     pub nfc_a_latency_ns: u64,
-    /// Assumed (two bits at 424 kbit/s): NFC-F, time from the end of the sync to I_rxs, from the end of a byte to the
-    /// byte in the FIFO, and from the end of the frame to I_rxe, ns.
+    /// Assumed to be two bits at 424 kbit/s, for NFC-F: time from the end of the sync to I_rxs, from the end of a byte
+    /// on the air until the byte is in the FIFO, and from the end of the frame to I_rxe, ns.
     pub nfc_f_latency_ns: u64,
-    /// Assumed: time from a change of the external field to the detector's output, ns.
+    /// Assumed: time from a change of the external field to the change of the field detector's output, ns.
     pub field_detect_ns: u64,
 
     /// Assumed: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms is assumed).
@@ -111,27 +117,31 @@ pub struct Config {
     pub rc_calibration_ns: u64,
     /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
     pub measurement_ns: u64,
-    /// Measured on one chip: regulator display (B2C) after D6.
+    /// Measured on one chip: value of the regulator display (B2C) after Adjust regulators (D6).
     pub regulator_display: u8,
-    /// Measured on one chip: TX driver timing display (B2B).
+    /// Measured on one chip: value of the TX driver timing display (B2B).
     pub driver_timing_display: u8,
-    /// Measured on one chip: RC calibration display (B39) after EA.
+    /// Measured on one chip: value of the RC calibration display (B39) after an RC calibration (EA).
     pub rc_calibration_display: u8,
-    /// Measured on one chip: result of Measure amplitude (D3), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure amplitude (D3), A/D steps. The model returns this constant, which is
+    /// reported.
     pub amplitude: u8,
-    /// Measured on one chip: result of Measure phase (D9), A/D steps; a constant, which is reported.
+    /// Measured on one chip: result of Measure phase (D9), A/D steps. The model returns this constant, which is
+    /// reported.
     pub phase: u8,
-    /// Measured on one chip: results of DF for the regulated supplies: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
+    /// Measured on one chip: results of Measure power supply (DF) for the regulated supplies VDD_A, VDD_D, VDD_RF and
+    /// VDD_AM, mV.
     pub regulated_mv: [u16; 4],
 }
 
-/// The tuning of the matching networks of ST's expansion boards, poller and listener, by stm32duino/ST25R3916
-/// `src/rfal_rfst25r3916_analogConfigTbl.h`: the board with the B, and the one with the ST25R3916.
+/// The antenna tuning (26, 27) of the matching networks on ST's expansion boards, poller and listener, by
+/// stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`. `TUNING_B` is for the board with the ST25R3916B,
+/// `TUNING_A` for the board with the ST25R3916.
 const TUNING_B: [[u8; 2]; 2] = [[0xC5, 0xE3], [0x00, 0x00]];
 const TUNING_A: [[u8; 2]; 2] = [[0x82, 0x82], [0x00, 0xFF]];
 
 impl Config {
-    /// The other part, an ST25R3916, on its own expansion board.
+    /// Returns the configuration of an ST25R3916, the other variant, on its own expansion board.
     #[must_use]
     pub fn st25r3916() -> Self {
         Self { variant: Variant::St25r3916, tuning: TUNING_A, ..Self::default() }

@@ -1,5 +1,5 @@
 //! The common base of the chip's parts: configuration, time, power and oscillator, registers, interrupts, deadlines,
-//! and the lists of findings and emissions.
+//! and the lists of findings and of events that the chip puts on the air.
 
 use crate::clock::Clock;
 use crate::config::Config;
@@ -13,21 +13,22 @@ use crate::schedule::{Due, Schedule};
 /// Counters of the chip's activity, for a report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Frames sent to their end.
+    /// Frames that the chip sent to their last bit.
     pub sent: u64,
-    /// Frames received to I_rxe, with any flags.
+    /// Frames that the chip received up to the end-of-reception interrupt (I_rxe), with or without errors.
     pub received: u64,
     /// Received frames with a CRC error.
     pub crc_errors: u64,
-    /// Frames that broke off while being received.
+    /// Frames that broke off while the chip received them.
     pub broken: u64,
-    /// Frames that were missed: not armed, receiver off, other mode or rate.
+    /// Frames that the receiver did not accept, for example because it was masked or off, or set to another mode or
+    /// rate.
     pub missed: u64,
-    /// Frames that began while their predecessor was unread in the FIFO.
+    /// Frames that began while bytes of the frame before were unread in the FIFO, so that these bytes were lost.
     pub overwritten: u64,
 }
 
-/// The common state.
+/// The state that all parts of the chip share.
 #[derive(Clone, Debug)]
 pub(crate) struct Core {
     config: Config,
@@ -40,7 +41,7 @@ pub(crate) struct Core {
     /// Interrupt bits that a fault keeps from being set.
     withheld: u32,
     schedule: Schedule,
-    /// The source of everything that scatters on silicon.
+    /// The random generator for everything that scatters on silicon.
     rng: SplitMix,
     reports: Reports,
     outbox: Vec<(u64, AirEvent)>,
@@ -48,7 +49,7 @@ pub(crate) struct Core {
 }
 
 impl Core {
-    /// A core that is powered from time 0, with registers at their reset values.
+    /// Returns the shared state of a chip that is powered from time 0, with its registers at their reset values.
     pub(crate) fn new(config: Config) -> Self {
         Self {
             clock: Clock::new(config.crystal_ppb),
@@ -75,7 +76,7 @@ impl Core {
         self.clock
     }
 
-    /// A uniform number from 0 to `most`.
+    /// Returns a uniformly distributed random number from 0 to `most`.
     pub(crate) fn scatter(&mut self, most: u64) -> u64 {
         self.rng.up_to(most)
     }
@@ -86,12 +87,12 @@ impl Core {
         self.now
     }
 
-    /// Advances the time to `now`, unless it is later already.
+    /// Advances the chip's time to `now`, unless the chip's time is later already.
     pub(crate) fn reach(&mut self, now: u64) {
         self.now = self.now.max(now);
     }
 
-    /// Takes the first deadline up to `now`; time moves to its instant.
+    /// Removes and returns the first deadline that is not after `now`, and advances the chip's time to that deadline.
     pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
         let (at, what) = self.schedule.take(now)?;
         self.reach(at);
@@ -138,7 +139,7 @@ impl Core {
         self.oscillator = stable;
     }
 
-    /// Resets registers, interrupts and oscillator as after power-up (Set default). The pin does not follow yet.
+    /// Resets registers, interrupts and oscillator as after power-up (Set default). The IRQ pin is not updated here.
     pub(crate) fn set_default(&mut self) {
         self.registers.reset();
         self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);
@@ -146,7 +147,7 @@ impl Core {
         self.oscillator = false;
     }
 
-    /// Cancels all deadlines.
+    /// Cancels every deadline of the chip.
     pub(crate) fn cancel_all(&mut self) {
         self.schedule = Schedule::new();
     }
@@ -161,7 +162,7 @@ impl Core {
         &mut self.registers
     }
 
-    /// The register `i` of space A.
+    /// Returns the value of register `i` in register space A.
     pub(crate) fn a(&self, i: usize) -> u8 {
         self.registers.a(i)
     }
@@ -170,22 +171,22 @@ impl Core {
         self.registers.set(Space::A, i as u8, value);
     }
 
-    /// Whether all these bits of the operation control register (02) are set.
+    /// Whether all of `bits` are set in the operation control register (02).
     pub(crate) fn operates(&self, bits: u8) -> bool {
         self.a(reg::OPERATION) & bits == bits
     }
 
-    /// Whether the oscillator is to run.
+    /// Whether en (02, bit 7) is set, so that the oscillator must run.
     pub(crate) fn enabled(&self) -> bool {
         self.operates(EN)
     }
 
-    /// Whether the mode (03) is a target's.
+    /// Whether the mode register (03) makes the chip a target (listener).
     pub(crate) fn target(&self) -> bool {
         self.a(reg::MODE) & TARGET != 0
     }
 
-    /// Operation mode om (03, bits 6:3).
+    /// Returns the operation mode om (03, bits 6:3).
     pub(crate) fn operation_mode(&self) -> u8 {
         (self.a(reg::MODE) >> 3) & 0x0F
     }
@@ -205,12 +206,12 @@ impl Core {
         &mut self.interrupts
     }
 
-    /// Interrupt bits that may drive the pin.
+    /// Returns the interrupt bits that may drive the IRQ pin: those that are not masked, and none without a supply.
     fn unmasked(&self) -> u32 {
         if self.powered { !self.registers.interrupt_mask() } else { 0 }
     }
 
-    /// The pin's level.
+    /// Returns the level of the IRQ pin; true is high.
     pub(crate) fn irq(&self) -> bool {
         self.interrupts.pending() & self.unmasked() != 0
     }
@@ -220,19 +221,19 @@ impl Core {
         self.interrupts.raise(bits & !self.withheld, unmasked, self.now);
     }
 
-    /// Clears these bits, which were read at `at`, perhaps slightly in the past.
+    /// Clears the interrupt bits `bits`, which the controller read at `at`, perhaps slightly in the past.
     pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
         let unmasked = self.unmasked();
         self.interrupts.were_read(bits, unmasked, at);
     }
 
-    /// Flips these bits by a fault.
+    /// Flips the interrupt bits `bits`, as a fault.
     pub(crate) fn flip_interrupts(&mut self, bits: u32) {
         let unmasked = self.unmasked();
         self.interrupts.flip(bits, unmasked, self.now);
     }
 
-    /// Keeps these bits, and no others, from being set from now on; those that are set stay.
+    /// Keeps the interrupt bits `bits`, and no others, from being set from now on. Bits that are set already stay set.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;
     }
@@ -243,7 +244,7 @@ impl Core {
         self.pin_follows();
     }
 
-    /// Updates the pin after a change of a mask, the supply or the pending bits.
+    /// Updates the IRQ pin after a change of an interrupt mask, the supply or the pending interrupt bits.
     pub(crate) fn pin_follows(&mut self) {
         let unmasked = self.unmasked();
         self.interrupts.follows(unmasked, self.now);

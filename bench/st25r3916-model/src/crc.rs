@@ -1,6 +1,7 @@
 //! The two CRC-16 used on the air: NFC-F (ISO 18092, FeliCa) and NFC-A (ISO 14443-3 annex B).
 
-/// NFC-F: polynomial 0x1021, initial value 0, most significant bit first; sent most significant byte first.
+/// Returns the CRC-16 of NFC-F: polynomial 0x1021, initial value 0, most significant bit first; it is sent most
+/// significant byte first.
 #[must_use]
 pub fn nfc_f(bytes: &[u8]) -> [u8; 2] {
     let mut crc = 0u16;
@@ -13,7 +14,8 @@ pub fn nfc_f(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// NFC-A: polynomial 0x8408 reflected, initial value 0x6363; sent least significant byte first.
+/// Returns the CRC-16 of NFC-A: polynomial 0x8408 reflected, initial value 0x6363; it is sent least significant byte
+/// first.
 pub(crate) fn nfc_a(bytes: &[u8]) -> [u8; 2] {
     let mut crc = 0x6363u16;
     for &b in bytes {

@@ -1,13 +1,14 @@
 //! The events on the air: the carrier and its frames.
 //!
-//! A frame is a start, further bytes if it grows while it is sent, and an end, each with its instant in virtual ns.
+//! A frame consists of a start event, events with further bytes if the frame grows while it is sent, and an end event.
+//! Each event has its instant in virtual ns.
 
 use crate::clock::{bits_in, bits_ns};
 
 /// The coding and modulation of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technology {
-    /// ISO 14443-A.
+    /// NFC-A, which is ISO 14443-A.
     NfcA,
     /// NFC-F (FeliCa).
     NfcF,
@@ -16,44 +17,45 @@ pub enum Technology {
 /// Bytes on the air, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
-    /// The bytes as they are received. NFC-F: LEN, payload, CRC-16.
+    /// The bytes as they are received. In NFC-F they are LEN, payload and CRC-16.
     pub data: Vec<u8>,
-    /// Whether a parity bit among them is wrong (NFC-A only).
+    /// Whether a parity bit of the chunk's bytes is wrong (NFC-A only).
     pub parity_error: bool,
 }
 
-/// A frame begins: the event's instant is its first preamble bit (NFC-F) or its start of communication (NFC-A).
+/// The start of a frame. The event's instant is the frame's first preamble bit (NFC-F) or its start of communication
+/// (NFC-A).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameStart {
-    /// Coding.
+    /// The technology, which determines the coding of the frame.
     pub technology: Technology,
-    /// Nominal bit rate, bit/s.
+    /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// One bit on this transmitter's crystal, attoseconds (10⁻¹⁸ s).
+    /// The duration of one bit by the crystal of the sender, attoseconds (10⁻¹⁸ s).
     pub bit_as: u64,
-    /// Bits before the first data bit.
+    /// The number of bits on the air before the frame's first data bit.
     pub header_bits: u32,
-    /// Bits that a byte takes: 8, or 9 with parity.
+    /// The number of bits that a byte takes on the air: 8, or 9 with parity.
     pub byte_bits: u32,
-    /// True for a listener's load modulation: an answer.
+    /// Whether the frame is an answer, which a listener sends by load modulation.
     pub load_modulation: bool,
-    /// The part of the frame that is known when it starts; usually all of it.
+    /// The bytes of the frame that are known when the frame starts, usually all of them.
     pub chunk: Chunk,
 }
 
 impl FrameStart {
-    /// The time from the frame's first bit to the first bit of its byte `i`, ns.
+    /// Returns the time from the frame's first bit to the first bit of the frame's byte `i`, ns.
     pub(crate) fn until_byte(&self, i: usize) -> u64 {
         self.until_bit(8 * i as u64)
     }
 
-    /// The time from the frame's first bit to its data bit `bit`, counted in the order of the air, ns.
+    /// Returns the time from the frame's first bit to data bit `bit` of the frame, counted in the order of the air, ns.
     pub(crate) fn until_bit(&self, bit: u64) -> u64 {
         let air = u64::from(self.header_bits) + bit / 8 * u64::from(self.byte_bits) + bit % 8;
         bits_ns(air, self.bit_as)
     }
 
-    /// The number of data bits that have passed `ns` after the frame's first bit.
+    /// Returns the number of the frame's data bits that have passed `ns` after its first bit.
     pub(crate) fn data_bits_in(&self, ns: u64) -> u64 {
         let air = bits_in(ns, self.bit_as).saturating_sub(u64::from(self.header_bits));
         let per = u64::from(self.byte_bits.max(1));
@@ -64,18 +66,18 @@ impl FrameStart {
 /// An event on the air.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum AirEvent {
-    /// The emitter's carrier is on.
+    /// The emitting chip has switched its carrier on.
     FieldOn,
-    /// The emitter's carrier is off.
+    /// The emitting chip has switched its carrier off.
     FieldOff,
     /// A frame begins.
     FrameStart(FrameStart),
-    /// More bytes of the frame on the air, before they are due.
+    /// Further bytes of the frame on the air, passed on no later than their first bit is due.
     Bytes(Chunk),
     /// The frame ends; the event's instant is the end of its last bit.
     FrameEnd {
-        /// Data bits after the header, without parity bits. They are fewer than the announced bytes when the frame
-        /// broke off.
+        /// The number of data bits after the header, without parity bits. It is smaller than the announced bytes
+        /// require when the frame broke off.
         bits: u32,
     },
 }

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | external field detector, own field, NFC initial field on (C8) with its guard time | External field detector, 4.4 |
 //! | | NFC field on |
-//! | its thresholds for peer detection (2A, 2B bits 6:4) against the field's voltage | the same; steps: \[1\] |
+//! | the detector's thresholds for peer detection (2A, 2B bits 6:4) against the | the same sections; steps: |
+//! | field's voltage | \[1\] |
 //!
 //! | left out | why |
 //! |---|---|
@@ -12,7 +13,6 @@
 //! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.9 µs); 75.5 µs per step is assumed |
 //! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
 //! | sees a field or when its time is up | a field at any instant of the window |
-
 //!
 //! \[1\] stm32duino/ST25R3916 `src/st25r3916_com.h`: 75, 105, 150, 205, 290, 400, 560 and 800 mV, in either register.
 
@@ -23,42 +23,42 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// The voltage that the detector's input needs, by bits 6:4 of 2A (for a field to appear) and of 2B (for it to stay),
-/// mV.
+/// The voltages that the field detector's input needs, mV. Bits 6:4 of 2A select the one at which a field is detected,
+/// and bits 6:4 of 2B the one at which it stays detected.
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 /// The carriers that the chip makes and detects.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
     own: bool,
-    /// Whether there is a carrier from outside, detected or not.
+    /// Whether there is an external carrier, detected or not.
     outside: bool,
-    /// The detector's output.
+    /// The output of the external field detector.
     detected: bool,
 }
 
 impl Field {
-    /// Whether the own carrier is on.
+    /// Whether the chip's own carrier is on.
     pub(crate) fn own(&self) -> bool {
         self.own
     }
 
-    /// Whether there is a carrier from outside.
+    /// Whether there is an external carrier, detected or not.
     pub(crate) fn outside(&self) -> bool {
         self.outside
     }
 
-    /// Whether the detector sees a carrier from outside.
+    /// Whether the field detector detects an external carrier.
     pub(crate) fn detected(&self) -> bool {
         self.detected
     }
 
-    /// Whether the own carrier is to be on: oscillator and transmitter are.
+    /// Whether the chip's own carrier must be on: the oscillator and the transmitter are on.
     pub(crate) fn wanted(core: &Core) -> bool {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }
 
-    /// Switches the own carrier on or off.
+    /// Switches the chip's own carrier on or off.
     pub(crate) fn switch(&mut self, core: &mut Core, on: bool) {
         self.own = on;
         if on {
@@ -70,13 +70,13 @@ impl Field {
         }
     }
 
-    /// Records that a carrier from outside comes or goes.
+    /// Records that an external carrier was switched on or off.
     pub(crate) fn outside_is(&mut self, core: &mut Core, on: bool) {
         self.outside = on;
         self.look(core);
     }
 
-    /// Restarts the detector with no carrier detected.
+    /// Resets the field detector to its state with no carrier detected.
     pub(crate) fn forget(&mut self) {
         self.detected = false;
     }
@@ -85,7 +85,7 @@ impl Field {
         let threshold = |i: usize| THRESHOLDS_MV[usize::from(core.a(i) >> 4 & 7)];
         let needed =
             if self.detected { threshold(reg::FIELD_OFF_THRESHOLD) } else { threshold(reg::FIELD_ON_THRESHOLD) };
-        // The chip's own field blinds the detector.
+        // While the chip's own field is on, the detector cannot detect another field.
         core.powered()
             && self.outside
             && core.config().field_mv >= needed
@@ -93,7 +93,7 @@ impl Field {
             && core.a(reg::OPERATION) & EN_FD != 0
     }
 
-    /// Checks, before the detector is used, that its lower threshold is below the upper one.
+    /// Reports a finding if the field detector is enabled and its lower threshold is not below its upper one.
     pub(crate) fn has_hysteresis(core: &mut Core) {
         let (on, off) = (core.a(reg::FIELD_ON_THRESHOLD), core.a(reg::FIELD_OFF_THRESHOLD));
         if core.a(reg::OPERATION) & EN_FD != 0 && on >> 4 & 7 <= off >> 4 & 7 {
@@ -101,7 +101,7 @@ impl Field {
         }
     }
 
-    /// Starts the detector's delay when its output must change.
+    /// Starts the field detector's delay if the detector's output must change, and otherwise cancels the delay.
     pub(crate) fn look(&mut self, core: &mut Core) {
         if self.sees(core) == self.detected {
             core.cancel(Due::FieldDetect);
@@ -111,7 +111,7 @@ impl Field {
         }
     }
 
-    /// Changes the detector's output at the end of its delay.
+    /// Updates the field detector's output at the end of the detector's delay.
     pub(crate) fn detect(&mut self, core: &mut Core) {
         let sees = self.sees(core);
         if sees != self.detected {
@@ -123,8 +123,9 @@ impl Field {
         }
     }
 
-    /// Carries out C8: it listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then
-    /// switches its own on. A field that the detector sees at its start or at any instant of the window ends it.
+    /// Carries out NFC initial field on (C8): the chip listens for a foreign field during T_IDT + n T_RFW (4096 + n 512
+    /// carrier cycles) and then switches its own field on. If the detector detects a foreign field at the start of this
+    /// window or at any instant of it, the command ends without switching the field on.
     pub(crate) fn initial_on(&self, core: &mut Core) {
         if core.a(reg::OPERATION) & EN_FD == 0 {
             core.note(Kind::CollisionAvoidanceBlind);
@@ -144,7 +145,8 @@ fn avoided(core: &mut Core) {
     core.raise(irq::CAC);
 }
 
-/// Begins the guard time after collision avoidance has switched the own field on and raised I_apon.
+/// Schedules I_apon and the end of the guard time (I_cat), after collision avoidance has switched the chip's own field
+/// on.
 pub(crate) fn start_guard(core: &mut Core) {
     let apon = core.config().field_on_latency_ns;
     core.plan_in(Due::Apon, apon);

@@ -1,6 +1,6 @@
 //! The 512-byte FIFO (DS13541, FIFO): one ring for both directions, with sticky underflow and overflow flags.
 
-/// Bytes the FIFO holds.
+/// The number of bytes that the FIFO can hold.
 pub(crate) const CAPACITY: usize = 512;
 
 #[derive(Clone, Debug)]
@@ -8,11 +8,11 @@ pub(crate) struct Fifo {
     ring: [u8; CAPACITY],
     head: usize,
     len: usize,
-    /// fifo_unf (1F, bit 5).
+    /// The underflow flag, fifo_unf (1F, bit 5).
     pub(crate) underflow: bool,
-    /// fifo_ovr (1F, bit 4).
+    /// The overflow flag, fifo_ovr (1F, bit 4).
     pub(crate) overflow: bool,
-    /// fifo_lb (1F, bits 3:1): the number of bits in the last byte, 0 when it is whole.
+    /// The number of bits in the last byte, 0 when that byte is whole: fifo_lb (1F, bits 3:1).
     pub(crate) last_bits: u8,
 }
 
@@ -37,17 +37,17 @@ impl Fifo {
         self.len
     }
 
-    /// The `i`th byte from the front.
+    /// Returns the byte at position `i` from the front of the FIFO, counted from 0.
     pub(crate) fn peek(&self, i: usize) -> Option<u8> {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }
 
-    /// Up to `n` bytes from the front, without removing them.
+    /// Returns up to `n` bytes from the front of the FIFO, without removing them.
     pub(crate) fn front(&self, n: usize) -> Vec<u8> {
         (0..n.min(self.len)).filter_map(|i| self.peek(i)).collect()
     }
 
-    /// Adds a byte; false, with the overflow flag set, when there is no room.
+    /// Appends a byte to the FIFO and returns true; returns false and sets the overflow flag when the FIFO is full.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
         if self.len == CAPACITY {
             self.overflow = true;
@@ -58,7 +58,7 @@ impl Fifo {
         true
     }
 
-    /// Drops up to `n` bytes from the front.
+    /// Removes up to `n` bytes from the front of the FIFO.
     pub(crate) fn drop_front(&mut self, n: usize) {
         let n = n.min(self.len);
         self.head = (self.head + n) % CAPACITY;

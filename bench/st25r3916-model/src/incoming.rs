@@ -1,7 +1,7 @@
 //! A frame being received, from its first bit on: its bytes, and the arithmetic of their instants.
 //!
-//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. It is not documented which of
-//! the two counts when they disagree; the model takes the first.
+//! The reception of an NFC-F frame ends when LEN + 2 bytes have arrived, or when the signal ends. No document says
+//! which of the two counts when they disagree; the model takes whichever comes first.
 
 use crate::clock::{bits_in, bits_ns};
 use crate::event::{Chunk, FrameStart, Technology};
@@ -11,19 +11,20 @@ use crate::event::{Chunk, FrameStart, Technology};
 pub(crate) struct Incoming {
     pub(crate) frame: FrameStart,
     start: u64,
-    /// Whether the receiver accepted it: I_rxs was raised.
+    /// Whether the receiver has accepted the frame and raised I_rxs.
     pub(crate) locked: bool,
-    /// Bytes in the FIFO.
+    /// The number of the frame's bytes that were put into the FIFO.
     deposited: usize,
-    /// The instant at which the next byte reaches the FIFO, ns.
+    /// When the frame's next byte reaches the FIFO, ns.
     next_byte: u64,
-    /// The signal's end and the number of data bits until then.
+    /// When the frame's signal ended, ns, and the number of data bits until then; `None` before the end.
     ended: Option<(u64, u32)>,
     latency: u64,
 }
 
 impl Incoming {
-    /// A frame whose first bit was on the air at `start`; a byte reaches the FIFO `latency` ns after its end.
+    /// Returns a frame whose first bit was on the air at `start`, ns. Each of its bytes reaches the FIFO `latency` ns
+    /// after the byte's last bit.
     pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
         Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
     }
@@ -33,12 +34,13 @@ impl Incoming {
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// The instant at which its sync, or its start of communication, has passed.
+    /// Returns the instant at which the frame's sync (NFC-F) or start of communication (NFC-A) has ended, ns.
     pub(crate) fn header_end(&self) -> u64 {
         self.instant(0)
     }
 
-    /// The instant at which its sync, or its start of communication, began: the decoder must have been running by then.
+    /// Returns the instant at which the frame's sync (NFC-F) or start of communication (NFC-A) began, ns. The decoder
+    /// must have been running by then.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -47,20 +49,20 @@ impl Incoming {
         self.start.saturating_add(bits_ns(u64::from(bits), self.frame.bit_as))
     }
 
-    /// Whether the signal has ended.
+    /// Whether the frame's signal has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.ended.is_some()
     }
 
-    /// Adds bytes that are on the air.
+    /// Appends further bytes of the frame, which the sender has put on the air.
     pub(crate) fn more(&mut self, chunk: &Chunk) {
         self.frame.chunk.data.extend_from_slice(&chunk.data);
         self.frame.chunk.parity_error |= chunk.parity_error;
         self.next_byte = 0;
     }
 
-    /// Ends the signal at `at`, after `bits` data bits: the last byte may have fewer than eight, and only these are
-    /// known.
+    /// Records that the frame's signal ended at `at`, after `bits` data bits. The last byte may have fewer than eight
+    /// bits; its missing bits are set to 0.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
         let data = &mut self.frame.chunk.data;
@@ -75,7 +77,8 @@ impl Incoming {
         }
     }
 
-    /// Stops the signal at `at`, anywhere in the frame. Returns false when that is too early for the frame to be found.
+    /// Records that the frame's signal was lost at `at`, at any point of the frame. Returns false when the loss came
+    /// before the end of the header, so that the receiver does not detect the frame.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
         if !self.locked && air < u64::from(self.frame.header_bits) {
@@ -88,7 +91,8 @@ impl Incoming {
         true
     }
 
-    /// The number of bytes of the frame by its own LEN, with the CRC of NFC-F.
+    /// Returns the number of bytes, including the CRC, that an NFC-F frame announces by its LEN; `None` for NFC-A,
+    /// which has no LEN.
     fn limit(&self) -> Option<usize> {
         match self.frame.technology {
             Technology::NfcF => self.frame.chunk.data.first().map(|&len| usize::from(len.max(1)) + 2),
@@ -96,18 +100,18 @@ impl Incoming {
         }
     }
 
-    /// The number of bytes that may reach the FIFO.
+    /// Returns the number of the frame's known bytes that may reach the FIFO: in NFC-F no more than LEN announces.
     fn available(&self) -> usize {
         let n = self.frame.chunk.data.len();
         self.limit().map_or(n, |l| n.min(l))
     }
 
-    /// The bytes that may reach the FIFO.
+    /// Returns the frame's known bytes that may reach the FIFO.
     pub(crate) fn data(&self) -> &[u8] {
         &self.frame.chunk.data[..self.available()]
     }
 
-    /// Whether every announced byte was received.
+    /// Whether every byte that the frame announces was received. An NFC-A frame is complete when its signal has ended.
     pub(crate) fn whole(&self) -> bool {
         match (self.limit(), self.ended) {
             (Some(limit), None) => self.frame.chunk.data.len() >= limit,
@@ -116,8 +120,9 @@ impl Incoming {
         }
     }
 
-    /// Bits of an incomplete last byte, 0 when it is whole. The data sheet specifies this for a frame of any technology
-    /// (fifo_lb), and ST's own driver (RFAL) reads it in the same way for all.
+    /// Returns the number of bits in the frame's last byte if that byte is incomplete, and otherwise 0. The data sheet
+    /// specifies this value (fifo_lb) for every technology, and ST's own driver (RFAL) reads it in the same way for
+    /// all.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
             // Bits after the last byte that LEN announces are ignored.
@@ -126,7 +131,8 @@ impl Incoming {
         }
     }
 
-    /// The instant at which the receiver is done with it; `None` while that is not known.
+    /// Returns the instant at which the receiver has completed the frame, ns; `None` while the end of the frame is not
+    /// known.
     pub(crate) fn done_at(&self) -> Option<u64> {
         let end = match (self.whole(), self.limit(), self.ended) {
             (true, Some(limit), _) => self.instant(limit),
@@ -136,14 +142,15 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// The instant at which a FIFO with `level` bytes of it reaches `full`; `None` when the frame, as far as it is
-    /// known, is shorter.
+    /// Returns the instant at which this frame fills the FIFO, which holds `level` bytes now, to `full` bytes; `None`
+    /// when the part of the frame that is known so far is too short.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
     }
 
-    /// The number of bytes that have come since the last call of [`Incoming::take_due`].
+    /// Returns the number of the frame's bytes that have become due for the FIFO since the last call of
+    /// [`Incoming::take_due`].
     pub(crate) fn due(&self, now: u64) -> usize {
         if !self.locked || now < self.next_byte {
             return 0;
@@ -155,7 +162,7 @@ impl Incoming {
         usize::try_from(bytes).unwrap_or(usize::MAX).clamp(self.deposited, most) - self.deposited
     }
 
-    /// Takes the bytes that have come, for the FIFO.
+    /// Returns the frame's bytes that have become due for the FIFO since the last call.
     pub(crate) fn take_due(&mut self, now: u64) -> &[u8] {
         let (from, due) = (self.deposited, self.due(now));
         if due != 0 {
@@ -165,7 +172,8 @@ impl Incoming {
         &self.frame.chunk.data[from..from + due]
     }
 
-    /// Takes the remaining bytes for the FIFO: the last may be a rounding of a nanosecond away.
+    /// Returns the frame's remaining bytes for the FIFO at the end of reception. Because instants are rounded to
+    /// nanoseconds, the last byte may not have become due by then.
     pub(crate) fn take_rest(&mut self) -> &[u8] {
         let from = self.deposited;
         self.deposited = self.available().max(from);

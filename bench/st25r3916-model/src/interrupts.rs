@@ -1,13 +1,13 @@
 //! Interrupts: the pending bits, and the IRQ pin with its level and the exact instants of its changes.
 //!
-//! The bus is modelled byte by byte, the pin is not. Reading an interrupt register clears it at the first rising clock
-//! edge of the byte that carries its value, and the pin falls there, not at the byte's end. Four recordings of silicon
-//! (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock) show the fall 30 to 32
-//! ns after that edge and 682 to 684 ns before the byte's last one, in 38 of 38 reads.
+//! The bus is modelled byte by byte, but the IRQ pin with exact instants. Reading an interrupt register clears it at
+//! the first rising clock edge of the byte that carries its value, and the pin falls there, not at the byte's end. Four
+//! recordings of silicon (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock)
+//! show the fall 30 to 32 ns after that edge and 682 to 684 ns before the byte's last edge, in 38 of 38 reads.
 //!
-//! A byte is passed on at its end, so the chip reports a fall after it has happened:
-//! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its own instant,
-//! [`Chip::irq_since`](crate::Chip::irq_since) the last one.
+//! The chip receives a byte at the byte's end, so it reports a fall of the pin after the fall has happened:
+//! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its own instant, and
+//! [`Chip::irq_since`](crate::Chip::irq_since) gives the instant of the last one.
 //!
 //! | left out | why |
 //! |---|---|
@@ -17,7 +17,7 @@
 
 use std::collections::VecDeque;
 
-/// Interrupt bits as one word: register 1A is the lowest byte, 1D the highest.
+/// The interrupt bits as one word, in which register 1A is the lowest byte and 1D the highest.
 pub(crate) mod irq {
     pub(crate) const OSC: u32 = 0x80;
     pub(crate) const WL: u32 = 0x40;
@@ -44,12 +44,12 @@ pub(crate) mod irq {
 /// Interrupts that a fault of the chip keeps from being raised.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Withheld {
-    /// None: the chip is sound.
+    /// No interrupt is withheld; the chip is sound.
     #[default]
     None,
-    /// The end of a frame, received (I_rxe) or sent (I_txe).
+    /// The interrupts at the end of a frame, received (I_rxe) or sent (I_txe), are withheld.
     FrameEnds,
-    /// Every one.
+    /// Every interrupt is withheld.
     All,
 }
 
@@ -63,20 +63,21 @@ impl Withheld {
     }
 }
 
-/// The most changes of the pin that are kept until they are taken; older ones are dropped.
+/// The largest number of changes of the IRQ pin that are kept until they are taken; older changes are dropped.
 const KEPT: usize = 64;
 
 /// A change of the IRQ pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IrqEdge {
-    /// The instant, virtual ns. It is not before the previous edge, and at most the length of one SPI byte before the
-    /// call that caused it.
+    /// When the IRQ pin changed, virtual ns. The instant is not before the previous edge, and at most the length of one
+    /// SPI byte before the call that caused the change.
     pub at_ns: u64,
-    /// The level from then on: true is high, an unmasked interrupt is pending.
+    /// The level of the IRQ pin after the change: true is high, which means that an unmasked interrupt is pending.
     pub level: bool,
 }
 
-/// The pending bits, the pin and its recent changes. `enabled` has the bits that may drive the pin.
+/// The pending interrupt bits, and the IRQ pin with its recent changes. The parameter `enabled` of the methods has the
+/// interrupt bits that may drive the pin.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupts {
     pending: u32,
@@ -85,7 +86,7 @@ pub(crate) struct Interrupts {
     /// The instant at which each interrupt bit was last set, ns.
     raised: [u64; 32],
     edges: VecDeque<IrqEdge>,
-    /// The level that [`Interrupts::take_change`] last returned.
+    /// The level of the IRQ pin that [`Interrupts::take_change`] last returned.
     told: Option<bool>,
 }
 
@@ -95,12 +96,12 @@ impl Interrupts {
         Self { pending: 0, level: false, since: 0, raised: [0; 32], edges, told: None }
     }
 
-    /// The bits that have not been read.
+    /// Returns the interrupt bits that were set and have not been read.
     pub(crate) fn pending(&self) -> u32 {
         self.pending
     }
 
-    /// Sets these bits at `at`.
+    /// Sets the interrupt bits `bits` at `at`.
     pub(crate) fn raise(&mut self, bits: u32, enabled: u32, at: u64) {
         let mut left = bits & !self.pending;
         while left != 0 {
@@ -111,24 +112,24 @@ impl Interrupts {
         self.follows(enabled, at);
     }
 
-    /// Clears all bits; the pin does not follow yet.
+    /// Clears all interrupt bits. The IRQ pin is not updated here.
     pub(crate) fn clear(&mut self) {
         self.pending = 0;
     }
 
-    /// Flips these bits at `at` by a fault.
+    /// Flips the interrupt bits `bits` at `at`, as a fault.
     pub(crate) fn flip(&mut self, bits: u32, enabled: u32, at: u64) {
         let cleared = bits & self.pending;
         self.pending &= !cleared;
         self.raise(bits & !cleared, enabled, at);
     }
 
-    /// Updates the pin at `at`.
+    /// Updates the IRQ pin at `at` to the level that the pending interrupt bits require.
     pub(crate) fn follows(&mut self, enabled: u32, at: u64) {
         self.becomes(self.pending & enabled != 0, at);
     }
 
-    /// Clears these bits, which a read cleared at `at`, perhaps slightly in the past.
+    /// Clears the interrupt bits `bits`, which the controller read at `at`, perhaps slightly in the past.
     pub(crate) fn were_read(&mut self, bits: u32, enabled: u32, at: u64) {
         self.pending &= !bits;
         let left = self.pending & enabled;
@@ -143,7 +144,7 @@ impl Interrupts {
         }
     }
 
-    /// Sets the pin's level from `at` on.
+    /// Sets the level of the IRQ pin from `at` on.
     fn becomes(&mut self, level: bool, at: u64) {
         if level == self.level {
             return;
@@ -157,22 +158,22 @@ impl Interrupts {
         self.edges.push_back(IrqEdge { at_ns, level });
     }
 
-    /// The instant since which the pin has had its level.
+    /// Returns the instant since which the IRQ pin has had its present level, virtual ns.
     pub(crate) fn since(&self) -> u64 {
         self.since
     }
 
-    /// Takes the pin's changes since the last call.
+    /// Returns the changes of the IRQ pin since the last call.
     pub(crate) fn take_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.edges.drain(..)
     }
 
-    /// Whether there are any.
+    /// Whether the IRQ pin has changes that were not taken yet.
     pub(crate) fn has_edges(&self) -> bool {
         !self.edges.is_empty()
     }
 
-    /// The level, if it differs from the one that was last returned.
+    /// Returns the level of the IRQ pin, if it differs from the level that the previous call returned.
     pub(crate) fn take_change(&mut self) -> Option<bool> {
         let level = self.level;
         (self.told.replace(level) != Some(level)).then_some(level)

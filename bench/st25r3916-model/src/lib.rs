@@ -1,21 +1,22 @@
 //! A behavioural model of the ST25R3916 (DS12484) and ST25R3916B (DS13541): SPI bytes with chip select, the IRQ pin,
 //! the air, virtual time.
 //!
-//! The model needs no microcontroller. A bench passes bytes and instants to it and reads a pin; two of them face each
-//! other through [`Air`]. It behaves as the data sheet specifies, also when misused: everything that it does not model,
-//! and everything that the data sheet does not allow, is in [`Chip::reports`] with its first instant and count, and
-//! never silently zero. Where the documents are silent or contradict themselves, [`Config`] has a switch or a measured
-//! value; this crate's tests replay two recordings of silicon against it.
+//! The model needs no microcontroller. A bench passes bytes and instants to a chip and reads its IRQ pin; two chips
+//! face each other through [`Air`]. A chip behaves as the data sheet specifies, also when misused: everything that the
+//! model does not cover, and everything that the data sheet does not allow, is in [`Chip::reports`] with its first
+//! instant and count, and is never silently zero. Where the documents are silent or contradict themselves, [`Config`]
+//! has a switch or a measured value; this crate's tests replay two recordings of silicon against the model.
 //!
 //! # Use
 //!
 //! Time is `u64` nanoseconds and does not go back. Before reading [`Chip::irq`] at an instant,
-//! [`advance`](Chip::advance) to it; to sleep, sleep until [`next_event`](Chip::next_event). [`Chip::transfer`] is one
-//! byte, called with the instant at which its last clock ends: register values and FIFO bytes are read at the end of
-//! the byte before, as on silicon, and writes take effect at the end of their own byte. One effect comes earlier:
-//! reading an interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`]
-//! gives the pin's changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs no
-//! time, and a byte costs a few nanoseconds and no allocation; a frame allocates a few times.
+//! [`advance`](Chip::advance) the chip to that instant; a bench with nothing to do may skip to
+//! [`next_event`](Chip::next_event). [`Chip::transfer`] transfers one byte and is called with the instant at which the
+//! byte's last clock ends: register values and FIFO bytes are read at the end of the byte before, as on silicon, and
+//! writes take effect at the end of their own byte. One effect comes earlier: reading an interrupt register moves the
+//! IRQ pin at the first clock edge of the byte read. [`Chip::take_irq_edges`] gives the pin's changes with their own
+//! instants, [`Chip::irq_since`] the instant of the last one. Between events a chip costs no time, and a byte costs a
+//! few nanoseconds and no allocation; a frame allocates a few times.
 //!
 //! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies slightly before the
 //! receiving chip's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several
@@ -43,10 +44,10 @@
 //!
 //! # Modules
 //!
-//! Each module's documentation starts with what it covers, by data sheet section, and what it leaves out and why. A
-//! module does not use those above it:
+//! Each module's documentation starts with what the module covers, by data sheet section, and what it leaves out and
+//! why. A module does not use modules that are listed above it:
 //!
-//! - `air`: two chips and what is between them; [`AnswerPath`] is the way back, of a link that has answers.
+//! - `air`: two chips and what is between them; [`AnswerPath`] carries the answers of a link that has answers.
 //! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
 //! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
 //!   state); `receive_chain`, `modulation`, `load_modulation` and `supply` (settings that the board or the technology

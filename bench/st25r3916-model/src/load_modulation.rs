@@ -1,13 +1,13 @@
 //! Checks a listener's load modulation: whether its settings can answer in NFC-F.
 //!
-//! The air is digital. A setting that cannot answer is a finding ([`crate::Kind::Modulation`]) or, where
-//! [`crate::Config::unsuited_modulation_reaches`] is false, the answer does not leave the antenna. Without any
-//! modulator (B28 bits 5 and 4 clear) it never does.
+//! The modelled air has no signal strength. A setting with which a listener cannot answer is a finding
+//! ([`crate::Kind::Modulation`]); where [`crate::Config::unsuited_modulation_reaches`] is false, the answer also does
+//! not leave the antenna. Without any modulator (B28 bits 5 and 4 clear) an answer never leaves the antenna.
 //!
 //! | covered | source |
 //! |---|---|
 //! | the driver modulates the field (B28 bit 4, `lm_dri`); no external one (`lm_ext`) | \[1\], \[2\] |
-//! | its resistance, lower when modulated (29 bits 7:4) than otherwise (29 bits 3:0) | \[2\] to \[4\] |
+//! | the driver's resistance, lower when modulated (29 bits 7:4) than otherwise (29 bits 3:0) | \[2\] to \[4\] |
 //! | B: rgs_am (B28 bit 2) clear in card mode | \[1\] and \[2\] |
 //! | B: dis_reg_am (B28 bit 7) and act_amsink (01 bit 0) as for a poller; vddrf_cont (B2E bit 3) set | \[1\] |
 //!
@@ -30,7 +30,7 @@ use crate::report::Space;
 const LM_DRI: u8 = 0x10;
 const RGS_AM: u8 = 0x04;
 
-/// Whether the settings of a listener can answer in NFC-F; each unsuitable one is a finding.
+/// Whether the settings of a listener allow answers in NFC-F. Each unsuitable setting is reported as a finding.
 pub(crate) fn suits(core: &mut Core) -> bool {
     let is_b = core.config().variant == Variant::St25r3916b;
     let (resistances, auxiliary) = (core.a(reg::PT_MOD), core.registers().b(reg::B_AUX_MOD));
@@ -39,6 +39,6 @@ pub(crate) fn suits(core: &mut Core) -> bool {
         (resistances >> 4 < resistances & 0x0F, Space::A, reg::PT_MOD, resistances),
         (by_driver, Space::B, reg::B_AUX_MOD, auxiliary),
     ];
-    // Both checks run, so that each finding is reported.
+    // The operator is `&`, so that the second check also runs and reports its findings when the first one fails.
     modulation::all(core, looks) & modulation::supply_suits(core)
 }

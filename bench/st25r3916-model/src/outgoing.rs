@@ -10,36 +10,37 @@ use crate::report::Kind;
 /// A frame being sent.
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// The frame as it starts on the air. Its chunk holds the bytes that the chip puts before the FIFO's, then
-    /// everything on the air so far but the CRC.
+    /// The start of the frame on the air. Its chunk holds the bytes that the chip itself puts before the bytes of the
+    /// FIFO, and then every byte given to the air so far, without the CRC.
     frame: FrameStart,
     trailer_bits: u32,
-    /// Bytes that the chip puts before the FIFO's.
+    /// The number of bytes that the chip itself puts before the bytes of the FIFO.
     prefix: usize,
-    /// Whole bytes from the FIFO.
+    /// The number of whole bytes that the frame takes from the FIFO.
     whole: usize,
-    /// Bits of an incomplete last byte from the FIFO.
+    /// The number of bits in an incomplete last byte from the FIFO, 0 if there is none.
     last_bits: u32,
     with_crc: bool,
-    /// Whether it is an answer without a load modulator, or a frame that is not modulated: no part of it reaches the
-    /// air.
+    /// Whether no part of the frame reaches the air, because an answer has no load modulator or the settings cannot
+    /// modulate the frame.
     pub(crate) silent: bool,
 
-    /// First bit on the air, ns.
+    /// When the frame's first bit is on the air, ns.
     start: u64,
     started: bool,
-    /// FIFO bytes announced to the air.
+    /// The number of bytes from the FIFO that were announced to the air, some of them before they leave the FIFO.
     announced: usize,
-    /// The number of these that were taken from the FIFO.
+    /// The number of announced bytes that have left the FIFO.
     consumed: usize,
     /// The instant at which the next announced byte leaves the FIFO, ns.
     next_byte: u64,
-    /// Whether the FIFO was disturbed: announced bytes that are still in it are not sent, and the frame underflows.
+    /// Whether the controller cleared or read the FIFO during the frame. Announced bytes that are still in the FIFO are
+    /// then not sent, and the frame underflows.
     cut: bool,
 }
 
 impl Outgoing {
-    /// A frame with bits of `cycles` carrier cycles that begins with `prefix` and has no other bytes yet.
+    /// Returns a frame with bits of `cycles` carrier cycles that begins with `prefix` and has no other bytes yet.
     fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
         let frame = FrameStart {
             technology,
@@ -69,7 +70,8 @@ impl Outgoing {
         frame
     }
 
-    /// C4 and C5: the frame that the registers describe. An unmodelled setting is reported, and there is no frame.
+    /// Returns the frame that the registers describe, for the transmit commands C4 and C5. An unmodelled setting is
+    /// reported, and there is no frame.
     pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
         let length = core.registers().a16(reg::TRANSMIT_LENGTH);
         let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
@@ -115,7 +117,8 @@ impl Outgoing {
         Some(frame)
     }
 
-    /// C6 and C7: a short frame of seven bits. In another mode than NFC-A's there is none, which is reported.
+    /// Returns a short frame of seven bits, for the transmit commands C6 and C7. In another mode than NFC-A's there is
+    /// no frame, and the mode is reported.
     pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
         if core.target() || core.operation_mode() != 1 {
             core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
@@ -124,14 +127,14 @@ impl Outgoing {
         Some(Self::new(core, Technology::NfcA, CYCLES_106, vec![byte]).nfc_a(7))
     }
 
-    /// SENSF_RES from the passive target memory, in slot 0.
+    /// Returns the automatic answer in slot 0: a SENSF_RES from the passive target memory.
     pub(crate) fn automatic_answer(core: &Core) -> Self {
         let rate = match core.a(reg::RATE_DETECTED) >> 4 & 0x03 {
             0 => core.a(reg::BIT_RATE) & 0x03,
             detected => detected,
         };
-        // The NFC-F part of the memory has two bytes of system code, then the 19 bytes of the answer with its request
-        // data.
+        // The NFC-F part of the passive target memory has two bytes of system code, then the 19 bytes of the answer
+        // with its request data.
         let body = &core.registers().target_memory()[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);
@@ -141,7 +144,8 @@ impl Outgoing {
         answer
     }
 
-    /// Sets the start of communication, and the end of communication, which is a logic 0 and a bit without modulation.
+    /// Gives the frame the start of communication and the end of communication of NFC-A. The latter is a logic 0 and a
+    /// bit without modulation.
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -149,85 +153,88 @@ impl Outgoing {
         self
     }
 
-    /// Its technology.
+    /// Returns the frame's technology.
     pub(crate) fn technology(&self) -> Technology {
         self.frame.technology
     }
 
-    /// Whether it is an answer, by load modulation.
+    /// Whether the frame is an answer, which is sent by load modulation.
     pub(crate) fn is_answer(&self) -> bool {
         self.frame.load_modulation
     }
 
-    /// Schedules its first bit at `at`.
+    /// Sets the instant of the frame's first bit to `at`.
     pub(crate) fn starts_at(&mut self, at: u64) {
         self.start = at;
     }
 
-    /// Whether its first bit has left.
+    /// Whether the frame's first bit has left.
     pub(crate) fn started(&self) -> bool {
         self.started
     }
 
-    /// The number of FIFO bytes, including an incomplete one.
+    /// Returns the number of bytes that the frame takes from the FIFO, including an incomplete last byte.
     fn total(&self) -> usize {
         self.whole + usize::from(self.last_bits != 0)
     }
 
-    /// The number of FIFO bytes that were not passed to the air yet.
+    /// Returns the number of the frame's bytes from the FIFO that were not given to the air yet.
     pub(crate) fn missing(&self) -> usize {
         self.total() - self.announced
     }
 
-    /// Whether the FIFO was disturbed: it gives no more bytes to this frame.
+    /// Whether the controller cleared or read the FIFO during the frame, so that the frame gets no more bytes from the
+    /// FIFO.
     pub(crate) fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// Whether every FIFO byte has left the FIFO.
+    /// Whether every byte that the frame takes from the FIFO has left the FIFO.
     pub(crate) fn all_taken(&self) -> bool {
         self.consumed == self.total()
     }
 
-    /// The instant at which FIFO byte `i` starts on the air.
+    /// Returns the instant at which the frame's byte `i` from the FIFO starts on the air, ns.
     fn byte_start(&self, i: usize) -> u64 {
         let bits = u64::from(self.frame.header_bits) + u64::from(self.frame.byte_bits) * (self.prefix + i) as u64;
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// The instant at which the next FIFO byte to be taken starts on the air.
+    /// Returns the instant at which the next byte that leaves the FIFO starts on the air, ns.
     pub(crate) fn next_taken(&self) -> u64 {
         self.byte_start(self.consumed)
     }
 
-    /// The instant of the byte that leaves `below` - 1 of the `level` FIFO bytes; `None` when the frame needs fewer.
+    /// Returns the instant at which the frame leaves only `below` - 1 of the `level` bytes that are in the FIFO now,
+    /// ns; `None` when the frame takes fewer bytes.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
     }
 
-    /// The instant at which the air needs a byte that it was not given; `None` when it has all.
+    /// Returns the instant at which the air needs a byte that it was not given yet, ns; `None` when it was given every
+    /// byte.
     pub(crate) fn needs_more_at(&self) -> Option<u64> {
         (self.missing() != 0).then(|| self.byte_start(self.announced))
     }
 
-    /// The instant at which its last bit has left.
+    /// Returns the instant at which the frame's last bit has left, ns.
     pub(crate) fn ends_at(&self) -> u64 {
         self.start.saturating_add(bits_ns(self.lengths().1, self.frame.bit_as))
     }
 
-    /// Data bits of the whole frame.
+    /// Returns the number of data bits in the whole frame.
     pub(crate) fn data_bits(&self) -> u32 {
         self.lengths().0
     }
 
-    /// The number of data bits that have left by `now`.
+    /// Returns the number of the frame's data bits that have left by `now`.
     pub(crate) fn bits_by(&self, now: u64) -> u32 {
         let bits = self.frame.data_bits_in(now.saturating_sub(self.start));
         u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
     }
 
-    /// The numbers of data bits and air bits of the whole frame.
+    /// Returns the number of data bits in the whole frame, and the number of bits that the frame takes on the air.
     fn lengths(&self) -> (u32, u64) {
         let FrameStart { header_bits, byte_bits, .. } = self.frame;
         let bytes = self.prefix + self.whole + if self.with_crc { 2 } else { 0 };
@@ -239,7 +246,7 @@ impl Outgoing {
         (u32::try_from(data).unwrap_or(u32::MAX), air)
     }
 
-    /// The number of FIFO bytes whose turn has come since the last call of [`Outgoing::take_due`].
+    /// Returns the number of announced bytes that have left the FIFO since the last call of [`Outgoing::take_due`].
     pub(crate) fn due(&self, now: u64) -> usize {
         if !self.started || now < self.next_byte {
             return 0;
@@ -250,7 +257,7 @@ impl Outgoing {
         usize::try_from(begun).unwrap_or(usize::MAX).clamp(self.consumed, self.announced) - self.consumed
     }
 
-    /// Takes the FIFO bytes whose turn has come, and returns their number.
+    /// Records that the announced bytes whose time has come have left the FIFO, and returns their number.
     pub(crate) fn take_due(&mut self, now: u64) -> usize {
         let due = self.due(now);
         if due != 0 {
@@ -260,7 +267,7 @@ impl Outgoing {
         due
     }
 
-    /// Sends the first bit, and passes `data` of the FIFO to the air with it.
+    /// Starts the frame on the air, with its first bytes from the FIFO, `data`.
     pub(crate) fn start(&mut self, data: &[u8]) -> FrameStart {
         self.started = true;
         self.next_byte = self.byte_start(0);
@@ -269,7 +276,7 @@ impl Outgoing {
         frame
     }
 
-    /// Passes `data` of the FIFO to the air, and the CRC after its last byte.
+    /// Gives further bytes from the FIFO, `data`, to the air, and adds the CRC after the frame's last byte.
     pub(crate) fn more(&mut self, data: &[u8]) -> Chunk {
         let chunk = self.give(data);
         self.next_byte = self.byte_start(self.consumed);
@@ -291,7 +298,8 @@ impl Outgoing {
         chunk
     }
 
-    /// Removes the rest of the frame from the FIFO. Returns whether some of it had been announced to the air.
+    /// Records that the controller cleared or read the FIFO. Returns whether bytes that were announced to the air had
+    /// not left the FIFO yet.
     pub(crate) fn disturb(&mut self) -> bool {
         let promised = self.started && self.announced > self.consumed;
         if promised {

@@ -1,6 +1,7 @@
 //! The receiver: frames from the air into the FIFO.
 //!
-//! The FIFO's share of a frame being received is arithmetic on the clock, computed on access ([`Receiver::settle`]).
+//! The number of bytes of an incoming frame that have reached the FIFO is computed from the time, when the FIFO is
+//! accessed ([`Receiver::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -13,8 +14,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | NFC-A target with its anticollision, TSN slots other than 0 | the listener never answers |
-//! | collisions of two answers | one listener |
+//! | NFC-A target with its anticollision, TSN slots other than 0 | the link uses neither |
+//! | collisions of two answers | the path of answers models them ([`crate::AnswerPath`]) |
 //! | signal strength, noise, gain, squelch | the air is digital; errors come from its fault model |
 
 use crate::clock::{bit_cycles, rate_of};
@@ -33,63 +34,67 @@ use crate::report::Kind;
 use crate::schedule::Due;
 use crate::timers::{self, Trigger};
 
-/// FIFO level at which a reception raises I_wl.
+/// The number of bytes in the FIFO at which a reception raises the water level interrupt, I_wl.
 const LEVEL: usize = 300;
-/// The time from the end of a SENSF_REQ to the answer's first slot: 512 × 64 carrier cycles (ISO 18092, 2.417 ms).
+/// The number of carrier cycles from the end of a SENSF_REQ to the answer's first slot: 512 × 64 (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
-/// The time from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol 1.1, TR0F,LISTEN,MIN;
-/// proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
+/// The number of carrier cycles from the end of a frame to the earliest answer in NFC-F (NFC Forum, Digital Protocol
+/// 1.1, TR0F,LISTEN,MIN; proxmark3 `armsrc/felica.c`, stm32duino/ST25R3916's family of libraries).
 const GUARD_CYCLES: u64 = 2_672;
 
 /// The receiver, and the frame that it is receiving.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     frame: Option<Incoming>,
-    /// The virtual time from which it has been unmasked; `None` when it is masked.
+    /// The virtual time since which the receiver has been unmasked, ns; `None` when the receiver is masked.
     unmasked_since: Option<u64>,
-    /// The end on the air of a target's last frame, until it is answered.
+    /// When the last frame received ended on the air, ns; `None` once a target has answered that frame.
     asked: Option<u64>,
 }
 
 impl Receiver {
-    /// A receiver that is unmasked from time 0.
+    /// Returns a receiver that is unmasked from time 0.
     pub(crate) fn new() -> Self {
         Self { frame: None, unmasked_since: Some(0), asked: None }
     }
 
-    /// Resets it as Set default does: the frame being received is lost, and it is unmasked from now on.
+    /// Resets the receiver as Set default does: the frame being received is lost, and the receiver is unmasked from now
+    /// on.
     pub(crate) fn set_default(&mut self, now: u64) {
         *self = Self { frame: None, unmasked_since: Some(now), asked: None };
     }
 
-    /// Whether it is receiving a frame.
+    /// Whether the receiver has accepted a frame and is receiving it.
     pub(crate) fn busy(&self) -> bool {
         self.frame.as_ref().is_some_and(|frame| frame.locked)
     }
 
     // --- mask ---
 
-    /// Whether D0 or the end of a frame has masked it.
+    /// Whether the receiver is masked, by D0 or by the end of a frame.
     pub(crate) fn masked(&self) -> bool {
         self.unmasked_since.is_none()
     }
 
-    /// Masks it: by D0, or because it hangs after a broken frame.
+    /// Masks the receiver, because of D0 or because the receiver hangs after a broken frame.
     pub(crate) fn mask(&mut self) {
         self.unmasked_since = None;
     }
 
-    /// Unmasks it by D1. A frame already past its sync cannot be joined, and one being received goes on.
+    /// Unmasks the receiver by D1. The receiver cannot join a frame that is already past its sync, and a frame that is
+    /// being received goes on.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
     }
 
-    /// Ends what the mask-receive timer masks: the decoder runs from now on, unless a command has masked it.
+    /// Handles the end of the mask-receive timer: the decoder runs from now on, unless the receiver is masked
+    /// otherwise.
     pub(crate) fn mask_timer_ends(&mut self, now: u64) {
         self.unmasked_since = self.unmasked_since.map(|_| now);
     }
 
-    /// Sets the mask without a command: a target waits for D1, a poller's receiver is open.
+    /// Sets the mask to its state after a change of mode, a stop or a received frame: a target that must be re-armed is
+    /// masked until D1, and any other receiver is unmasked.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
@@ -97,12 +102,13 @@ impl Receiver {
 
     // --- FIFO ---
 
-    /// The number of bytes that have come since the FIFO was last settled.
+    /// Returns the number of received bytes that have become due for the FIFO since the last call of
+    /// [`Receiver::settle`].
     pub(crate) fn arriving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Puts the bytes that have come into the FIFO.
+    /// Puts the received bytes that have become due into the FIFO.
     pub(crate) fn settle(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let mut lost = false;
@@ -114,14 +120,15 @@ impl Receiver {
         }
     }
 
-    /// Handles a byte that the controller took. I_wl comes again when the level is reached again.
+    /// Handles a byte that the controller has read from the FIFO. If the FIFO has fallen below its water level, I_wl is
+    /// planned again.
     pub(crate) fn taken(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() + 1 == LEVEL {
             self.plan_level(core, fifo);
         }
     }
 
-    /// Plans I_wl for the instant at which the 300th byte arrives.
+    /// Plans the water level interrupt (I_wl) for the instant at which the 300th byte is in the FIFO.
     pub(crate) fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let level = fifo.len();
@@ -134,7 +141,7 @@ impl Receiver {
         }
     }
 
-    /// Checks whether the FIFO has reached its level.
+    /// Raises the water level interrupt (I_wl) if the FIFO holds 300 bytes or more, and otherwise plans it again.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() >= LEVEL {
@@ -146,9 +153,9 @@ impl Receiver {
 
     // --- the air ---
 
-    /// Takes the start of a frame at `at`.
+    /// Handles the start of a frame on the air at `at`.
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // Another frame is still unfinished: the new one masks it.
+        // If the previous frame is still unfinished, the new frame masks it.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -165,7 +172,7 @@ impl Receiver {
         core.plan(Due::RxStart, sync.max(core.now()));
     }
 
-    /// Takes more bytes of the frame on the air.
+    /// Handles further bytes of the frame on the air.
     pub(crate) fn frame_goes_on(&mut self, core: &mut Core, fifo: &mut Fifo, chunk: &Chunk) {
         if let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) {
             frame.more(chunk);
@@ -173,7 +180,7 @@ impl Receiver {
         }
     }
 
-    /// Takes the end of the frame at `at` after `bits` data bits.
+    /// Handles the end of the frame on the air at `at`, after `bits` data bits.
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
@@ -198,7 +205,8 @@ impl Receiver {
 
     // --- a frame ---
 
-    /// Whether the receiver accepts this frame with its present settings.
+    /// Whether the receiver accepts the frame `rx` with the chip's present settings. `sending` says whether the
+    /// transmitter has a frame.
     fn takes(&self, core: &Core, field: &Field, sending: bool, rx: &Incoming) -> bool {
         if !core.powered() || !core.oscillator() || !core.operates(RX_EN) || sending {
             return false;
@@ -215,7 +223,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // Bit rate detection uses om3, with om2 for NFC-F and om0 for NFC-A.
+                // The bit om3 selects bit rate detection, together with om2 for NFC-F and om0 for NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -228,7 +236,7 @@ impl Receiver {
         }
     }
 
-    /// Whether the mode and rate are modelled for a frame that the receiver should accept; if not, that is reported.
+    /// Reports a mode or a bit rate that is not modelled, for a frame that the receiver should accept.
     fn is_modelled(&self, core: &mut Core, sending: bool, rx: &Incoming) {
         let listening = core.powered() && core.oscillator() && core.operates(RX_EN) && !sending;
         if !listening || self.masked() || core.target() == rx.frame.load_modulation {
@@ -238,7 +246,8 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // Bit rate detection, of NFC-A (om0) and NFC-F (om2), finds the rate.
+            // With bit rate detection the chip finds the bit rate by itself, for NFC-A if om0 is set and for NFC-F if
+            // om2 is set.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };
@@ -247,7 +256,8 @@ impl Receiver {
         }
     }
 
-    /// Handles the end of the sync, or of the start of communication. `sending`: the transmitter has a frame.
+    /// Handles the end of the sync (NFC-F) or of the start of communication (NFC-A) of a frame: the receiver accepts
+    /// the frame, or misses it. `sending` says whether the transmitter has a frame.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo, field: &Field, sending: bool) {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
@@ -295,7 +305,7 @@ impl Receiver {
         }
     }
 
-    /// Completes the frame.
+    /// Completes the reception of a frame: its last bytes go into the FIFO, and its interrupts are raised.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         core.cancel(Due::RxLevel);
@@ -340,7 +350,8 @@ impl Receiver {
         }
     }
 
-    /// Checks an answer whose first bit leaves at `start`: it answers a frame, once, and keeps the guard time.
+    /// Reports an answer, whose first bit leaves at `start`, if no unanswered frame came before it or if it comes
+    /// within the guard time.
     pub(crate) fn answers(&mut self, core: &mut Core, start: u64) {
         let Some(end) = self.asked.take() else { return core.note(Kind::AnswerUnasked) };
         let after = start.saturating_sub(end);
@@ -370,8 +381,8 @@ fn crc_right(rx: &Incoming) -> bool {
 }
 
 /// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's own system
-/// code. It must be the one in the passive target memory, or FF in bytes that do not matter (JIS X 6319-4); another is
-/// received like any frame.
+/// code. The frame's system code must be the one in the passive target memory, or FF in bytes that do not matter (JIS X
+/// 6319-4). A frame with another system code is received like any frame.
 fn asks_for_own(core: &Core, rx: &Incoming) -> bool {
     let own = &core.registers().target_memory()[15..17];
     rx.frame.technology == Technology::NfcF

@@ -14,14 +14,14 @@
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
 //! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 are those of a recording of silicon after a
-//! bring-up that does not write them. Those of 26, 27, 29–2B and B2A follow from public drivers and have no effect
-//! here. B28 has the load modulator connected, the cautious assumption for a listener that must not answer; the others
-//! are 0.
+//! bring-up that does not write these registers. The reset values of 26, 27, 29–2B and B2A follow from public drivers.
+//! B28 has the load modulator connected after reset, which is the cautious assumption for a listener that must not
+//! answer. All other reset values are 0.
 
 use crate::Variant;
 use crate::report::Space;
 
-/// Register addresses, space A.
+/// The register addresses in space A, and in space B where a name begins with `B_`.
 pub(crate) mod reg {
     pub(crate) const IO2: usize = 0x01;
     pub(crate) const OPERATION: usize = 0x02;
@@ -53,7 +53,7 @@ pub(crate) mod reg {
     pub(crate) const RSSI: usize = 0x2D;
     pub(crate) const GAIN: usize = 0x2E;
     pub(crate) const WAKE_UP: usize = 0x32;
-    /// Space B: correlator.
+    /// Correlator configuration, in space B.
     pub(crate) const B_CORR1: usize = 0x0C;
     pub(crate) const B_CORR2: usize = 0x0D;
     /// Space B: field-on guard time.
@@ -75,19 +75,21 @@ pub(crate) const EN: u8 = 0x80;
 pub(crate) const RX_EN: u8 = 0x40;
 pub(crate) const TX_EN: u8 = 0x08;
 pub(crate) const EN_FD: u8 = 0x03;
-/// targ (03): the chip is a target.
+/// The bit targ of the mode register (03): the chip is a target.
 pub(crate) const TARGET: u8 = 0x80;
 
 /// The extent to which a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
-    /// Its function is modelled, or it is analog and has no effect here: stored.
+    /// The register's function is modelled, or the register is analog and has no effect in the model; its value is
+    /// stored.
     Stored,
-    /// A result or a status: writes have no effect.
+    /// The register shows a result or a status; writes to it have no effect.
     ReadOnly,
-    /// Digital function that is not modelled: stored, and reported when it differs from reset.
+    /// The register has a digital function that is not modelled; its value is stored, and a write of another value than
+    /// the reset value is reported.
     Unmodelled,
-    /// The part does not have it.
+    /// The part does not have the register.
     Absent,
 }
 
@@ -121,7 +123,7 @@ pub(crate) const RESET_B: [u8; 64] = {
     r
 };
 
-/// The reset value of a register.
+/// Returns the reset value of a register.
 pub(crate) fn reset(space: Space, address: u8) -> u8 {
     let i = usize::from(address & 0x3F);
     match space {
@@ -131,8 +133,8 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
     }
 }
 
-/// Bits of a register that a fault can flip: those that exist in stored registers and in the interrupts. The value is 0
-/// where the part has no register, or the register shows a result.
+/// Returns the bits of a register that a fault can flip: those that exist in stored registers and in the interrupt
+/// registers. The result is 0 where the part has no register, or the register shows a result.
 pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     match class(variant, space, address) {
         Class::Stored | Class::Unmodelled => writable(space, address),
@@ -141,25 +143,25 @@ pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     }
 }
 
-/// Bits that exist; the others read 0.
+/// Returns the bits that exist in a register; the other bits read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
         // Bit 1 is reserved. Bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // In the recording FF written reads back FB; bit 2 is reserved.
+        // Bit 2 is reserved: in the recording of silicon, FF is written and FB is read back.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
     }
 }
 
-/// The unmodelled bits that `value` sets in a stored register: reported when written.
+/// Returns the bits that `value` sets in a stored register and that are not modelled; a write of such bits is reported.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // nfc_ar is the response field by itself.
+        // The bits nfc_ar make the chip switch a response field on by itself.
         (Space::A, 0x03) => value & 0x03,
-        // no_rx_par, nfc_f0, antcl.
+        // These bits are no_rx_par, nfc_f0 and antcl.
         (Space::A, 0x05) => value & 0x61,
         // The modelled values of gptc are 1 and 2; nrt_nfc and nrt_emv are not modelled.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
@@ -167,7 +169,7 @@ pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     }
 }
 
-/// The extent to which a register is modelled in this part.
+/// Returns the extent to which a register is modelled for the part `variant`.
 pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
     match space {
         Space::A => match address {
@@ -203,11 +205,11 @@ pub(crate) struct Registers {
     target_memory: [u8; TARGET_MEMORY],
 }
 
-/// Size of the passive target memory: NFC-A 15, NFC-F 21, TSN 12 bytes.
+/// The size of the passive target memory in bytes: 15 for NFC-A, 21 for NFC-F and 12 for TSN.
 const TARGET_MEMORY: usize = 48;
 
 impl Registers {
-    /// The registers after power-up.
+    /// Returns the registers as they are after power-up.
     pub(crate) fn new() -> Self {
         Self { a: RESET_A, b: RESET_B, test: [0; 64], target_memory: [0; TARGET_MEMORY] }
     }
@@ -217,7 +219,7 @@ impl Registers {
         *self = Self { target_memory: self.target_memory, ..Self::new() };
     }
 
-    /// The stored value.
+    /// Returns the stored value of a register.
     pub(crate) fn get(&self, space: Space, address: u8) -> u8 {
         let i = usize::from(address & 0x3F);
         match space {
@@ -227,7 +229,7 @@ impl Registers {
         }
     }
 
-    /// Stores a value without regard to writable bits.
+    /// Stores a value in a register, whether or not its bits are writable.
     pub(crate) fn set(&mut self, space: Space, address: u8, value: u8) {
         let i = usize::from(address & 0x3F);
         match space {
@@ -237,27 +239,27 @@ impl Registers {
         }
     }
 
-    /// The register `i` of space A.
+    /// Returns the value of register `i` in space A.
     pub(crate) fn a(&self, i: usize) -> u8 {
         self.a[i]
     }
 
-    /// The registers `i` and `i + 1` of space A, the first one the higher byte.
+    /// Returns registers `i` and `i + 1` of space A as one number; register `i` is the higher byte.
     pub(crate) fn a16(&self, i: usize) -> u16 {
         u16::from_be_bytes([self.a[i], self.a[i + 1]])
     }
 
-    /// The register `i` of space B.
+    /// Returns the value of register `i` in space B.
     pub(crate) fn b(&self, i: usize) -> u8 {
         self.b[i]
     }
 
-    /// Interrupt bits that do not drive the pin (16 to 19).
+    /// Returns the interrupt bits that the mask registers (16 to 19) keep from driving the IRQ pin.
     pub(crate) fn interrupt_mask(&self) -> u32 {
         u32::from_le_bytes([self.a[reg::MASK], self.a[reg::MASK + 1], self.a[reg::MASK + 2], self.a[reg::MASK + 3]])
     }
 
-    /// The passive target memory.
+    /// Returns the passive target memory.
     pub(crate) fn target_memory(&self) -> &[u8; TARGET_MEMORY] {
         &self.target_memory
     }

@@ -7,20 +7,20 @@ use crate::event::Technology;
 /// One of the chip's three register spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
-    /// Addressed directly.
+    /// The space whose registers are addressed without a prefix.
     A,
-    /// Behind prefix FB.
+    /// The space whose registers are addressed behind prefix FB.
     B,
-    /// Test registers, behind prefix FC.
+    /// The space of the test registers, which are addressed behind prefix FC.
     Test,
 }
 
 /// One kind of finding, with its first instant and its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Virtual time of the first occurrence, ns.
+    /// When the finding first occurred, virtual ns.
     pub first_ns: u64,
-    /// Occurrences.
+    /// The number of times that the finding occurred.
     pub count: u64,
     /// The kind of finding.
     pub kind: Kind,
@@ -30,21 +30,21 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
-    /// A direct command whose effect is not modelled: it had no effect.
+    /// The controller sent a direct command that is not modelled; the command had no effect.
     UnmodelledCommand(u8),
-    /// D3 or D9: the result is that of [`Config::amplitude`](crate::Config::amplitude) or
-    /// [`Config::phase`](crate::Config::phase), whatever the antenna sees. The field that silicon drives while it
-    /// measures is not emitted.
+    /// Measure amplitude (D3) or Measure phase (D9) was used. The result is that of
+    /// [`Config::amplitude`](crate::Config::amplitude) or [`Config::phase`](crate::Config::phase), whatever signal the
+    /// antenna has. The field that silicon drives while it measures is not emitted.
     ConstantMeasurement(u8),
-    /// An SPI mode byte the data sheet does not define.
+    /// The controller sent an SPI mode byte that the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was set to another value than its reset value: the value is only
+    /// A register whose function is not modelled was set to another value than its reset value; the value is only
     /// stored.
     UnmodelledRegister(Space, u8),
-    /// Bits (the third value) of a register that is modelled otherwise were set, and their function is not modelled:
-    /// they are only stored.
+    /// Bits whose function is not modelled (the third value) were set in a register that is modelled otherwise; the
+    /// bits are only stored.
     UnmodelledBits(Space, u8, u8),
-    /// A register the part does not have was accessed.
+    /// A register that the part does not have was accessed.
     NoSuchRegister(Space, u8),
     /// A read-only register was written.
     ReadOnlyWritten(Space, u8),
@@ -54,38 +54,38 @@ pub enum Kind {
     UnmodelledBitRate(u8),
     /// The FIFO was accessed without a stable oscillator: bytes written are lost, bytes read are 0.
     FifoWithoutOscillator,
-    /// A command that needs a stable oscillator came without one: ignored.
+    /// A command that needs a stable oscillator came without one; the command was ignored.
     CommandWithoutOscillator(u8),
-    /// The mode (03) was written without a stable oscillator: ignored.
+    /// The mode register (03) was written without a stable oscillator; the write was ignored.
     ModeWithoutOscillator,
-    /// A transmission was requested without a field: ignored.
+    /// A transmission was requested without a field; the request was ignored.
     TransmitWithoutField,
-    /// A transmission was requested while one was on the air: ignored.
+    /// A transmission was requested while another one was on the air; the request was ignored.
     TransmitWhileBusy,
-    /// A transmission of no bytes was requested where the mode does not allow it: ignored.
+    /// A transmission of no bytes was requested where the mode does not allow it; the request was ignored.
     EmptyFrame,
     /// An NFC-F frame was longer than its length byte can express.
     FrameTooLong(u16),
     /// A transmission ran out of FIFO bytes and broke off.
     TransmitUnderflow,
-    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. The bytes loaded for it
-    /// are not sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was
-    /// on the air yet.
+    /// The FIFO was cleared or read while a transmission still had to take bytes out of it. The bytes that were loaded
+    /// for the transmission are not sent: the frame breaks off by an underflow when the byte on the air ends. If no
+    /// byte of the frame was on the air yet, bytes that are loaded in time are sent instead.
     FifoDisturbed,
     /// The mode (03) or the bit rate (04) was changed during a frame. A frame being sent goes on unchanged, and one
     /// being received is dropped when the change concerns reception; no document describes silicon's behaviour.
     ChangedInFrame(u8),
-    /// More bytes were written than the FIFO holds: the excess was lost.
+    /// More bytes were written than the FIFO holds; the excess bytes were lost.
     FifoOverflow,
     /// The FIFO was read when it was empty.
     FifoUnderflow,
-    /// A frame began to arrive while bytes of its predecessor were unread: they are lost.
+    /// A frame began to arrive while bytes of the frame before were unread in the FIFO; the unread bytes are lost.
     FrameOverwritten,
-    /// The SPI clock was above the part's 10 MHz; the value is its rate, Hz.
+    /// The SPI clock was above the part's 10 MHz; the value is the clock rate, Hz.
     SpiTooFast(u32),
-    /// The SPI mode was not 1: bits are sampled one early or late.
+    /// The controller used another SPI mode than 1, so that bits are sampled one bit too early or too late.
     WrongSpiMode(u8),
-    /// A transfer ended with fewer than eight clocks after the last byte: these bits were lost.
+    /// A transfer ended with fewer than eight clocks after its last byte; the bits of these clocks were lost.
     BitsLost(u8),
     /// The SPI clock ran without chip select.
     NotSelected,
@@ -95,9 +95,9 @@ pub enum Kind {
     TransferCutShort,
     /// The part was accessed without a supply.
     NotPowered,
-    /// sup3V (01, bit 7) does not suit the supply.
+    /// The setting of sup3V (01, bit 7) does not suit the supply voltage.
     SupplyMismatch,
-    /// The supply (mV) lies outside the part's range.
+    /// The supply voltage, mV, lies outside the part's range.
     SupplyOutOfRange(u16),
     /// Antenna tuning values (26, 27) were written and the antenna is used, but aat_en (01, bit 5) is clear, so they
     /// have no effect.
@@ -109,9 +109,9 @@ pub enum Kind {
         technology: Technology,
         /// The register's space.
         space: Space,
-        /// Its address.
+        /// The register's address.
         address: u8,
-        /// Its value.
+        /// The register's value.
         value: u8,
     },
     /// A poller sent a frame of NFC-F while a register had a value with which the part cannot modulate NFC-F, or a
@@ -119,9 +119,9 @@ pub enum Kind {
     Modulation {
         /// The register's space.
         space: Space,
-        /// Its address.
+        /// The register's address.
         address: u8,
-        /// Its value.
+        /// The register's value.
         value: u8,
     },
     /// The external field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
@@ -130,12 +130,13 @@ pub enum Kind {
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
     AutomaticAnswersEnabled,
-    /// The part answered though it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation was,
-    /// or would have been, on the air.
+    /// The chip answered although it is not meant to ([`Config::answers`](crate::Config::answers)): load modulation
+    /// was, or would have been, on the air.
     LoadModulation,
-    /// The part answered without a frame since its last answer.
+    /// The chip answered although it had received no frame since its last answer.
     AnswerUnasked,
-    /// An answer's first bit came before the guard time of NFC-F, 2672 carrier cycles after the frame: this many ns.
+    /// The first bit of an answer came before the guard time of NFC-F had passed, which is 2672 carrier cycles from the
+    /// end of the frame. The value is the time from the end of the frame to the answer, ns.
     AnswerTooEarly(u64),
 }
 
@@ -203,7 +204,8 @@ impl fmt::Display for Report {
     }
 }
 
-/// The most kinds that are kept; one driver cannot cause more, only noise on the bus.
+/// The largest number of kinds of findings that are kept. One driver cannot cause more kinds; only noise on the bus
+/// can.
 const KINDS: usize = 512;
 
 /// The list of findings, with one entry per kind.

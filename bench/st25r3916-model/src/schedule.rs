@@ -1,49 +1,50 @@
 //! The chip's own actions as a table of deadlines, with one entry for each kind.
 
-/// No deadline.
+/// The value in the table where no deadline is set.
 const NEVER: u64 = u64::MAX;
 
-/// The kinds of deadlines. Their order decides between two at the same instant.
+/// The kinds of deadlines. Of two deadlines at the same instant, the one that is listed first here is carried out
+/// first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Due {
-    /// The oscillator is stable.
+    /// The oscillator becomes stable.
     Osc,
-    /// Collision avoidance is over: the own field goes on.
+    /// Collision avoidance is over, and the chip's own field goes on.
     FieldOn,
     /// The field detector's output changes.
     FieldDetect,
     /// An event of the air takes effect.
     Heard,
-    /// The first bit of a frame leaves.
+    /// The first bit of a frame being sent leaves.
     TxStart,
-    /// A frame needs bytes that were not in the FIFO when the last ones were taken.
+    /// A frame being sent needs bytes that were not in the FIFO when the last chunk went onto the air.
     TxMore,
-    /// The FIFO falls below its level for sending.
+    /// The FIFO falls below its water level for sending.
     TxLevel,
-    /// A frame has left.
+    /// The last bit of a frame being sent has left.
     TxEnd,
-    /// A frame's sync, or its start of communication, was received.
+    /// The sync (NFC-F) or start of communication (NFC-A) of a frame was received.
     RxStart,
-    /// The FIFO reaches its level for receiving.
+    /// The FIFO reaches its water level for receiving.
     RxLevel,
-    /// A frame was received.
+    /// A frame was received to its end.
     RxEnd,
-    /// I_apon: the field is on.
+    /// The chip's own field is on, and I_apon is raised.
     Apon,
-    /// I_cat: the guard time is over.
+    /// The field-on guard time is over, and I_cat is raised.
     Guard,
     /// A measurement, an adjustment or a calibration is done.
     CommandDone,
-    /// The mask-receive timer.
+    /// The mask-receive timer expires.
     MaskReceive,
-    /// The no-response timer.
+    /// The no-response timer expires.
     NoResponse,
-    /// The general purpose timer.
+    /// The general purpose timer expires.
     GeneralPurpose,
-    /// The wake-up timer.
+    /// The wake-up timer expires.
     WakeUp,
-    /// The automatic answer begins.
+    /// The automatic answer to a SENSF_REQ begins.
     Answer,
 }
 
@@ -69,7 +70,7 @@ const DUES: [Due; 19] = [
     Due::Answer,
 ];
 
-/// The deadlines, virtual ns.
+/// The chip's deadlines, virtual ns.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     due: [u64; DUES.len()],
@@ -77,33 +78,33 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// A table without deadlines.
+    /// Returns a table without deadlines.
     pub(crate) fn new() -> Self {
         Self { due: [NEVER; DUES.len()], next: NEVER }
     }
 
-    /// Schedules `what` at `at`, in place of its earlier deadline.
+    /// Sets the deadline of kind `what` to `at`, in place of an earlier deadline of the same kind.
     pub(crate) fn plan(&mut self, what: Due, at: u64) {
         self.due[what as usize] = at;
         self.next = self.due.iter().copied().min().unwrap_or(NEVER);
     }
 
-    /// Cancels the deadline of `what`.
+    /// Cancels the deadline of kind `what`.
     pub(crate) fn cancel(&mut self, what: Due) {
         self.plan(what, NEVER);
     }
 
-    /// Whether `what` has a deadline.
+    /// Whether a deadline of kind `what` is set.
     pub(crate) fn running(&self, what: Due) -> bool {
         self.due[what as usize] != NEVER
     }
 
-    /// The first deadline.
+    /// Returns the instant of the first deadline, virtual ns; `None` when no deadline is set.
     pub(crate) fn next(&self) -> Option<u64> {
         (self.next != NEVER).then_some(self.next)
     }
 
-    /// Takes the first deadline, if it is not after `now`, with its instant.
+    /// Removes and returns the first deadline, with its instant, if it is not after `now`.
     pub(crate) fn take(&mut self, now: u64) -> Option<(u64, Due)> {
         if self.next > now {
             return None;

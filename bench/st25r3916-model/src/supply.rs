@@ -22,15 +22,16 @@ use crate::report::{Kind, Space};
 
 /// The part's range of supply voltages, mV.
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
-/// The threshold of sup3V, mV: it must be clear above it and set below.
+/// The supply voltage, mV, below which the bit sup3V must be set and above which it must be clear.
 const SUP3V_MV: u16 = 3_600;
-/// A step of the A/D converter when it measures a supply, rounded up, mV: this close to the threshold a measurement may
-/// give either result.
+/// One step of the A/D converter in a supply measurement, rounded up, mV. Nearer than this to the threshold of sup3V, a
+/// measurement may fall on either side, so either setting of sup3V is accepted.
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
 
-/// Checks, when the supply is loaded, its voltage and the regulators' range.
+/// Reports a supply voltage outside the part's range, and a bit sup3V that does not suit the supply voltage. The check
+/// runs when the receiver or the field is switched on, and at Adjust regulators (D6).
 pub(crate) fn suits(core: &mut Core) {
     let mv = core.config().vdd_mv;
     if !RANGE_MV.contains(&mv) {
@@ -42,9 +43,10 @@ pub(crate) fn suits(core: &mut Core) {
     }
 }
 
-/// Checks, if the antenna is in use, that written tuning values reach it.
+/// Reports antenna tuning values that were written but have no effect, because aat_en is clear while the antenna is in
+/// use.
 pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
-    // The antenna is in use when its own carrier is on, or when the chip listens to another's.
+    // The antenna is in use when the chip's own carrier is on, or when the chip listens for another chip's carrier.
     let listens = core.oscillator() && core.target() && core.operates(RX_EN);
     if !field.own() && !listens {
         return;
@@ -55,8 +57,8 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// The result of DF, in A/D steps of 23.4 mV; mpsv (2C, bits 2:0) selects the supply. Above 255 steps the display
-/// saturates.
+/// Returns the result of Measure power supply (DF), in A/D steps of 23.4 mV, at most 255. The bits mpsv (2C, bits 2:0)
+/// select the supply that is measured.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

@@ -1,8 +1,8 @@
 //! The transmitter: frames out of the FIFO onto the air.
 //!
-//! A frame costs a handful of events, not one per byte. When a frame starts, everything then in the FIFO goes onto the
-//! air as one chunk; bytes loaded later follow as further chunks, each just before the air needs it. The bytes that
-//! have left the FIFO are computed on access ([`Transmitter::settle`]).
+//! A frame needs only a few events of the model, not one per byte. When a frame starts, everything then in the FIFO
+//! goes onto the air as one chunk. Bytes that the controller loads later follow as further chunks, each when the air
+//! needs its first byte. The number of bytes that have left the FIFO is computed on access ([`Transmitter::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -34,39 +34,39 @@ use crate::report::Kind;
 use crate::schedule::Due;
 use crate::timers;
 
-/// FIFO level below which a transmission raises I_wl.
+/// The number of bytes in the FIFO below which a transmission raises the water level interrupt, I_wl.
 const LEVEL: usize = 200;
 
-/// The transmitter, with its frame.
+/// The transmitter, with the frame that it sends.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Transmitter {
     frame: Option<Outgoing>,
 }
 
 impl Transmitter {
-    /// Whether it has a frame that is or will be on the air.
+    /// Whether the transmitter has a frame that is or will be on the air.
     pub(crate) fn busy(&self) -> bool {
         self.frame.is_some()
     }
 
-    /// Whether a frame is on the air.
+    /// Whether the transmitter has a frame on the air.
     pub(crate) fn on_air(&self) -> bool {
         self.frame.as_ref().is_some_and(Outgoing::started)
     }
 
-    /// The number of bytes that have left the FIFO since it was last settled.
+    /// Returns the number of bytes that have left the FIFO for the air since the last call of [`Transmitter::settle`].
     pub(crate) fn leaving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Removes the bytes that have left for the air from the FIFO.
+    /// Removes from the FIFO the bytes that the transmitter has put on the air.
     pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
         if let Some(frame) = &mut self.frame {
             fifo.drop_front(frame.take_due(core.now()));
         }
     }
 
-    /// Whether `frame` can be sent now; a reason against it is reported.
+    /// Whether `frame` can be sent now. Each reason against the transmission is reported as a finding.
     pub(crate) fn admits(&self, core: &mut Core, field: &Field, frame: &mut Outgoing) -> bool {
         if self.busy() {
             core.note(Kind::TransmitWhileBusy);
@@ -81,18 +81,21 @@ impl Transmitter {
             if !core.config().answers {
                 core.note(Kind::LoadModulation);
             }
-            // Both checks run, so that each finding is reported.
+            // The operator is `&`, so that the second check also runs and reports its findings when the first one
+            // fails.
             let modulates = load_modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !core.load_modulator() || !modulates && !core.config().unsuited_modulation_reaches;
         } else if frame.technology() == Technology::NfcF {
-            // Both checks run, so that each finding is reported.
+            // The operator is `&`, so that the second check also runs and reports its findings when the first one
+            // fails.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
         true
     }
 
-    /// Starts an admitted frame: its first bit follows after the transmitter's latency, at the instant returned.
+    /// Starts the transmission of a frame that [`Transmitter::admits`] has accepted. Returns the instant of the frame's
+    /// first bit, which follows after the transmitter's latency, ns.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) -> u64 {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();
@@ -105,7 +108,7 @@ impl Transmitter {
         start
     }
 
-    /// Sends the first bit.
+    /// Puts the first bit of the frame, and the bytes that are in the FIFO, on the air.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let start = frame.start(&fifo.front(frame.missing()));
@@ -124,7 +127,8 @@ impl Transmitter {
         }
     }
 
-    /// Supplies the air with bytes that were not in the FIFO when the last chunk went.
+    /// Puts bytes on the air that the controller loaded into the FIFO after the last chunk. If there are none, the
+    /// transmission breaks off by an underflow.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = &mut self.frame else { return };
@@ -145,8 +149,8 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// Handles the controller's clearing or reading of the FIFO. A transmission that still has to take bytes out of it
-    /// does not get them: from its next byte on the FIFO is empty.
+    /// Handles a clearing or reading of the FIFO by the controller. A transmission that still needs bytes from the FIFO
+    /// does not get them, and breaks off at its next byte.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
         if frame.disturb() {
@@ -156,7 +160,7 @@ impl Transmitter {
         core.note(Kind::FifoDisturbed);
     }
 
-    /// Ends the frame after its last bit.
+    /// Ends the transmission after the last bit of its frame.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = self.frame.take() else { return };
@@ -167,7 +171,7 @@ impl Transmitter {
         over(core);
     }
 
-    /// Stops the signal at once, without an interrupt.
+    /// Breaks off the frame that is being sent, without an interrupt.
     pub(crate) fn break_off(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.frame.is_none() {
             return;
@@ -182,14 +186,14 @@ impl Transmitter {
         }
     }
 
-    /// Handles a byte that the controller loaded.
+    /// Handles a byte that the controller has loaded into the FIFO, which may bring the FIFO back to its water level.
     pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() == LEVEL {
             self.plan_level(core, fifo);
         }
     }
 
-    /// Plans I_wl for the instant at which fewer than 200 bytes are left.
+    /// Plans the water level interrupt (I_wl) for the instant at which fewer than 200 bytes are left in the FIFO.
     fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if let Some(at) = self.frame.as_ref().and_then(|frame| frame.falls_below(LEVEL, fifo.len())) {
@@ -197,7 +201,7 @@ impl Transmitter {
         }
     }
 
-    /// Checks whether the FIFO has fallen below its level.
+    /// Raises the water level interrupt (I_wl) if the FIFO holds fewer than 200 bytes, and otherwise plans it again.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() < LEVEL {
@@ -208,7 +212,7 @@ impl Transmitter {
     }
 }
 
-/// Ends a transmission, with or without an underflow.
+/// Raises I_txe at the end of a transmission, with or without an underflow, and starts the timers that begin there.
 fn over(core: &mut Core) {
     core.cancel(Due::TxLevel);
     if core.operates(RX_EN) {

@@ -16,19 +16,19 @@ fn pair(faults: AirFaults) -> Pair {
     Pair::started(exact(), exact(), Air::new(1, faults))
 }
 
-/// The faults from now on.
+/// Sets the faults of the air from the present time on.
 fn set(pair: &mut Pair, faults: AirFaults) {
     let Pair { air, listener, now, .. } = pair;
     air.set_faults(*now, faults, |at, event| listener.hear(at, event));
 }
 
-/// Sends a payload of `n` bytes.
+/// Sends a frame with `n` bytes of payload from the poller.
 fn send(pair: &mut Pair, n: usize, seed: u64) {
     pair.load(&payload(n, seed));
     pair.fire();
 }
 
-/// Reads interrupts and FIFO after a frame, and arms the listener again.
+/// Returns the listener's interrupts and its FIFO bytes after a frame, and arms the listener again.
 fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     let irqs = pair.irqs(Side::Listener);
     let (n, _) = pair.fifo(Side::Listener);
@@ -39,7 +39,7 @@ fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
 
 #[test]
 fn the_crc_finds_every_burst_of_up_to_16_bits() {
-    // CRC-16 detects every burst of up to 16 bits.
+    // A CRC-16 detects every burst of up to 16 bits.
     let mut pair = pair(AirFaults { burst: 1.0, burst_bits: 16, ..clean() });
     let mut whole = 0;
     for seed in 0..100 {
@@ -85,7 +85,7 @@ fn a_delayed_frame_is_received_when_it_comes_and_not_before() {
     pair.run_to(start + 12 * MS);
     assert_eq!(pair.irqs(Side::Listener), [0; 4]);
     assert!(pair.wait_irq(Side::Listener, MS));
-    // The time includes 64 bits of preamble and sync, and the receiver's latency.
+    // The time to I_rxs includes 64 bits of preamble and sync, and the receiver's latency.
     assert_eq!(pair.now, start + 12 * MS + 151_032 + pair.listener.config().nfc_f_latency_ns);
     pair.run_for(5 * MS);
     let (irqs, data) = received(&mut pair);
@@ -140,7 +140,8 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
-        // Preamble, sync, LEN, nine bytes of the payload, and some bits arrived; the instant is in the middle of a bit.
+        // When the field goes off, the preamble, the sync, LEN, nine bytes of payload and `bits` further bits have
+        // arrived. The field goes off in the middle of a bit.
         let came = 64 + 80 + bits;
         pair.run_to(start + (2 * came + 1) * 18_879 / 16);
         set(&mut pair, AirFaults { field_off: true, ..clean() });
@@ -151,10 +152,10 @@ fn the_fifo_holds_the_bits_of_a_byte_that_breaks_off() {
         assert_eq!((level, flags), (bytes + usize::from(last != 0), (last as u8) << 1), "{bits} bits");
         let held = pair.read_fifo(Side::Listener, level);
         assert_eq!(held[1..bytes], sent[..bytes - 1], "{bits} bits");
-        // NFC-F sends the highest bit first.
+        // NFC-F sends the most significant bit of a byte first.
         let of_last = held.get(bytes).copied().unwrap_or(0);
         assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
-        // The antenna's record has only whole bytes.
+        // The air's record of the received frame has only whole bytes.
         assert_eq!(pair.air.take_heard().remove(0).bytes, held[..bytes], "{bits} bits");
     }
 }
@@ -186,7 +187,7 @@ fn a_frame_that_breaks_off_within_its_sync_is_not_received() {
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
         pair.run_to(start + bits_in * 2_360 - BYTE_NS);
-        // Stop: the field stays on.
+        // The command Stop breaks off the frame but leaves the field on.
         pair.spi(Side::Poller, &[0xC2]);
         pair.run_for(MS);
         let irqs = pair.irqs(Side::Listener);
@@ -213,7 +214,8 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // Three bytes with CRC are sent, of which the FIFO has three or two, and a short frame.
+    // The first two cases send three bytes with CRC, of which the FIFO has three or only two. The last case sends a
+    // short frame.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);
@@ -229,7 +231,7 @@ fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
 
 #[test]
 fn a_listener_behind_the_airs_time_still_receives_its_frames() {
-    // The poller and the air run a millisecond ahead; the listener follows.
+    // The poller and the air run a millisecond ahead of the listener.
     let faults = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..clean() };
     let mut pair = pair(faults);
     send(&mut pair, 60, 1);

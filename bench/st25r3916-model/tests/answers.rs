@@ -1,11 +1,11 @@
-//! Tests answers by load modulation, and the way back, driven over SPI as public drivers do.
+//! Tests answers by load modulation and their path to the poller. The chips are driven over SPI as by public drivers.
 
 use crate::common;
 
 use common::{Pair, Side, bits_ns_424, exact, payload};
 use st25r3916_model::{Air, AirEvent, AirFaults, AnswerFaults, AnswerPath, Config, ForeignCard, Kind, Space, Variant};
 
-/// 2672 carrier cycles, ns.
+/// The guard time of NFC-F between a frame and its answer, ns: 2672 carrier cycles.
 const GUARD_NS: u64 = 197_050;
 const NRE: u8 = 0x40;
 
@@ -13,7 +13,8 @@ fn clean() -> Air {
     Air::new(1, AirFaults::default())
 }
 
-/// A poller whose receiver is on, and a listener that may answer, with their part's settings in ST's table.
+/// Returns a poller whose receiver is on, and a listener that may answer. The listener's settings are those for its
+/// part in ST's table.
 fn answering(poller: Config, listener: Config) -> Pair {
     let mut pair = Pair::started(poller, Config { answers: true, ..listener }, clean());
     let is_b = pair.listener.config().variant == Variant::St25r3916b;
@@ -27,19 +28,20 @@ fn answering(poller: Config, listener: Config) -> Pair {
     pair.spi(Side::Listener, &[0x16, 0xC7]);
     pair.receive_nfc_f(Side::Poller);
     pair.spi(Side::Poller, &[0x16, 0x47, 0x3F]);
-    // 669 steps of 64/fc; mask-receive timer of 40.
+    // The no-response timer is set to 669 steps of 64 carrier cycles, and the mask-receive timer to 40 such steps.
     pair.spi(Side::Poller, &[0x10, 0x02, 0x9D, 0x00]);
     pair.spi(Side::Poller, &[0x0F, 0x28]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// The same with exact instants, both of the B.
+/// Returns a poller and a listener that may answer, both with an ST25R3916B that starts transmissions without scatter.
 fn exact_pair() -> Pair {
     answering(exact(), exact())
 }
 
-/// Sends a frame of 64 bytes and runs to its end at the listener, whose FIFO is read. Returns the frame's last bit.
+/// Sends a frame of 64 bytes from the poller, runs until the listener has received it, and empties the listener's FIFO.
+/// Returns the instant of the frame's end.
 fn ask(pair: &mut Pair) -> u64 {
     pair.load(&payload(64, 1));
     pair.fire();
@@ -55,7 +57,7 @@ fn ask(pair: &mut Pair) -> u64 {
     pair.air.last_frame().expect("it has ended").end_ns
 }
 
-/// Loads an answer, without its command.
+/// Loads an answer into the listener's FIFO, without the transmit command.
 fn load_answer(pair: &mut Pair, payload: &[u8]) {
     let [high, low] = ((payload.len() as u16) << 3).to_be_bytes();
     pair.spi(Side::Listener, &[0xDB]);
@@ -63,7 +65,8 @@ fn load_answer(pair: &mut Pair, payload: &[u8]) {
     pair.spi(Side::Listener, &[&[0x80], payload].concat());
 }
 
-/// Answers `after_ns` after the frame's end, to the first bit of a chip without scatter.
+/// Makes the listener answer so that the answer's first bit is `after_ns` after the frame's end, on a chip without
+/// scatter.
 fn answer(pair: &mut Pair, end_ns: u64, after_ns: u64, payload: &[u8]) {
     load_answer(pair, payload);
     let latency = pair.listener.config().transmit_latency_ns;
@@ -76,7 +79,7 @@ fn found(pair: &Pair, side: Side, kind: Kind) -> u64 {
     chip.reports().iter().find(|report| report.kind == kind).map_or(0, |report| report.count)
 }
 
-/// Asks and is answered; whether the poller received the answer.
+/// Sends a frame that the listener answers. Returns whether the poller received the answer.
 fn answered(pair: &mut Pair) -> bool {
     let end = ask(pair);
     let sent = payload(128, 9);
@@ -125,7 +128,7 @@ fn an_answer_begins_after_its_command_and_takes_its_air_time() {
     assert_eq!(pair.irqs(Side::Listener), [0x08, 0, 0, 0]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
     assert_eq!(pair.irqs(Side::Poller), [0x10, 0, 0, 0]);
-    // LEN and CRC-16 are the chip's.
+    // The chip has added LEN and CRC-16.
     let heard = pair.read_fifo(Side::Poller, 131);
     assert_eq!((heard[0], &heard[1..129]), (129, &payload(128, 2)[..]));
 }
@@ -135,7 +138,7 @@ fn an_answer_stops_the_no_response_timer() {
     let mut pair = exact_pair();
     let end = ask(&mut pair);
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
-    // 669 * 64 / 13.56 MHz.
+    // The no-response timer takes 669 * 64 cycles of 13.56 MHz.
     assert_eq!(pair.now - end, 3_157_522 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, NRE, 0, 0]);
     pair.arm();
@@ -147,7 +150,8 @@ fn an_answer_stops_the_no_response_timer() {
 
 #[test]
 fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
-    // The timer's 188.8 us must be over when the sync begins, 113.3 us into the answer.
+    // The mask-receive timer takes 188.8 us and must have expired when the answer's sync begins, 113.3 us into the
+    // answer.
     for (after, heard) in [(50_000, false), (120_000, true), (GUARD_NS - 2_000, true), (GUARD_NS + 2_000, true)] {
         let mut pair = exact_pair();
         pair.load(&payload(4, 1));
@@ -172,7 +176,8 @@ fn an_answer_that_begins_under_the_mask_timer_is_not_received() {
 
 #[test]
 fn a_listener_without_load_modulation_stays_mute() {
-    // HORUS's listener is set up like this: no resistance that differs, no driver.
+    // The listener of the HORUS link is set up in this way: its driver has the same resistance modulated and
+    // unmodulated, and does not modulate.
     let mut pair = exact_pair();
     pair.spi(Side::Listener, &[0x29, 0xFF]);
     pair.spi(Side::Listener, &[0xFB, 0x28, 0x00]);
@@ -209,13 +214,13 @@ fn settings_that_cannot_answer_are_found_and_not_heard() {
     let cases: [(Variant, &[u8], Written); 9] = [
         (a, &[0x29, 0x55], (Space::A, 0x29, 0x55)),
         (a, &[0x29, 0xF5], (Space::A, 0x29, 0xF5)),
-        // There is no external modulator.
+        // The write selects an external modulator, but the board has none.
         (a, &[0xFB, 0x28, 0x20], (Space::B, 0x28, 0x20)),
         (b, &[0x29, 0xEE], (Space::A, 0x29, 0xEE)),
         (b, &[0xFB, 0x28, 0xA0], (Space::B, 0x28, 0xA0)),
-        // Regulator-shaped modulation is not for card mode.
+        // The write selects regulator-shaped modulation, which is not allowed in card mode.
         (b, &[0xFB, 0x28, 0x94], (Space::B, 0x28, 0x94)),
-        // Neither documented pair of dis_reg_am and act_amsink.
+        // Each of the next two writes leads to a combination of dis_reg_am and act_amsink that is not documented.
         (b, &[0xFB, 0x28, 0x10], (Space::B, 0x28, 0x10)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x90)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -246,7 +251,7 @@ fn an_antenna_out_of_tune_does_not_answer() {
 
 #[test]
 fn a_poller_that_does_not_listen_hears_no_answer() {
-    // The receiver off, the receiver masked, another rate, a receive chain for NFC-A.
+    // The writes switch the poller's receiver off, mask it, set another bit rate, and set its receive chain for NFC-A.
     for write in [&[0x02u8, 0x88][..], &[0xD0], &[0x04, 0x21], &[0x0B, 0x08]] {
         let mut pair = answering(Config { unsuited_chain_receives: false, ..exact() }, exact());
         let end = ask(&mut pair);
@@ -282,7 +287,7 @@ fn an_answer_without_a_field_or_without_a_frame_is_found() {
     answer(&mut pair, end, 700_000, &payload(4, 1));
     pair.run_for(1_000_000);
     assert_eq!(found(&pair, Side::Listener, Kind::AnswerUnasked), 1);
-    // A second answer to the same frame.
+    // The listener sends a second answer to the same frame.
     load_answer(&mut pair, &payload(4, 1));
     pair.spi(Side::Listener, &[0xC4]);
     pair.run_for(1_000_000);
@@ -338,9 +343,9 @@ fn the_switches_decide_whether_transmission_and_unmasking_change_the_receiver() 
     }
 }
 
-// ---- the way back, without chips
+// ---- the path of answers, without chips
 
-/// An answer's way, and what the poller hears.
+/// The path of answers, with the events that have reached the poller.
 struct Back {
     path: AnswerPath,
     heard: Vec<(u64, AirEvent)>,
@@ -371,7 +376,7 @@ impl Back {
         self.path.advance(to, |at, event| heard.push((at, event.clone())));
     }
 
-    /// Sends an answer of 8 bytes from `at` on; returns its end.
+    /// Sends an answer with 8 bytes of payload from the listener at `at`. Returns the instant of the answer's end.
     fn answer(&mut self, at: u64) -> u64 {
         let bytes = common::antenna::frame(8, 3);
         let mut start = common::antenna::start(st25r3916_model::Technology::NfcF, &bytes);
@@ -383,7 +388,7 @@ impl Back {
         end
     }
 
-    /// The starts of what the poller heard, and the data bits at each end.
+    /// Returns the starts of the frames that the poller received, and the number of data bits at each end.
     fn frames(&self) -> (Vec<u64>, Vec<u32>) {
         let starts = self.heard.iter().filter(|(_, event)| matches!(event, AirEvent::FrameStart(_))).map(|(at, _)| *at);
         let ends = self.heard.iter().filter_map(|(_, event)| match event {
@@ -450,7 +455,8 @@ fn a_foreign_card_answers_a_frame_with_one_of_its_own() {
 
 #[test]
 fn answers_that_meet_are_both_lost_or_broken_off() {
-    // The foreign card first, then the listener; and the other way round.
+    // In the first part of the test the foreign card begins its answer before the listener; in the second part the
+    // listener begins first.
     let mut back = Back::new(foreign_at(400_000));
     back.poller(0, &AirEvent::FrameEnd { bits: 8 });
     back.answer(400_000 + bits_ns_424(64 + 16));
@@ -464,7 +470,7 @@ fn answers_that_meet_are_both_lost_or_broken_off() {
     back.run_to(5_000_000);
     assert_eq!(back.frames(), (vec![400_000], vec![24]));
     assert_eq!((back.path.collisions(), back.path.foreign_answers()), (1, 1));
-    // The next answer is heard.
+    // The poller receives the answer that follows the collision.
     back.answer(6_000_000);
     assert_eq!(back.frames(), (vec![400_000, 6_000_000], vec![24, 88]));
 }
@@ -477,6 +483,6 @@ fn a_foreign_card_has_one_answer_at_a_time() {
     back.run_to(600_000);
     back.poller(600_000, &AirEvent::FrameEnd { bits: 8 });
     back.run_to(5_000_000);
-    // The second frame replaced the plan for the first.
+    // The poller's second frame came before the card had answered the first, so the card answered only the second.
     assert_eq!(back.frames(), (vec![500_000, 1_000_000], vec![88, 88]));
 }

@@ -5,10 +5,10 @@
 //! the checkout or beside a folder that contains it. Without them these tests report "not run"; where `CI` is set, they
 //! fail.
 //!
-//! The state before the recordings is set up over SPI, as the recorded firmware had done (registers it had written, a
-//! general purpose timer that had run out while masked). The tag is a stand-in that answers with the recorded bytes at
-//! the recorded instants. Those are derived from the recorded I_rxs edges, which are therefore checked only for order
-//! and level; a separate check compares them with ISO 14443-3's frame delay time.
+//! Before a recording is replayed, the chip is set up over SPI as the recorded firmware had set it up (registers that
+//! it had written, and a general purpose timer that had run out while masked). The tag is a stand-in that answers with
+//! the recorded bytes at the recorded instants. These instants are derived from the recorded edges of I_rxs, which are
+//! therefore checked only for order and level; a separate check compares them with the frame delay time of ISO 14443-3.
 
 use std::path::Path;
 
@@ -16,20 +16,20 @@ use st25r3916_model::{
     AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
 };
 
-/// The virtual time at which a recording begins, ns, after the setup.
+/// The virtual time at which a recording begins, after the chip's setup, ns.
 const BEGIN_NS: u64 = 60_000_000;
 /// The recorded controller's SPI clock, Hz.
 const SPI_HZ: u32 = 10_500_000;
-/// The time from a byte's first rising clock edge to the end of its eighth clock at that rate, ns.
+/// The time from the first rising clock edge of an SPI byte to the end of its eighth clock at 10.5 MHz, ns.
 const BYTE_NS: u64 = 762;
-/// The tolerance of a fall of the IRQ pin against the recording, ns: the text gives a transfer's instant and an edge's
-/// to 100 ns each, and the bytes of an interrupt read start up to 60 ns from their instants in [`byte_ends`]. A fall at
-/// the byte's end would be 683 ns away.
+/// The tolerance of a fall of the IRQ pin against the recording, ns. The recording's text gives the instants of
+/// transfers and edges to 100 ns each, and the bytes of an interrupt read start up to 60 ns from their instants in
+/// [`byte_ends`]. A fall at the byte's end would be 683 ns away.
 const FALL_TOLERANCE_NS: u64 = 150;
-/// The same for a rise, which a command may cause: those start up to 300 ns from their instants in [`byte_ends`]. The
-/// recorded receiver's own delays vary by 400 ns.
+/// The tolerance of a rise of the IRQ pin against the recording, ns. A command may cause a rise, and commands start up
+/// to 300 ns from their instants in [`byte_ends`]. The recorded receiver's own delays vary by 400 ns.
 const EDGE_TOLERANCE_NS: u64 = 250;
-/// One bit at 106 kbit/s.
+/// The duration of one bit at 106 kbit/s, attoseconds.
 const BIT_AS: u64 = 9_439_528_023_598;
 
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ fn capture(name: &str) -> Option<Vec<Line>> {
     };
     let hex = |s: &str| -> Vec<u8> { s.split_whitespace().map(|b| u8::from_str_radix(b, 16).expect("hex")).collect() };
     let mut lines = Vec::new();
-    // Two lines name the channels.
+    // The first two lines of a recording name the channels.
     for line in text.lines().skip(2).filter(|l| !l.trim().is_empty()) {
         let (time, rest) = line.trim().split_once(' ').expect("an instant and what happened");
         let (us, tenths) = time.split_once('.').expect("microseconds with a tenth");
@@ -69,12 +69,12 @@ fn capture(name: &str) -> Option<Vec<Line>> {
             }
         });
     }
-    // An edge within a transfer may be listed before it.
+    // A recording may list an edge of the IRQ pin before the transfer within which it lies.
     lines.sort_by_key(Line::at);
     Some(lines)
 }
 
-/// The recorded board.
+/// Returns a chip that is configured like the one on the recorded board.
 fn board() -> Chip {
     let mut chip = Chip::new(Config {
         variant: Variant::St25r3916,
@@ -82,7 +82,7 @@ fn board() -> Chip {
         regulator_display: 0xE0,
         driver_timing_display: 0x04,
         broken_frame: BrokenFrame::EndsWithError,
-        // Each frame starts at the mean; the test allows for the scatter.
+        // Each frame starts at the mean instant; the test allows for the scatter of the recorded frames.
         transmit_scatter_ns: 0,
         ..Config::default()
     });
@@ -90,9 +90,10 @@ fn board() -> Chip {
     chip
 }
 
-/// The instants at which the bytes of a transfer end, ns after chip select falls, from the same recordings at 2 ns
-/// resolution (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares;
-/// the second follows it by 1.5 µs, each further one by 1.88 µs.
+/// Returns the instants at which the bytes of a transfer end, ns after the fall of chip select. They are from the same
+/// recordings at a resolution of 2 ns (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more
+/// the controller has to prepare; the second byte starts 1.5 µs after the first, and each further byte 1.88 µs after
+/// the one before.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
     let first = match mosi {
         [_] => 2_040,
@@ -107,12 +108,12 @@ fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
     let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
-    // The controller raises chip select 1.8 us or more after the last edge.
+    // The recorded controller raises chip select 1.8 us or more after the last clock edge.
     chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
-/// The recorded firmware's actions before its first scan.
+/// Repeats the recorded firmware's actions before its first scan for a tag.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -130,7 +131,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     run(&[0xDF], 100_000);
     run(&[0xD6], 4_000_000);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // The general purpose timer runs for 20 ms, masked: its bit stays.
+    // The general purpose timer runs out after 20 ms. Its interrupt is masked, so the interrupt bit stays set.
     run(&[0x13, 0x84, 0x6C], 0);
     run(&[0xE0], 21_000_000);
     run(&[0x02, 0x83], 0);
@@ -144,7 +145,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // These are the further writes of the recorded firmware's bring-up.
+    // These are the remaining writes of the recorded firmware's start sequence.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],
@@ -155,15 +156,16 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
         }
     }
     assert!(!chip.irq());
-    // The list holds the addresses that the part has, and no other.
+    // Every address that the recording reads exists in the part.
     assert_eq!(chip.reports().iter().filter(|r| matches!(r.kind, Kind::NoSuchRegister(..))).count(), 0);
 }
 
-/// An NFC-A tag that repeats the recorded one's answers at their instants.
+/// An NFC-A tag that repeats the answers of the recorded tag at the recorded instants.
 struct Tag {
-    /// The recorded I_rxs edges, and the bytes that the firmware then read and must have received.
+    /// The instants of the recorded edges of I_rxs, each with the bytes that the firmware then read, which the model
+    /// must receive.
     answers: Vec<(u64, Vec<u8>)>,
-    /// The time from the start of the answer to I_rxs, ns.
+    /// The time from the start of an answer to I_rxs, ns.
     to_rxs: u64,
 }
 
@@ -174,14 +176,15 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // The read shows only I_rxs.
+                // In such a read of the interrupt registers only I_rxs is set, so an answer has begun.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x9F => {
                     let (_, data) = answers.last_mut().expect("data after a start");
                     data.extend_from_slice(&miso[1..]);
-                    // The firmware reads one byte of the SAK's three in the FIFO; its CRC_A is the standard's.
+                    // The recorded firmware read only the first of the SAK's three bytes in the FIFO. The two bytes of
+                    // CRC_A are added here as the standard defines them.
                     if data.len() == 1 {
                         let crc = crc_a(data);
                         data.extend_from_slice(&crc);
@@ -194,7 +197,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Passes every answer to the chip in advance.
+    /// Passes every answer of the tag to the chip in advance.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -265,8 +268,8 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and I_nre, which
-    // counts from there, move along with it.
+    // The recorded chip started each frame at a random instant within the scatter. The frame's end (I_txe) varies with
+    // it, and so does I_nre, which is counted from that end.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -296,7 +299,7 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
         assert!(late.unsigned_abs() <= EDGE_TOLERANCE_NS, "edge at {}, recorded at {was}: {late} ns", edge.at_ns);
     }
     assert_eq!(starts.len(), 7);
-    // The recorded frames use most of the scatter, so the model's is not wider than necessary.
+    // The recorded frames use most of the model's scatter, so the scatter is not wider than necessary.
     let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
     assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 
@@ -324,10 +327,10 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     }
     assert_eq!(sent.first().map(|(_, e)| e), Some(&AirEvent::FieldOn));
     assert_eq!(sent.last().map(|(_, e)| e), Some(&AirEvent::FieldOff));
-    // The supply range, antenna tuning and receive chain that worked on silicon cause no finding.
+    // The supply range, antenna tuning and receive chain that worked on silicon must cause no finding.
     let kinds: Vec<Kind> = chip.reports().iter().map(|r| r.kind).collect();
-    // The recorded controller is faster than the data sheet allows, and sets antcl and a register (EMD
-    // suppression) that are not modelled.
+    // The recorded controller clocks faster than the data sheet allows. It also sets antcl and a register for EMD
+    // suppression, both of which are not modelled.
     let expected = |k: &Kind| {
         matches!(
             k,
@@ -341,8 +344,8 @@ fn the_model_reads_a_tag_exactly_as_the_recorded_chip_did() {
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // By ISO 14443-3 an answer starts 1172 cycles (86.4 us) after the end of the last bit, plus the pause; I_txe comes
-    // two bits after that bit.
+    // By ISO 14443-3 an answer starts 1172 carrier cycles (86.4 us) plus the pause after the end of the frame's last
+    // bit. I_txe comes two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()
         .zip(sent.iter().skip(1))

@@ -1,4 +1,5 @@
-//! Tests a careless controller: every misuse is reported, never silently accepted, and never a panic.
+//! Tests that every misuse of the chip by its controller is reported, is never silently accepted, and never causes a
+//! panic.
 
 use crate::common;
 
@@ -128,7 +129,7 @@ fn an_interrupt_set_behind_a_mask_raises_the_pin_when_unmasked() {
     assert!(chip.irq());
     assert_eq!(exchange(&mut chip, 800_000, &[0x5A, 0]), [0, 0x80]);
     assert!(!chip.irq());
-    // A bit that is set between the latching and the end of the read survives.
+    // An interrupt bit that is set between the latching of the register's value and the end of the read must stay set.
     exchange(&mut chip, 800_000, &[0x02, 0x00]);
     exchange(&mut chip, 800_000, &[0x02, 0x80]);
     chip.select(1_499_000);
@@ -171,7 +172,7 @@ fn no_response_and_wake_up_timers_run_as_set() {
     pair.fire();
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
     let end = pair.air.last_frame().expect("sent").end_ns;
-    // The timer has 100 steps of 64 carrier cycles.
+    // The no-response timer is set to 100 steps of 64 carrier cycles.
     assert_eq!(pair.now - end, 471_976 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller)[1], 0x40);
     pair.spi(Side::Poller, &[0x32, 0x88]);
@@ -183,7 +184,8 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is emptied at different bytes, and loaded again or not: the announced bytes do not come.
+    // The FIFO is cleared at different bytes of the frame, and is loaded again or not. The rest of the frame's bytes is
+    // never sent.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -197,20 +199,20 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // The bytes loaded afterwards were not sent.
+        // The bytes that were loaded after the clearing were not sent.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
         assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
         let (n, _) = pair.fifo(Side::Listener);
-        // A byte takes 8 bits of 32 cycles, and 64 bits precede the first byte, LEN.
+        // A byte takes 8 bits of 32 carrier cycles each, and 64 bits precede the first byte, LEN.
         let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
         assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
         assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
         let c = pair.air.counters();
         assert_eq!((c.sent, c.delivered, c.damaged), (1, 0, 1));
-        // The poller must not hang.
+        // The poller must be able to send the next frame.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 3));
@@ -230,7 +232,7 @@ fn a_frame_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // The first 16 bytes were announced alone, and 40 bytes are gone.
+    // The first 16 bytes were announced to the air alone. When the FIFO is cleared, about 40 bytes have been sent.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -256,7 +258,7 @@ fn a_fifo_cleared_in_time_sends_the_bytes_loaded_after_it() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // The first bit is still due, so no byte has been announced to the air.
+    // The frame's first bit is still due, so no byte has been announced to the air.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -276,7 +278,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // The CRC is on the air: 64 bits, LEN and 20 bytes have gone.
+    // The CRC is on the air: 64 bits of preamble and sync, LEN and 20 bytes have been sent.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -327,10 +329,10 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_is_reported() {
     for (writes, kind) in [
-        // The modes are an NFC-A target with its anticollision, and active communication.
+        // The first mode is an NFC-A target with its anticollision, and the second is active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
-        // NFC-F has no 106 kbit/s here.
+        // At 106 kbit/s the chip has no NFC-F reception as a target.
         (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -346,7 +348,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         assert_eq!(pair.listener.statistics().missed, 1);
     }
     for (mode, rate, kind) in [
-        // The settings are NFC-B, and NFC-A at 212 kbit/s.
+        // The settings are NFC-B, and NFC-A at 212 kbit/s, which the model does not cover.
         (0x10, 0x00, Kind::UnmodelledMode(0x10)),
         (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
     ] {
@@ -354,7 +356,7 @@ fn a_mode_or_rate_that_is_not_modelled_is_reported() {
         pair.spi(Side::Poller, &[0x03, mode, rate]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
-        // A chip that does not listen reports nothing.
+        // A chip whose receiver is off reports nothing.
         pair.spi(Side::Poller, &[0x02, 0x88]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
@@ -390,7 +392,8 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // The field comes and goes before the window of 302 us ends, or is there from the start and goes at once.
+    // In these two cases an external field appears and disappears within the window of 302 us. In the case after them,
+    // the field is present at the start of the window and disappears at once.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);
@@ -437,7 +440,7 @@ fn only_a_request_for_its_own_system_code_is_answered() {
         pair.fire();
         pair.run_for(6_000_000);
         assert_eq!(pair.air.counters().answers, u64::from(answered), "{asked:02X?}");
-        // Without an answer the request is a frame like any other.
+        // A request that is not answered is received like any other frame.
         let expected = if answered { [0x28, 0, 0, 0x18] } else { [0x30, 0, 0, 0] };
         assert_eq!(pair.irqs(Side::Listener), expected);
     }
@@ -448,7 +451,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     for (write, register, lost) in [
         (&[0x03u8, 0xA4][..], 0x03, true),
         (&[0x04, 0x21], 0x04, true),
-        // The write changes the rate of transmission.
+        // The write changes only the bit rate of transmission.
         (&[0x04, 0x12], 0x04, false),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -460,7 +463,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // A frame being sent goes on as it began.
+    // A frame that is being sent goes on unchanged.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));
@@ -471,7 +474,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // Neither a write of the present value nor one between frames is a change during a frame.
+    // A write of the present value during a frame is not reported, and neither is a change between frames.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();
@@ -482,7 +485,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     assert_eq!(pair.poller.reports(), []);
 }
 
-/// One action of a controller, a field or a supply.
+/// One random action: an SPI transfer by a controller, a wait, or a switch of a supply.
 #[derive(Clone, Debug)]
 enum Act {
     Spi(Side, Vec<u8>),
@@ -545,7 +548,7 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The bring-up has left edges, perhaps more than are kept.
+            // The start of the chips has left edges of the IRQ pins, perhaps more than the chip keeps.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);
@@ -563,7 +566,7 @@ proptest! {
                 for (i, side) in [Side::Poller, Side::Listener].into_iter().enumerate() {
                     let (now, chip) = (pair.now, pair.chip(side));
                     for edge in chip.take_irq_edges() {
-                        // The pin changes at each edge, and edges are in order.
+                        // The level of the IRQ pin changes at each edge, and the edges are in order of time.
                         prop_assert!(edge.level != pins[i].0 && edge.at_ns >= pins[i].1 && edge.at_ns <= now);
                         pins[i] = (edge.level, edge.at_ns);
                     }

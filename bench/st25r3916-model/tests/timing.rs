@@ -1,11 +1,11 @@
-//! Tests instants of the model: the edges of the IRQ pin, and the scatter of the start of transmission.
+//! Tests the exact instants of the IRQ pin's edges, and the scatter of the start of transmission.
 
 use crate::common;
 
 use common::{Pair, exact, payload};
 use st25r3916_model::{Air, AirFaults, Chip, Config, IrqEdge};
 
-/// A chip whose oscillator has started at 700 us: I_osc is pending, the pin is high.
+/// Returns a chip whose oscillator has become stable at about 700 us, so that I_osc is pending and the IRQ pin is high.
 fn with_irq(hz: u32) -> Chip {
     let mut chip = Chip::new(exact());
     chip.spi_clock_hz(hz);
@@ -20,7 +20,8 @@ fn with_irq(hz: u32) -> Chip {
 
 #[test]
 fn the_irq_pin_falls_at_the_first_edge_of_the_byte_read() {
-    // A byte has eight clock periods from its first rising edge to its end; the pin follows 31 ns after that edge.
+    // From the first rising edge of a byte to its end there are eight clock periods. The IRQ pin falls 31 ns after that
+    // edge.
     for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
         chip.select(720_000);
@@ -48,7 +49,7 @@ fn a_clock_that_was_not_told_counts_as_the_fastest() {
 
 #[test]
 fn the_pin_never_falls_before_the_byte_that_was_read() {
-    // The clock is set to 1 MHz, but the byte ends 500 ns after the one before.
+    // The clock is set to 1 MHz, but the byte ends only 500 ns after the byte before.
     let mut chip = with_irq(1_000_000);
     chip.select(720_000);
     chip.transfer(730_000, 0x5A);
@@ -58,7 +59,7 @@ fn the_pin_never_falls_before_the_byte_that_was_read() {
 
 #[test]
 fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
-    // I_osc is read in the byte that ends at 807.2 us; the no-response timer fires in the middle of it.
+    // I_osc is read in the byte that ends at 807.2 us; the no-response timer expires in the middle of this byte.
     let config = Config { no_response_extra_ns: 0, ..exact() };
     let mut chip = Chip::new(config);
     chip.spi_clock_hz(8_000_000);
@@ -75,10 +76,10 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     chip.select(801_000);
     chip.transfer(802_000, 0xE3);
     chip.deselect(802_000);
-    // The timer takes 64 carrier cycles: 4.720 us.
+    // The no-response timer takes 64 carrier cycles, 4.720 us.
     chip.select(804_000);
     chip.transfer(805_000, 0x5A);
-    // The pin is read in the middle of the byte; the chip gets the byte at its end.
+    // The test reads the IRQ pin in the middle of the byte, but passes the byte to the chip at the byte's end.
     chip.advance(806_720);
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
@@ -91,7 +92,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
 #[test]
 fn the_pin_stays_high_when_an_earlier_interrupt_is_left() {
     let mut chip = with_irq(10_000_000);
-    // A second bit is pending in 1B: I_dct, after D6.
+    // A second interrupt is pending in register 1B: I_dct, after Adjust regulators (D6).
     chip.select(711_000);
     chip.transfer(712_000, 0xD6);
     chip.deselect(712_000);
@@ -147,7 +148,7 @@ fn edges_that_nobody_takes_do_not_pile_up() {
     assert!(edges.windows(2).all(|w| w[0].at_ns < w[1].at_ns && w[0].level != w[1].level));
 }
 
-/// The times from the command's end to the first bit, for `frames` frames.
+/// Returns the times from the end of the transmit command to the first bit of the frame, ns, for `frames` frames.
 fn starts(config: Config, frames: u64) -> Vec<u64> {
     let mut pair = Pair::started(config, exact(), Air::new(0, AirFaults::default()));
     (0..frames)
@@ -171,7 +172,7 @@ fn the_start_of_transmission_scatters_over_what_is_set_around_its_mean() {
         assert!(most - least > scatter * 95 / 100, "{least} to {most}");
         let average = seen.iter().sum::<u64>() / 500;
         assert!(average.abs_diff(mean) < scatter / 20, "{average}");
-        // A uniform scatter has a quarter of the frames in each quarter.
+        // With a uniform scatter, a quarter of the frames start in each quarter of the range.
         let quarter = seen.iter().filter(|s| **s < mean - scatter / 4).count();
         assert!((90..=160).contains(&quarter), "{quarter} of 500 in the first quarter");
     }

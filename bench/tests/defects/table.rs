@@ -30,7 +30,7 @@ pub(crate) enum Shows {
 
 /// A defect.
 pub(crate) struct Defect {
-    /// Its name.
+    /// The name of the defect.
     pub(crate) name: &'static str,
     /// The effect of the defect.
     pub(crate) does: &'static str,
@@ -61,7 +61,7 @@ const CLIENT: &str = "profile/src/ssi/client/mod.rs";
 const DRONE: &str = "base-station/src/drone/mod.rs";
 const ORDER: &str = "base-station/src/drone/order.rs";
 
-/// The only fault is the defect.
+/// The run has no fault besides the defect.
 const PLAIN: &str = "--seconds 6";
 /// In this run the receivers start with their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
@@ -69,23 +69,23 @@ const FACTORY: &str = "--seconds 8 --factory-settings";
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";
 /// In this run receivers and their lines fail, and all receivers jump at once.
 const JUMPS: &str = "--seconds 20 --seed 6 --faults gnss";
-/// The air and the front ends fail.
+/// In this run the air and the front ends fail.
 const AIR: &str = "--seconds 20 --seed 4 --faults air";
-/// The flight controller misbehaves.
+/// In this run the flight controller misbehaves.
 const FC: &str = "--seconds 20 --seed 5 --faults fc";
-/// Supplies and reset pins.
+/// In this run supplies and reset pins fail.
 const POWER: &str = "--seconds 20 --seed 6 --faults power";
-/// Bits of the DPR's buffers.
+/// In this run bits of the DPR's buffers fail.
 const BUFFERS: &str = "--seconds 20 --seed 12 --faults buffers";
-/// The inputs of HORUS's state.
+/// In this run the inputs of HORUS's state fail.
 const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
-/// Boards hang, and tasks are dead.
+/// In this run boards hang, and tasks are dead.
 const HANG: &str = "--seconds 20 --seed 9 --faults hang";
-/// Bits of the front ends' registers.
+/// In this run bits of the front ends' registers flip.
 const CHIPS: &str = "--seconds 20 --seed 10 --faults chips";
-/// Everything, for long.
+/// In this run, which is the longest, all kinds of faults occur except those of the chips.
 const LONG: &str = "--seconds 60 --seed 31 --faults air,gnss,fc,power,buffers,inputs,hang";
-/// Everything.
+/// In this run all kinds of faults occur except those of the chips.
 const ALL: &str = "--seconds 20 --seed 11 --faults air,gnss,fc,power,buffers,inputs,hang";
 
 const fn edit(file: &'static str, old: &'static str, new: &'static str) -> Edit {

@@ -6,7 +6,7 @@ use bench_judge::Violation;
 
 use super::{MS, Row, breaks, table};
 
-/// A run in which the fault lasts for 40 ms.
+/// The faults of a run in which `fault` lasts for 40 ms.
 fn for_a_while(fault: Fault) -> Faults {
     Faults::none().with(breaks(), breaks() + 40 * MS, fault)
 }

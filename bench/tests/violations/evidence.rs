@@ -11,7 +11,7 @@ use super::{MS, Row, US, breaks, table};
 
 /// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
 const SPI1_CR1: u32 = 0x4001_3000;
-/// The STM32's IWDG_KR (RM0090 21.4.1).
+/// The key register of the STM32's watchdog, IWDG_KR (RM0090 21.4.1).
 const IWDG_KR: u32 = 0x4000_3000;
 /// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;

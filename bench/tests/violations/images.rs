@@ -22,9 +22,9 @@ const RECORDED: u64 = RAM_TEST + 30 * MS;
 const FLASH: usize = 0x4_4000;
 /// The interval from the start to the end of a run, ns.
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
-/// `WFI`
+/// The instruction `WFI`, as bytes.
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
-/// `NOP`
+/// The instruction `NOP`, as bytes.
 const NOTHING: [u8; 2] = 0xBF00_u16.to_le_bytes();
 
 fn image(setup: &Setup, board: Board) -> Firmware {

@@ -2,7 +2,8 @@
 //! it. The judge must report no other violation, except that a firmware's own fault counter may report the same fault.
 //! A violation without a row fails the table, so every violation can occur.
 //!
-//! Each row's event log is judged twice, and once more after it was stored and read again; all verdicts must be equal.
+//! Each row's event log is judged twice, and a third time after it was stored and read again; all verdicts must be
+//! equal.
 
 use crate::boards;
 
@@ -33,9 +34,9 @@ const CONTROL_CYCLE: u64 = 4 * MS;
 
 /// The instants, in a sound run after [`SETTLED`], at which faults begin.
 struct Beat {
-    /// The value of [`breaks_with`], ns.
+    /// The instant that [`breaks_with`] returns, ns.
     breaks: u64,
-    /// The value of [`reads`], ns.
+    /// The instant that [`reads`] returns, ns.
     reads: u64,
 }
 
@@ -94,7 +95,7 @@ struct Row {
     duration: fn() -> u64,
     /// Changes the setup of a sound run to that of the row.
     setup: fn(&mut Setup),
-    /// The fault of the row.
+    /// The faults of the row.
     faults: fn() -> Faults,
     /// Further faults, which the bench gets when both boards have reached the instant of [`breaks_with`].
     added: fn() -> Faults,
@@ -120,7 +121,7 @@ fn bench(setup: &Setup) -> Bench {
     bench
 }
 
-/// A run in which nothing is broken.
+/// Runs the link with `gps` receivers, with nothing broken; `None` if the firmwares were not built.
 fn sound(gps: usize, duration: u64) -> Option<Finished> {
     let setup = setup(gps, duration)?;
     let mut bench = bench(&setup);
@@ -128,7 +129,7 @@ fn sound(gps: usize, duration: u64) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// The run of a row; `None` if the firmwares were not built.
+/// Runs the link as the row states; `None` if the firmwares were not built.
 fn run(row: &Row) -> Option<Finished> {
     let mut setup = setup(row.gps, 0)?;
     let duration = (row.duration)();

@@ -25,7 +25,7 @@ fn hangs(faults: Faults, at: u64) -> Faults {
 }
 
 /// All frames are lost, and the SSI hangs when the last frame has been read and is still in the image. The DPR removes
-/// it 12.5 ms after that frame's end.
+/// that frame's objects from its images 12.5 ms after the frame's end.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
@@ -117,8 +117,8 @@ table! {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // One transaction reads again what a transaction of the cycle before had read. The flight controller's clock is
-    // slow, so that no transaction is under way when FRESH rises.
+    // One transaction reads the same bytes again that a transaction read in the cycle before. The flight controller's
+    // clock is slow, so that no transaction is under way when FRESH rises.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
         ..Row::new(Violation::Regression, regressed)
@@ -145,7 +145,7 @@ table! {
 
 #[test]
 fn each_field_of_port_status_is_judged() {
-    // Each row has a byte of a field of Link-Status, and the bit of it that is inverted.
+    // Each row gives a byte of a field of Link-Status, and the bit of that byte that is inverted.
     let fields = [
         ("time", 1, 0x10),
         ("uplink of the base station fresh", 6, 0x01),
@@ -197,8 +197,8 @@ fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge
 
 #[test]
 fn recovery_lasts_from_a_causes_end_until_a_later_frame_is_read() {
-    // While no more than 25 cycles are missed, the first frame after them is shown. It begins within a cycle, ends
-    // within half of another, and the flight controller reads within 4 ms.
+    // While no more than 25 cycles are missed, the first frame after them is shown. This frame begins within a cycle,
+    // ends within another half of a cycle, and is read within the next 4 ms.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
     // After more missed cycles the DPR searches for the sequence, and the fourth frame is shown.

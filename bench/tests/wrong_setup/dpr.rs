@@ -21,15 +21,15 @@ const READ_EVERY: u64 = 2 * MS;
 /// What was observed of the DPR from outside during a run.
 #[derive(Clone, Debug, Default)]
 struct Shows {
-    /// The numbers of transactions in which every byte read 0xFF, of those with an intact Link-Status, and of those
-    /// with a valid object.
+    /// Numbers of transactions: those in which every byte read 0xFF, those with an intact Link-Status, and those with a
+    /// valid object.
     silent: usize,
     intact: usize,
     valid: usize,
     all: usize,
     /// The number of transactions that read data although the one before them ended within the pause.
     hasty: usize,
-    /// The time for which valid data were still read after `commit` hung, ns.
+    /// How long valid data were still read after `commit` hung, ns.
     stale: u64,
     /// The numbers of rises and of falls of FRESH.
     fresh: (usize, usize),
@@ -121,7 +121,8 @@ const PPI_CHENSET: u32 = 0x4001_F504;
 /// The PIN_CNF registers of the nRF52840's port 1.
 const P1_CNF: u32 = 0x5000_0A00;
 
-/// Whether the front end is never used, the log has the reason, and the SSI shows images without valid objects.
+/// Whether the front end is never used, the log gives `reason` as the reason, and the SSI shows images without valid
+/// objects.
 fn deaf_for(seen: &Shows, reason: &str) -> bool {
     seen.received == 0
         && seen.valid == 0
@@ -142,7 +143,7 @@ fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
 
-/// Whether the flight controller reads as many intact images as it should; FRESH is not checked.
+/// Whether the flight controller reads as many intact images as with the original program; FRESH is not checked.
 fn shows_as_ever(seen: &Shows) -> bool {
     seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
 }
@@ -273,7 +274,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Expected::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Expected::Nothing, is_bitten),
-    // The DPR counts a second after 63 ms.
+    // Without the prescaler the DPR counts a second after 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Expected::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),

@@ -10,7 +10,7 @@ const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 struct Sends {
     /// The instant at which each frame began, ns.
     frames: Vec<u64>,
-    /// The time for which the last frame was on the air, ns.
+    /// How long the last frame was on the air, ns.
     air_ns: u64,
     /// For each receiver, the number of frames in which its position was valid.
     valid: [usize; 3],
@@ -153,7 +153,7 @@ fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
 
-/// Whether the front end is never used, the log has the reason, and the rest of the board works.
+/// Whether the front end is never used, the log gives `reason` as the reason, and the rest of the board works.
 fn off_air_for(seen: &Sends, reason: &str) -> bool {
     off_air(seen, reason) && seen.messages[2] == 11
 }
@@ -181,7 +181,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Expected::Nothing,
         |seen| first_receiver_alone_is_lost(seen) && seen.errors[0] > 100,
     ),
-    // With nine bits the UART reads the stop bit as parity and the next start bit as a stop bit.
+    // With nine bits in a character the UART reads the stop bit as parity and the next start bit as a stop bit.
     row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Expected::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),

@@ -64,7 +64,7 @@ impl Images for Album {
     }
 }
 
-/// Returns when frame number `frame` ends if its cycle is sampled at `sampled_us`.
+/// Returns the instant, µs, at which frame number `frame` ends if its cycle is sampled at `sampled_us`.
 fn end<const N: usize>(sampled_us: u32, frame: usize) -> u32 {
     sampled_us.wrapping_add(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
 }
@@ -515,7 +515,7 @@ fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
     assert_eq!(bench.album.shown::<5>(), []);
 }
 
-/// A frame that was sent, and when it ended. What an image must show is derived from all frames, anew for each image.
+/// A frame that was sent, and the instant of its end. What an image must show follows from all such frames.
 struct Sent {
     second: bool,
     /// The timestamps of the frame's objects that arrive intact, by their number in the profile.
@@ -584,8 +584,8 @@ fn newest(sent: &[Sent], receivers: usize, now: i128) -> Vec<(usize, u32)> {
         return Vec::new();
     }
     if receivers == 5 && !frame.second {
-        // The frame waits for the cycle's second frame. The image that was newest when the frame ended stays until the
-        // deadline, which the frame has restarted.
+        // This is the first frame of its cycle, so the DPR waits for the second. The image that was newest when this
+        // frame ended stays until the deadline, which this frame has restarted.
         return if passed >= 7_000 { alone } else { before(sent, receivers, number) };
     }
     let Some(first) = number

@@ -123,7 +123,7 @@ pub(crate) struct Board {
     pub(crate) deadline: Deadline,
     /// The watchdog; `None` if something else has configured the watchdog, which then has to feed it.
     pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
-    /// Why the part last started.
+    /// The reason for which the part last started.
     pub(crate) reset_reason: ResetReason,
     /// Whether the debug port stays open.
     pub(crate) debug_port: DebugPort,

@@ -15,7 +15,7 @@ struct Board {
     image: ImageMemory,
     generation: Cell<u32>,
     words_to_exchange: Cell<u32>,
-    /// The word, and its bit, that the first read of that word returns wrong.
+    /// The word, and the bit of it, that are returned wrong when the word is read for the first time.
     wrong_read: Cell<Option<(usize, u32)>>,
 }
 

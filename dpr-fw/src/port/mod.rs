@@ -60,7 +60,7 @@ fn is_idle(bytes: &[u8]) -> bool {
 /// The state of the DPR that other tasks hold and Port-Status shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    /// How often the SSI task has granted its last transaction or dropped an object, since start, wrapping.
+    /// The number of times since start, wrapping, that the SSI task granted its last transaction or dropped an object.
     pub too_many: u32,
     /// The number of faults that the patrol found in images.
     pub integrity_faults: u32,
@@ -70,7 +70,7 @@ pub struct Diagnostics {
     pub stuck_bits: u32,
     /// The number of receive buffers and images that were taken out of use.
     pub buffers_out_of_use: u32,
-    /// Why the DPR was last in its safe state; 0 if it was not.
+    /// The code of the reason for which the DPR was last in its safe state; 0 if it was not.
     pub last_stop: u32,
 }
 
@@ -79,7 +79,7 @@ pub struct Diagnostics {
 struct Slot<W> {
     timestamps: Timestamps,
     stored: Uplink,
-    /// When the uplink was stored, µs since start; `None` before the first.
+    /// The instant at which the uplink was stored, µs since start; `None` before the first uplink.
     stored_us: Option<u64>,
     writer: PhantomData<W>,
 }
@@ -103,8 +103,8 @@ impl<W: WritesUplink> Slot<W> {
     /// time since it was stored, ms. The time saturates, also if none was stored.
     fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
         let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
-        // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds. 32 bits of µs last longer than
-        // 16 bits of ms.
+        // The processor divides 32 bits in a dozen cycles, and 64 bits in some hundreds, so 32 bits are divided. As µs
+        // they last longer than the 16 bits of the result as ms.
         let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
         if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
@@ -136,7 +136,7 @@ pub struct WritePort {
     violations: Violations,
     /// The number of access violations of all kinds since start.
     total: u32,
-    /// The part of [`Diagnostics::too_many`] that is already counted as violations.
+    /// The value of [`Diagnostics::too_many`] up to which violations are already counted.
     too_many: u32,
 }
 

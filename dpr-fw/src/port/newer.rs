@@ -12,7 +12,7 @@ pub struct Timestamps {
     row: Option<(u32, u8)>,
 }
 
-/// Whether `timestamp` is less than half of the 32-bit range ahead of `than`; otherwise it is behind it.
+/// Whether `timestamp` is newer than `than`: ahead of it by less than half of the 32-bit range.
 const fn is_newer(timestamp: u32, than: u32) -> bool {
     let step = timestamp.wrapping_sub(than);
     step != 0 && step <= u32::MAX / 2

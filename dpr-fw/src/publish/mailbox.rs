@@ -68,7 +68,7 @@ pub trait Doorbell {
     fn announce(&mut self);
 }
 
-/// Where the commit task puts its images: into the mailbox. It then tells the SSI of each.
+/// The way by which the commit task publishes an image: it goes into the mailbox, and is then announced to the SSI.
 #[derive(Debug)]
 pub struct Outbox<'a, M, B, D> {
     /// The mailbox, which the commit task shares with the SSI task.

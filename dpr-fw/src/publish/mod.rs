@@ -42,7 +42,7 @@ use crate::{triple::Memory, ImageMemory};
 pub use mailbox::{Doorbell, Mailbox, Outbox};
 pub use server::{Events, Server, Ssi};
 
-/// The time from its publication for which an image that is not replaced can be read, µs.
+/// How long after its publication an image that is not replaced can be read, µs.
 pub const EXPIRY_US: u32 = 25_000;
 
 /// The time from the expiry timer's first compare to its second, µs: longer than the SSI task takes from its check of

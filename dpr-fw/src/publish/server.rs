@@ -12,7 +12,7 @@ use crate::{
     triple::Received,
 };
 
-/// What has happened on the SSI when its task is called.
+/// The events on the SSI since the SSI task was last called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Events<'a> {
     /// Whether the processor has the semaphore.
@@ -42,7 +42,7 @@ pub trait Ssi {
     /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, since the flight
     /// controller waits for that.
     fn pass_on(&mut self);
-    /// Whether the time of the image that is streamed is over. Called only while the processor has the semaphore.
+    /// Whether the image that is streamed has expired. Called only while the processor has the semaphore.
     fn is_expired(&mut self) -> bool;
     /// Exchanges the image that is streamed. Called only while the processor has the semaphore.
     fn exchange<R>(
@@ -123,9 +123,9 @@ impl<const LEN: usize> Server<LEN> {
     }
 }
 
-/// What the SSI task found out about a transaction that has ended.
+/// The SSI task's findings about a transaction that has ended.
 struct Ended {
-    /// Whether it was the last transaction that is granted between two images.
+    /// Whether the transaction was the last one that is granted between two images.
     spent: bool,
     handed_over: HandedOver,
 }

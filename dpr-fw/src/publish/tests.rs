@@ -93,7 +93,7 @@ struct SsiModel {
     world: Rc<RefCell<World>>,
     image: Option<Received<Buffer, ()>>,
     received: Vec<u8>,
-    /// What each transaction asked for. The next two fields hold what becomes of the bytes of a transaction.
+    /// The request of each transaction. The next two fields record what happened to the bytes of each transaction.
     asked: Vec<Asked>,
     passed_on: usize,
     handed_over: HandedOver,
@@ -242,7 +242,7 @@ impl Board {
         found.buffers
     }
 
-    /// The flight controller reads a whole transaction, and nothing else happens until the pause after it is over.
+    /// The flight controller makes a whole transaction, and nothing else happens until the pause after it is over.
     fn read(&self, mosi: &[u8]) -> Read {
         self.world.borrow_mut().mosi = mosi.to_vec();
         for what in [Happening::Select, Happening::Deselect, Happening::PauseEnd] {

@@ -15,7 +15,7 @@ pub const IMAGES: usize = 4;
 /// to be withdrawn, although FRESH may have risen for it.
 pub const IMAGES_LEAST: usize = 3;
 
-/// The triple buffer between the commit task and the SSI. Unlike frames, images do not queue: the newest wins.
+/// The triple buffer between the commit task and the SSI. Unlike frames, images do not queue: only the newest waits.
 #[derive(Debug)]
 pub struct Exchange<B> {
     newest: Option<Received<B, ()>>,

@@ -96,7 +96,7 @@ impl<const OF: u32, const LEAST: u32> InUse<OF, LEAST> {
         self.0 <= LEAST
     }
 
-    /// Returns the buffer, unless it is faulty and the set has more than the least number in use; and the result.
+    /// Returns the scrub's result, and the buffer unless it is faulty and more than `LEAST` buffers are in use.
     pub(crate) fn admit<B>(&mut self, outcome: Outcome<B>) -> (Option<Clean<B>>, Scrubbed) {
         match outcome {
             // The faulty buffer is dropped, so that no code can use it any more.

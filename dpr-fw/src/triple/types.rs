@@ -139,7 +139,7 @@ impl<B, I> Received<B, I> {
         &self.buffer
     }
 
-    /// Returns what [`Filling::received`] was given about the frame.
+    /// Returns the information about the frame that was given to [`Filling::received`].
     pub fn about(&self) -> &I {
         &self.about
     }

@@ -2,7 +2,7 @@
 
 use crate::Signals;
 
-/// How many bytes an access moves.
+/// The number of bytes that an access moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One byte.
@@ -44,7 +44,7 @@ pub enum Purpose {
 /// One access of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Access {
-    /// The address, which is aligned to the width: the core splits unaligned accesses.
+    /// The first address of the access. It is aligned to the width, because the core splits unaligned accesses.
     pub address: u32,
     /// The number of bytes.
     pub width: Width,
@@ -52,7 +52,7 @@ pub struct Access {
     pub purpose: Purpose,
     /// Whether the core is privileged.
     pub privileged: bool,
-    /// The core's cycle of the access.
+    /// The core's cycle at which the access takes place.
     pub cycle: u64,
     /// The address of the instruction that makes the access.
     pub pc: u32,

@@ -20,12 +20,12 @@ use crate::{Bus, Fault, decode};
 pub(crate) const BITS: u32 = 10;
 /// The number of instruction slots of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);
-/// How often a page may be decoded anew as a whole because a byte in it was written.
+/// The number of times that a page may be decoded anew as a whole because a byte in it was written.
 const MOST_REWRITES: u32 = 64;
 /// The number of entries of the index, which must be a power of two.
 const INDEX: usize = 256;
 
-/// How the core makes sure that the decoded instructions of a page match memory.
+/// The way in which the core makes sure that the decoded instructions of a page match memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Constant,
@@ -84,7 +84,7 @@ pub(crate) struct Code {
     hardware: Vec<u32>,
     /// The value of [`Bus::rewritten`] when the pages were last checked.
     rewritten: u64,
-    /// How often each page was decoded anew because a byte in it was written.
+    /// The number of times that each page was decoded anew because a byte in it was written.
     rewrites: BTreeMap<u32, u32>,
 }
 

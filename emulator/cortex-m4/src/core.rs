@@ -8,7 +8,7 @@ use crate::system::System;
 use crate::watch::Watch;
 use crate::watchpoint::Watchpoints;
 
-/// How a part configures its core.
+/// The properties of a core that its part determines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
     /// The number of interrupt lines, up to 240.
@@ -26,7 +26,7 @@ pub struct Config {
     pub mpu_regions: u8,
 }
 
-/// Why [`Core::run`] returned.
+/// The reason for which [`Core::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// The core reached the cycle that the caller set as the end. It may have gone on for at most one instruction or
@@ -105,7 +105,7 @@ pub struct Core<C: Cost> {
     pub(crate) idle: u64,
     /// The number of executed instructions.
     pub(crate) retired: u64,
-    /// Set when something may have become pending or a priority may have changed: the run loop then checks exceptions
+    /// Whether something may have become pending or a priority may have changed. If so, the run loop checks exceptions
     /// before the next instruction.
     pub(crate) attention: bool,
     /// The registers in 0xE000_0000 to 0xE00F_FFFF: interrupts, faults, timers, MPU, debug.
@@ -116,7 +116,7 @@ pub struct Core<C: Cost> {
     pub(crate) short_write: u32,
     /// The cache of decoded instructions.
     pub(crate) code: Code,
-    /// The core executes instructions without a break while `cycle` is below this limit. Setting the limit to 0 makes
+    /// The limit of `cycle` below which the core executes instructions without a break. Setting the limit to 0 makes
     /// the run loop check for other events.
     pub(crate) limit: u64,
     /// The cycle at which the next event is due.
@@ -319,7 +319,7 @@ impl<C: Cost> Core<C> {
         self.cycle
     }
 
-    /// The core cycles in which the core slept, was halted or locked up, or hung.
+    /// The number of core cycles in which the core slept, was halted or locked up, or hung.
     #[must_use]
     pub const fn idle(&self) -> u64 {
         self.idle

@@ -1,6 +1,6 @@
 //! The faults that an instruction can take, ARM ARM B1.5.14.
 
-/// Why an instruction did not complete.
+/// The reason for which an instruction did not complete.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// An undefined instruction: UFSR.UNDEFINSTR.

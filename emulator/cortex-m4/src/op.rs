@@ -12,7 +12,7 @@
 use crate::Fault;
 use crate::fp::FpOp;
 
-/// How an instruction behaves in an IT block (ARM ARM A7.3.3).
+/// The behaviour of an instruction in an IT block (ARM ARM A7.3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Block {
     /// The instruction behaves in an IT block as it does outside.
@@ -81,7 +81,7 @@ pub(crate) enum Shift {
     Rrx,
 }
 
-/// What a logical operation with a modified immediate does to the carry flag (ARM ARM A5.3.2).
+/// The effect of a logical operation with a modified immediate on the carry flag (ARM ARM A5.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carry {
     Same,
@@ -99,7 +99,8 @@ pub(crate) enum Format {
     SignedHalf,
 }
 
-/// When the base register is written, and with which address and privilege the access is made.
+/// The addressing of a load or store: the address and the privilege of the access, and whether and when the base
+/// register is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Index {
     /// The access is at base plus offset. Nothing is written back.
@@ -123,7 +124,7 @@ pub(crate) enum Extend {
     UnsignedBytes,
 }
 
-/// How a parallel addition or subtraction pairs the lanes.
+/// The way in which a parallel addition or subtraction pairs the lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lanes {
     Add16,
@@ -134,7 +135,7 @@ pub(crate) enum Lanes {
     Sub8,
 }
 
-/// How a lane's result is stored.
+/// The way in which a lane's result is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lane {
     Signed,
@@ -297,10 +298,10 @@ pub(crate) enum Do {
     /// The core cannot execute the instruction: it is undefined, its coprocessor is absent, or its memory does not
     /// answer.
     Fault(Fault),
-    // The following are no instructions.
-    /// The instruction is not decoded yet (code in RAM).
+    // The following variants are placeholders and not instructions.
+    /// The instruction is not decoded yet, as for code in RAM.
     Unknown,
-    /// The caller has a breakpoint here.
+    /// The caller has a breakpoint at the address of this operation.
     Breakpoint,
     /// `BKPT 0xAB`, a semihosting call that the caller answers, see [`crate::Core::finish_host_call`].
     HostCall,

@@ -14,13 +14,13 @@ use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// How far a burst goes: `ON`, through a constant page. The other two values end it at a write into a watched page, or
-/// after one instruction.
+/// The first of three ways in which a burst goes on: `ON` continues through a constant page. The other two end the
+/// burst at a write into a watched page, or after one instruction.
 const ON: u8 = 0;
 const WHILE_UNWRITTEN: u8 = 1;
 const ONCE: u8 = 2;
 
-/// How far the run loop goes.
+/// The point up to which the run loop continues.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pace {
     /// The run goes on until there is a reason to return to the caller.
@@ -100,7 +100,8 @@ impl<C: Cost> Core<C> {
                 due = bus.due().min(self.system_due());
             }
             if self.cut > 0 {
-                // No exception came at the cut, so the rest of the instruction's cycles pass now.
+                // No exception came at the cycle at which the instruction was cut short, so the rest of its cycles pass
+                // now.
                 self.cycle += std::mem::take(&mut self.cut);
                 continue;
             }
@@ -130,7 +131,7 @@ impl<C: Cost> Core<C> {
             stepped = single;
             self.limit = until.min(due);
             if self.attention && !stalled {
-                // Attention is still set, so the loop checks again after the next instruction.
+                // The core still has to check exceptions, so the limit ends the burst after the next instruction.
                 self.limit = self.limit.min(self.cycle + 1);
             }
             self.due = due;
@@ -176,7 +177,7 @@ impl<C: Cost> Core<C> {
                     self.attention = true;
                 }
             } else if pace == Pace::OneOrEntry {
-                // The next call handles the effects of the instruction.
+                // The caller's next call handles the effects of this instruction.
                 return Exit::Until;
             }
         }

@@ -11,7 +11,7 @@
 
 use crate::{Core, Cost};
 
-/// The most changes that the record keeps until they are taken. In a millisecond there are far fewer.
+/// The greatest number of changes that the record keeps until they are taken. Far fewer changes occur in a millisecond.
 const MOST_CHANGES: usize = 4096;
 
 /// The changes of the active exception.
@@ -53,9 +53,9 @@ impl<C: Cost> Core<C> {
         self.ipsr
     }
 
-    /// How often the active exception has changed since the core was made: at each entry, at each return, and once
-    /// where one handler follows another by tail-chaining. The count goes on through resets, and also while changes are
-    /// not recorded.
+    /// The number of changes of the active exception since the core was made. It changes at each entry, at each return,
+    /// and once where one handler follows another by tail-chaining. The count goes on through resets, and also while
+    /// changes are not recorded.
     #[must_use]
     pub const fn exception_changes(&self) -> u64 {
         self.watch.changes

@@ -53,8 +53,8 @@ pub trait Board: Clone + Debug + Send + 'static {
         0
     }
 
-    /// When a chip of the board next acts by itself, `u64::MAX` for never. At that instant the node calls
-    /// [`Board::settle`], after which this must return a later one.
+    /// The instant (ns) at which a chip of the board next acts by itself, `u64::MAX` for never. At that instant the
+    /// node calls [`Board::settle`], after which this must return a later one.
     fn next_event(&self) -> u64 {
         u64::MAX
     }
@@ -91,7 +91,7 @@ impl<P: Part> Board for Bare<P> {
 pub struct View<'a, B> {
     pub(super) board: &'a mut B,
     pub(super) time: &'a Timebase,
-    /// Set when the part does something that reaches the board.
+    /// Whether the part has done something that reaches the board.
     pub(super) touched: &'a mut bool,
 }
 

@@ -1,4 +1,4 @@
-//! Why a node cannot be made, or cannot answer a request.
+//! Failures of requests to a node: why a node cannot be made, or cannot answer.
 
 /// A failure of a request to a node, as opposed to a fault of its firmware.
 #[derive(Debug, thiserror::Error)]
@@ -55,7 +55,7 @@ pub enum Error {
         function: String,
         /// The bytes that were looked for.
         bytes: Vec<u8>,
-        /// How often the bytes were found, in words.
+        /// The number of times that the bytes were found, in words.
         found: &'static str,
     },
     /// A requested address or symbol is not in memory.

@@ -41,7 +41,7 @@ struct Contents {
     symbols: BTreeMap<String, Symbol>,
     functions: Vec<Function>,
     log: Option<defmt_decoder::Table>,
-    /// Why the table of log messages cannot be read, if the image has such a table or a part of one.
+    /// The reason for which the table of log messages cannot be read, if the image has such a table or a part of one.
     log_error: Option<String>,
 }
 
@@ -225,7 +225,7 @@ impl Firmware {
         self.0.log.as_ref()
     }
 
-    /// Why the image's defmt table cannot be read, if the image has such a table or a part of one.
+    /// The reason for which the image's defmt table cannot be read, if the image has such a table or a part of one.
     pub(crate) fn log_error(&self) -> Option<&str> {
         self.0.log_error.as_deref()
     }

@@ -24,7 +24,7 @@ use super::{Board, Node};
 /// The exceptions HardFault, MemManage, BusFault and UsageFault, ARMv7-M ARM table B1-4.
 const FAULTS: std::ops::RangeInclusive<u16> = 3..=6;
 
-/// Why a node's core halted.
+/// The reason for which a node's core halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Halt {
     /// The debugger requested it.
@@ -42,7 +42,7 @@ pub enum Halt {
     Ended,
 }
 
-/// How far a resumed core runs.
+/// The point up to which a resumed core runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Resume {
     /// The core runs to the next breakpoint or watchpoint.
@@ -58,8 +58,8 @@ pub enum Resume {
 pub(super) struct Hold {
     halted: Option<Halt>,
     breakpoints: BTreeSet<u32>,
-    /// Where the core was resumed: its program counter and the number of instructions that it had executed. The
-    /// breakpoint at that place does not halt the core again.
+    /// The place at which the core was resumed: its program counter, and the number of instructions that it had
+    /// executed. The breakpoint at that place does not halt the core again.
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
@@ -69,7 +69,7 @@ pub(super) struct Hold {
 /// A step that is under way.
 #[derive(Clone, Debug)]
 struct Step {
-    /// The step goes on while the program counter is in this range.
+    /// The range of the program counter in which the step continues.
     within: Range<u32>,
     /// The position in the code that is stepped: program counter, stack pointer, active exception.
     place: (u32, u32, u16),
@@ -78,13 +78,13 @@ struct Step {
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
-    /// Why the debugger has halted the core, if it has.
+    /// The reason for which the debugger has halted the core; `None` if it has not.
     #[must_use]
     pub fn halted(&self) -> Option<Halt> {
         self.hold.halted
     }
 
-    /// Halts the core where it is, unless it is already halted.
+    /// Halts the core at the instruction that it has reached, unless it is already halted.
     pub fn halt(&mut self) {
         self.halt_for(Halt::Asked);
     }
@@ -96,7 +96,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold.halted = None;
         self.hold.step = match how {
             Resume::Continue => None,
-            // No address is in this range.
+            // This range is empty, so the step ends after one instruction.
             Resume::Step => Some(Step { within: 0..0, place, away: false }),
             Resume::StepWithin(within) => Some(Step { within, place, away: false }),
         };
@@ -111,7 +111,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Removes a breakpoint. Returns whether it was set.
     pub fn clear_breakpoint(&mut self, address: u32) -> bool {
         let was = self.hold.breakpoints.remove(&(address & !1));
-        // If the node itself stops at this address to report what happened, it goes on doing so.
+        // If the node itself stops at this address to report an event of the firmware, that stop remains.
         if was && !self.is_trap(u64::from(address & !1)) {
             self.core.clear_breakpoint(address);
         }

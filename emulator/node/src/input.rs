@@ -12,8 +12,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         &self.side.board
     }
 
-    /// Lets `act` change the board's chips now, or take out what they have collected. The chips may change their plans,
-    /// and the part gets what they do at this same instant.
+    /// Lets `act` change the board's chips now, or take what they have collected. The chips may change the instants of
+    /// their next events, and what they do to the part's pins takes effect at this same instant.
     pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
         let answer = act(&mut self.side.board);
         let at = self.present();

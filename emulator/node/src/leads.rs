@@ -15,7 +15,7 @@ pub struct PinEdge {
     pub at: u64,
     /// The pin that changed.
     pub pin: Pin,
-    /// What the part does to the pin from then on.
+    /// The state in which the part holds the pin from then on.
     pub pad: Pad,
 }
 
@@ -75,11 +75,11 @@ pub struct SentByte {
 #[derive(Clone, Debug)]
 pub struct Leads<P> {
     connected: Connected,
-    /// What the part does to each watched pin now.
+    /// The state in which the part holds each watched pin now.
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
     heard: Vec<SentByte>,
-    /// The inputs that are still to be made, latest first, each with its instant.
+    /// The inputs of the part that are still to come, latest first, each with its instant.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
 }

@@ -116,7 +116,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
-    /// When the RAM is next searched for the log's control block, if the image does not say where it is, in virtual ns.
+    /// The instant, virtual ns, at which the RAM is next searched for the log's control block, if the image does not
+    /// say where the block is.
     search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,
@@ -125,7 +126,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     reported: BTreeSet<(FindingKind, String)>,
 }
 
-/// The instructions at which the node stops to report what happened, before it goes on.
+/// The instructions at which the node stops to report an event of the firmware, before the firmware continues.
 #[derive(Clone, Debug, Default)]
 struct Traps {
     default_handler: BTreeSet<u64>,

@@ -34,8 +34,8 @@ impl Lookahead {
     pub const NEVER: u64 = u64::MAX;
 }
 
-/// How far one board may run ahead of the other if nothing holds it back, in virtual nanoseconds. It limits the number
-/// of messages that wait to be delivered.
+/// The longest time by which one board may run ahead of the other if nothing holds it back, in virtual nanoseconds. It
+/// limits the number of messages that wait to be delivered.
 const MOST_LEAD: u64 = 1_000_000;
 
 /// The messages that are under way, each with the instant at which it arrives.

@@ -5,7 +5,8 @@ use cortex_m4::Cost;
 use super::rtt::{self, LogLine};
 use super::{Board, Node, Symbol, memory};
 
-/// How often the node reads and empties the firmware's log, in virtual nanoseconds, as a debug probe polls RTT.
+/// The time from one reading of the firmware's log to the next, in virtual nanoseconds. Each reading empties the log,
+/// as when a debug probe polls RTT.
 pub const PROBE_PERIOD: u64 = 1_000_000;
 
 /// The longest time between two searches of RAM for the log of an image without the usual symbol, in virtual

@@ -17,17 +17,17 @@ use cortex_m4::{Cost, Fast};
 
 use super::{Board, Node};
 
-/// The length of the pieces of time in which the boards run, in virtual ns.
+/// The length of the pieces of time in which the boards run, virtual ns.
 const PIECE: u64 = 1_000_000;
 
-/// How far ahead of its instant a message is delivered at most, in virtual ns.
+/// The longest time by which a message is delivered ahead of its instant, virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// How many pieces the first board may be ahead on its own thread: enough that neither thread waits for the other's
-/// bursts of work, and few enough that little data waits.
+/// The number of pieces by which the first board may be ahead on its own thread: enough that neither thread waits for
+/// the other's bursts of work, and few enough that little data waits.
 const LEAD: usize = 50;
 
-/// What is beside the first board, and takes the messages that leave it.
+/// The surroundings of the first board, which take the messages that leave it.
 pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     /// A message that leaves the board.
     type Message: Send;
@@ -53,7 +53,7 @@ pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     }
 }
 
-/// What is beside the second board, and brings it the messages that left the first.
+/// The surroundings of the second board, which bring it the messages that left the first board.
 pub trait Downstream<B: Board, C: Cost = Fast> {
     /// A message that left the first board.
     type Message;
@@ -94,12 +94,12 @@ pub enum Threads {
     Two,
 }
 
-/// What the first board tells the second about a piece of time.
+/// The first board's report to the second about a piece of time.
 #[derive(Debug)]
 struct Interval<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
-    /// Everything that left the board before this instant has been sent.
+    /// The instant before which everything that left the board has been sent.
     reached: u64,
     /// Whether the board has reached the end of the run.
     ended: bool,
@@ -194,7 +194,7 @@ impl<M> Course<M> {
     }
 }
 
-/// Where a call of [`Relay::run_course`] has ended.
+/// The point at which a call of [`Relay::run_course`] has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// The second board has reached the end of a step, which is at this instant (virtual ns).
@@ -265,7 +265,8 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
 struct Follower<M> {
     /// The messages that left the first board and were not delivered yet.
     on_the_way: VecDeque<(u64, M)>,
-    /// How far the first board is known to have come. The next field is whether it has ended.
+    /// The instant up to which the reports of the first board are known. The next field is whether the first board has
+    /// ended.
     reached: u64,
     ended: bool,
     /// The end of the last complete step.
@@ -315,7 +316,7 @@ impl<M> Follower<M> {
                 downstream.hear(at, message, node);
             }
             let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
-            // The delivered messages may have moved the next actor to an earlier instant.
+            // A delivered message may have moved the instant at which an actor acts next.
             let next = downstream.next_at();
             node.advance(to.min(next).min(piece).min(unheard));
         }

@@ -49,8 +49,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.findings.push(Finding { kind, at, pc, symbol, text });
     }
 
-    /// Reports the input from outside `what`, which was due at `at` (virtual ns), as late. If the node is beyond that
-    /// instant by more than one instruction of its core, the run is not exact, and a finding says so.
+    /// Adds a finding if the input `what` from outside, which was due at `at` (virtual ns), came late: the node is
+    /// beyond that instant by more than one instruction of its core, so the run is not exact.
     pub(super) fn note_late(&mut self, at: u64, what: &str) {
         let now = self.now();
         if now > at.saturating_add(self.instruction_ns()) {

@@ -40,10 +40,11 @@ const LONGEST_NAME: usize = 32;
 const DEFMT: &str = "defmt";
 /// The longest line of text in bytes. A line without an end by then is shown as it is.
 const LONGEST_LINE: usize = 4096;
-/// The most bytes that are kept for [`Channels::take_raw`], and of a frame whose end has not come.
+/// The greatest number of bytes that are kept for [`Channels::take_raw`], and of bytes in a frame whose end has not
+/// come.
 const MOST_RAW: usize = 1 << 16;
 
-/// Why a channel could not be read.
+/// The reason for which a channel could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum RttFault {
     /// The control block does not exist yet, as before the firmware's first log line.
@@ -369,7 +370,7 @@ impl Channels {
         output
     }
 
-    /// Takes what came over up channel `channel` since the last call, up to its latest 64 KiB.
+    /// Takes the bytes that came over up channel `channel` since the last call, at most the latest 64 KiB.
     pub(crate) fn take_raw(&mut self, channel: u64) -> Vec<u8> {
         let channel = usize::try_from(channel).ok().and_then(|channel| self.list.get_mut(channel));
         channel.map(|channel| std::mem::take(&mut channel.raw)).unwrap_or_default()
@@ -498,7 +499,8 @@ mod tests {
     fn a_control_block_is_found_by_its_magic_and_a_plausible_count() {
         assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
         assert_eq!(find(&Nrf52840::new(Settings::default())), None);
-        // There are copies of the magic alone, before the block and where no word begins.
+        // The part's RAM also has copies of the magic alone: one before the block, and one at an address where no word
+        // begins.
         let mut part = part(b"text", 0);
         for copy in [BLOCK - 0x40, BLOCK - 0x81] {
             memory::write(&mut part, copy, MAGIC);

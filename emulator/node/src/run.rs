@@ -52,8 +52,8 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// How much longer a firmware runs after a HardFault or an exception without a handler, in virtual nanoseconds. In this
-/// time a UART sends 1 150 bytes at 115 200 baud.
+/// How long a firmware continues to run after a HardFault or an exception without a handler, in virtual
+/// nanoseconds. In this time a UART sends 1 150 bytes at 115 200 baud.
 const LAST_WORDS: u64 = 100_000_000;
 
 /// A board on which a firmware can run alone, with nothing on its pins.
@@ -158,7 +158,7 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// A minute of virtual time, output every 10 ms, and a hundred restarts.
+    /// The default limits: a minute of virtual time, output every 10 ms, and a hundred restarts.
     fn default() -> Self {
         Self { virtual_time: 60_000_000_000, step: 10_000_000, restarts: 100 }
     }
@@ -179,7 +179,7 @@ pub enum Event<'a> {
     Byte(SentByte),
 }
 
-/// How a run ended.
+/// The outcome of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// The status with which the firmware exited, or `None` if it did not exit.
@@ -192,7 +192,7 @@ pub struct Outcome {
     pub lines: Vec<LogLine>,
     /// All findings of the run.
     pub findings: Vec<Finding>,
-    /// How often the part restarted.
+    /// The number of the part's restarts.
     pub resets: usize,
     /// The share of the time in which the core was awake, from 0 to 1.
     pub load: f64,

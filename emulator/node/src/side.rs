@@ -30,7 +30,7 @@ pub(super) struct Side<B: Board> {
     pub(super) awake: (u64, u64),
     /// Whether something reached the board since the board last settled.
     pub(super) touched: bool,
-    /// When a chip of the board next acts, as a cycle. The next field is that instant in ns.
+    /// The cycle at which a chip of the board next acts. The next field is that instant in ns.
     pub(super) board_due: Cycle,
     board_event: u64,
     pub(super) inputs: Vec<Input>,
@@ -41,12 +41,12 @@ pub(super) struct Side<B: Board> {
     /// The findings of the part's models, with their instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// The number of cycles in which the core did not run, without those since it last came to rest.
+    /// The number of cycles in which the core did not run, up to the cycle at which it last came to rest.
     idle: u64,
     /// The cycle at which the core last came to rest, `None` if it runs.
     idle_from: Option<Cycle>,
-    /// The cycle past which nothing outside the core may happen yet, since something may act on the board then. The
-    /// next field is its instant in ns.
+    /// The cycle past which nothing outside the core may happen yet, because an actor outside the board may act on it
+    /// at that cycle. The next field is its instant in ns.
     pub(super) horizon: Cycle,
     pub(super) horizon_ns: u64,
     /// Whether something acted on the board since the core last ran, so that the core may have to wake.

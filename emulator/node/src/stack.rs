@@ -1,4 +1,4 @@
-//! How much stack a firmware used.
+//! The amount of stack that a firmware used.
 //!
 //! The memory between the stack's bottom and its top is filled with a pattern before the first instruction, as
 //! debuggers do on a board. Bytes that no longer hold the pattern were used. Bytes that were reserved and never written

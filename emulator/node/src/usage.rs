@@ -15,7 +15,7 @@ pub struct LineEdge {
     pub high: bool,
 }
 
-/// How long a core was awake.
+/// How long a core was awake, and the whole time in which it was observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
     /// The virtual nanoseconds in which the core executed instructions.
@@ -51,7 +51,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         std::mem::take(&mut self.side.edges)
     }
 
-    /// How long the core was awake since power-on.
+    /// How long the core was awake since power-on, and the whole time since then.
     #[must_use]
     pub fn usage(&self) -> Usage {
         let (ns, cycles) = self.side.awake;

@@ -180,7 +180,7 @@ impl Upstream<Player> for Tardy {
     }
 
     fn notes(&mut self, node: &mut Node<Player>) {
-        // The actor states only now the instant at which it had to act.
+        // Only at this point does the actor state the instant at which it had to act.
         if self.acts_at == u64::MAX && node.now() >= 5 * MS {
             self.acts_at = node.now() - self.late_by;
         }

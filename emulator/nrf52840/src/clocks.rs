@@ -49,7 +49,7 @@ pub(crate) struct Lfclk {
     phase: u128,
 }
 
-/// One billion plus `ppb`.
+/// The rate of a clock that is fast by `ppb` parts per billion, as a multiple of a billionth of the exact rate.
 fn scale(ppb: i64) -> u64 {
     1_000_000_000_u64.wrapping_add_signed(ppb)
 }

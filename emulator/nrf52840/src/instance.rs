@@ -1,4 +1,4 @@
-//! What all peripherals of the part have in common (PS 6.1, *Peripheral interface*).
+//! The interface that all peripherals of the part have in common (PS 6.1, *Peripheral interface*).
 //!
 //! A peripheral is a block of registers at its ID × 0x1000: tasks below 0x100, events from 0x100 (bit *n* of INTEN is
 //! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds these
@@ -139,12 +139,12 @@ pub(crate) trait Instance {
     fn configured(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;
     }
-    /// The next cycle at which the instance has something to do by itself; `None` if it has nothing.
+    /// The next cycle at which the instance has an event of its own due; `None` if it has none.
     #[inline]
     fn next(&self) -> Option<Cycle> {
         None
     }
-    /// Carries out what is due at the present cycle, which is the instance's next cycle.
+    /// Carries out the instance's events that are due at the present cycle.
     #[inline]
     fn due(&mut self, cx: &mut Cx<'_>) {
         let _ = cx;

@@ -139,13 +139,13 @@ impl Default for Settings {
 /// The part's pins to which an outside SPI controller is wired, for an SPIS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SpisWires {
-    /// The clock.
+    /// The pin of the clock, SCK.
     pub sck: Pin,
-    /// The output of the controller.
+    /// The pin of the controller's output, MOSI.
     pub mosi: Pin,
-    /// The input of the controller.
+    /// The pin of the controller's input, MISO.
     pub miso: Pin,
-    /// The chip select, active low.
+    /// The pin of the chip select, active low.
     pub csn: Pin,
 }
 
@@ -216,8 +216,8 @@ impl Nrf52840 {
         self.soc.spis_clock(at, mosi, mode, outside)
     }
 
-    /// How many bytes an SPI controller may clock before the selected SPIS raises an event; `usize::MAX` for any
-    /// number.
+    /// The number of bytes that an SPI controller may clock before the selected SPIS raises an event; `usize::MAX` for
+    /// any number.
     #[must_use]
     pub fn spis_quiet(&self) -> usize {
         self.soc.spis_quiet()

@@ -35,7 +35,7 @@ pub(crate) struct Nvmc {
     config: u32,
     cache: u32,
     partial_ms: u32,
-    /// The page under partial erase, and the time for which it has been erased so far.
+    /// The page under partial erase, and the number of cycles for which it has been erased so far.
     partial: Option<(u32, u64)>,
     busy_until: u64,
 }

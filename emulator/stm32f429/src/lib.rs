@@ -210,7 +210,7 @@ pub struct Stm32f429 {
     /// The instances that were called and whose outputs were not yet checked.
     dirty: u64,
     /// The DMA requests of each instance. `listened` has the requests to which a stream listens, and `hungry` the
-    /// instances that have both.
+    /// instances with a request to which a stream listens.
     requests: [u8; id::SCHEDULED],
     /// The cycle until which each DMA controller pauses because of a request that never ends.
     dma_pauses_until: [Cycle; 2],

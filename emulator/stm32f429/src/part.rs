@@ -26,7 +26,7 @@ impl Part for Stm32f429 {
         if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
             return Ok(value);
         }
-        // The access is copied, so that the compiler does not put one into the host's memory for each access to RAM.
+        // The access is copied, so that the compiler does not store it in the host's memory for each access to RAM.
         self.read_other(&{ *access }, outside)
     }
 

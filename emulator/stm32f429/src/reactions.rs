@@ -6,7 +6,8 @@ impl Stm32f429 {
     /// Takes over the outputs of the instance `number` after it was called.
     pub(crate) fn refresh(&mut self, number: u8) {
         let (irq, dma, due) = with!(self, number, p => (p.irq(), p.dma(), p.due()));
-        // A receiver that gets a frame late has due cycles in the past, which are handled now.
+        // An instance that is given a frame late may have an event due at a cycle that has already passed. Such an
+        // event is handled now.
         self.set_due(number, due.max(self.now));
         let at = usize::from(number);
         self.requests[at] = dma as u8;

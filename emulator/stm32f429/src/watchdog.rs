@@ -25,8 +25,8 @@ pub(crate) struct Iwdg {
     running: bool,
     pr: u32,
     rlr: u32,
-    /// The written value of PR that is not in force yet, with the cycle from which it is. The next field is the same
-    /// for RLR.
+    /// The written value of PR that is not in force yet, with the cycle from which it will be in force. The next field
+    /// is the same for RLR.
     pr_next: Option<(u32, Cycle)>,
     rlr_next: Option<(u32, Cycle)>,
     /// The prescaled LSI ticks that were left at the cycle `since`.

@@ -20,9 +20,9 @@ const ARR: u32 = TIM2 + 0x2C;
 const CCR3: u32 = TIM2 + 0x3C;
 
 const PB10: Pin = Pin::new(1, 10);
-/// The core runs at 144 MHz and the timer at 72 MHz.
+/// The number of core cycles in a timer tick: the core runs at 144 MHz and the timer at 72 MHz.
 const CYCLES_PER_TICK: Cycle = 2;
-/// A period of 10 ms.
+/// The period of the timer, 10 ms, in core cycles.
 const PERIOD: Cycle = 720_000 * CYCLES_PER_TICK;
 
 /// Sets TIM2 up on PB10, not counting yet: its period is 10 ms, the pin is high while CNT < `compare`, and the

@@ -31,7 +31,7 @@ struct Rig {
     delivered: Vec<u8>,
     levels: Vec<(bool, bool)>,
     is_there: bool,
-    /// A pulse on SDA leaves only these bits of the number of waiting bytes.
+    /// The bits of the number of waiting bytes that a pulse on SDA leaves unchanged.
     count_mask: u16,
     bus: Bus,
 }

@@ -138,7 +138,7 @@ impl CycleTimer {
                 radio::select();
                 radio::put(command);
                 let left = tim2().cnt().read().cnt().bits();
-                // The only wait at this priority, one byte time: chip select must not rise before the byte's end.
+                // The interrupt waits only here, for one byte time: chip select must not rise before the byte's end.
                 let response = radio::take();
                 radio::deselect();
                 ARMED.store(0, Ordering::Release);

@@ -178,9 +178,9 @@ pub(super) fn left(stream: Stream) -> usize {
 #[derive(Debug)]
 pub(super) struct StillOn;
 
-/// How often [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128 polls take 5 µs.
-/// At most one byte is under way then. It needs one access to the peripheral and one to memory, each of a few cycles of
-/// its bus even when it has to wait for other masters' turns.
+/// The number of times that [`stop`] asks whether the stream is off. Each poll takes at least 6 core cycles, so 128
+/// polls take 5 µs. At most one byte is under way then. It needs one access to the peripheral and one to memory, each
+/// of a few cycles of its bus even when it has to wait for other masters' turns.
 const STOP_POLLS: u32 = 128;
 
 /// Switches the stream off, if it is on, and waits until it is off. The peripheral that the stream was given must still

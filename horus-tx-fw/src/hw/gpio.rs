@@ -12,7 +12,7 @@ use stm32f4xx_hal::{
 
 use crate::board::{AlternatePin, GpioPort, Pin};
 
-/// How steep the edges of an output are.
+/// The steepness of an output's edges.
 #[derive(Clone, Copy)]
 pub(super) enum Speed {
     Low = 0b00,

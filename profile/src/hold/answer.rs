@@ -1,4 +1,4 @@
-//! The answer to a hold's frame: both uplinks.
+//! The answer to a hold's frame: an object with the uplinks of the base station and of the flight controller.
 use core::fmt;
 
 use bytemuck::{Pod, Zeroable};
@@ -8,10 +8,10 @@ use crate::{
     criticality::{Writer, WritesUplink},
 };
 
-/// The payload of the answer: the uplink of the base station and that of the flight controller, each as it was written,
-/// or 0x00 throughout where there is none that is intact and at most [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) old.
+/// The payload of the answer: the uplink of the base station and that of the flight controller, each as it was written.
+/// An uplink that is missing, damaged or older than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS) is replaced by zeros.
 ///
-/// Any 128 bytes can be read as one; [`Answer::uplink`] checks whether an uplink is valid.
+/// Any 128 bytes can be read as an answer; [`Answer::uplink`] checks whether an uplink in it is valid.
 #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Answer {
@@ -19,13 +19,13 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// The size in bytes.
+    /// The size of the answer in bytes.
     pub const SIZE: usize = 2 * Uplink::SIZE;
 
     /// The answer without an uplink: zeros.
     pub const EMPTY: Self = bytemuck::zeroed();
 
-    /// The answer in `bytes`. Its uplinks are not checked yet.
+    /// The answer in `bytes`. This function does not check the uplinks in it.
     ///
     /// # Errors
     ///
@@ -34,23 +34,23 @@ impl Answer {
         bytemuck::try_from_bytes(bytes).map_err(|_| Rejection::Length)
     }
 
-    /// The uplink of role `W`, if it is intact.
+    /// The uplink of role `W` in the answer, if that uplink is intact.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Crc`] if it is damaged or there is none, [`Rejection::Identifier`] if it is another object.
+    /// [`Rejection::Crc`] if the uplink is damaged or absent, [`Rejection::Identifier`] if it is another object.
     pub fn uplink<W: WritesUplink>(&self) -> Result<&Uplink, Rejection> {
         let [base_station, flight_controller] = &self.uplinks;
         Uplink::verify::<W>(if W::INDEX == 0 { base_station.as_bytes() } else { flight_controller.as_bytes() })
     }
 
-    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if there is none to hand on.
+    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if there is no uplink to hand on to the hold.
     pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
         let [base_station, flight_controller] = &mut self.uplinks;
         *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
     }
 
-    /// The bytes in their order on the wire.
+    /// The bytes of the answer in their order on the wire.
     #[must_use]
     pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)

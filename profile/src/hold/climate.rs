@@ -1,4 +1,4 @@
-//! This project's own hold: climate and vibration of a payload. It is the example that another maker replaces.
+//! This project's own hold: climate and vibration of a payload. It is an example, which another maker replaces.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -12,17 +12,17 @@ use crate::{
     wire::{CrcBe, F32Le, U16Le, U32Le},
 };
 
-/// What a writer asks of the hold.
+/// A command to the hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldCommand {
-    /// Changes the set-point of the temperature, °C. The hold refuses one outside its own limits, and one that is no
-    /// number.
+    /// Changes the set-point of the temperature, °C. The hold refuses a set-point that is outside its own limits or is
+    /// not a number.
     SetPoint(f32),
     /// Locks the hold.
     Lock,
-    /// Unlocks it.
+    /// Unlocks the hold.
     Unlock,
-    /// Sets the greatest shock to 0.
+    /// Sets the greatest shock that Hold-Status reports to 0.
     ClearShock,
 }
 
@@ -50,13 +50,13 @@ impl Words for HoldCommand {
 bit_set! {
     /// Status of Hold-Status.
     HoldStatusBits, used 0x01FF;
-    /// Bit 0: the values are valid; one that is not known is NaN all the same.
+    /// Bit 0: the values are valid. Even then a value that is not known is NaN.
     values_valid, with_values_valid = 0;
     /// Bit 1: the values are within the hold's limits.
     within_limits, with_within_limits = 1;
     /// Bit 2: the hold is locked.
     locked, with_locked = 2;
-    /// Bit 3: a sensor does not answer, or says what cannot be.
+    /// Bit 3: a sensor does not answer, or reports an impossible value.
     sensor_fault, with_sensor_fault = 3;
     /// Bit 4: the hold found a fault of its flash or of its RAM.
     memory_fault, with_memory_fault = 4;
@@ -98,9 +98,9 @@ pub struct HoldValues {
     pub greatest_shock: f32,
     /// The supply, V.
     pub supply: f32,
-    /// The output, -1 (cooling) to 1 (heating).
+    /// The output of the temperature control, -1 (cooling) to 1 (heating).
     pub output: f32,
-    /// The acknowledgements of the last command of base station and flight controller, in this order.
+    /// The acknowledgements of the last command of the base station and of the flight controller, in this order.
     pub acknowledged: [Acknowledged; 2],
     /// The time since the hold's start, s.
     pub seconds: u32,
@@ -126,9 +126,9 @@ impl HoldValues {
     }
 }
 
-/// A Hold-Status object: 64 bytes, the last four of them the frame CRC of the others.
+/// A Hold-Status object: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`HoldStatus::verify`] checks whether they are valid.
+/// Any 64 bytes can be read as Hold-Status; [`HoldStatus::verify`] checks whether they are a valid one.
 ///
 /// | bytes | | bytes | |
 /// |---|---|---|---|
@@ -198,7 +198,7 @@ impl HoldStatus {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and Hold-Status.
+    /// The Hold-Status in `bytes`, if it is intact.
     ///
     /// # Errors
     ///
@@ -209,13 +209,13 @@ impl HoldStatus {
         findings.check(object.identifier() == Identifier::HOLD_STATUS, Rejection::Identifier).judge(object)
     }
 
-    /// The object as that of any maker.
+    /// This Hold-Status as an object in the layout that all makers share.
     #[must_use]
     pub const fn as_object(&self) -> &HoldObject {
         bytemuck::must_cast_ref(self)
     }
 
-    /// The contents.
+    /// The contents of Hold-Status in plain numbers.
     #[must_use]
     pub fn values(&self) -> HoldValues {
         HoldValues {

@@ -1,28 +1,28 @@
-//! The rule by which a hold executes each command once.
+//! The rule by which a hold executes each command once, at most.
 //!
 //! # Numbers
 //!
-//! A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's acknowledged one, so that numbers may
-//! wrap; the first after the hold's start is ahead of 0. A new number is executed, refused, or found unknown or too
-//! old, and whichever it is, it is acknowledged: from then on neither it nor a number behind it is new. So a command is
-//! executed once at most, and in the order of the numbers, whatever is lost, repeated, delayed or exchanged on the way.
-//! A writer's next number is therefore one that it derives from the [acknowledged](super::Acknowledged) one.
+//! A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's last acknowledged number, so that
+//! numbers may wrap; the first after the hold's start is compared with 0. A command with a new number is executed,
+//! refused, or found unknown or too old, and is acknowledged in each case: from then on neither its number nor one
+//! behind it is new. So a command is executed once at most, in the order of the numbers, whatever is lost, repeated,
+//! delayed or exchanged on the way. A writer's next number must follow the [acknowledged](super::Acknowledged) one.
 //!
 //! # Age
 //!
-//! The bytes of an answer do not tell how old an uplink is: its timestamp is on the writer's clock. The DPR hands on
-//! only uplinks that it stored at most [1 s](super::COMMAND_AGE_MS) ago. The hold does not rely on that alone; it
-//! judges what it can see, the progress of each writer's timestamps on its own clock:
+//! The bytes of an answer do not show how old an uplink is: its timestamp is on the writer's clock. The DPR hands on
+//! only uplinks that it stored at most [1 s](super::COMMAND_AGE_MS) ago. The hold does not rely on the DPR alone. It
+//! judges the progress of each writer's timestamps on its own clock:
 //!
 //! - A timestamp that is later than the one before it (by less than 2³¹ ms) is *fresh*: the writer has written since.
-//! - The first timestamp after the hold's start, and one that is earlier than the one before it (the writer has
-//!   restarted, or an old uplink has come back), proves nothing. A new command in it waits: it is executed when a later
-//!   timestamp comes with it.
+//! - The first timestamp after the hold's start does not prove that its uplink is new. Nor does one that is earlier
+//!   than the one before it: the writer has restarted, or an old uplink was sent again. A new command with such a
+//!   timestamp waits, and is executed when it comes with a later timestamp.
 //! - A timestamp that has been the same for more than 1 s is too old, whether it was fresh or not, and so is a new
-//!   command in it.
+//!   command that comes with it.
 //!
-//! What the hold cannot judge is how long an uplink took to the DPR if it is the first of its writer in a while. The
-//! writer's own radio link has to.
+//! The hold cannot judge how long an uplink took to reach the DPR if it is its writer's first for a while. The writer's
+//! own radio link must prevent that delay.
 use bytemuck::{Pod, Zeroable};
 
 use super::{Acknowledged, Answer, COMMAND_AGE_MS, Outcome};
@@ -35,12 +35,12 @@ use crate::{
 /// The size of a command, bytes: the beginning of an uplink's payload.
 pub const COMMAND_SIZE: usize = size_of::<WireCommand>();
 
-/// The commands of a maker's hold.
+/// The commands that a maker's hold accepts, as they are encoded on the wire.
 pub trait Words: Sized {
-    /// The command's word, which is not 0, and its value; 0.0 if it needs none.
+    /// The command's word, which is not 0, and its value; the value is 0.0 if the command needs none.
     fn encode(&self) -> (u16, f32);
 
-    /// The command with that word and value; `None` if the word is unknown.
+    /// The command with this word and this value; `None` if the word is unknown.
     fn decode(word: u16, value: f32) -> Option<Self>;
 }
 
@@ -73,26 +73,26 @@ impl WireCommand {
     }
 }
 
-/// What the hold made of a command that it was given.
+/// The result of a command that the hold was given to execute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Executed {
-    /// It was carried out.
+    /// The command was carried out.
     Done,
-    /// The hold's own limits forbid it, and nothing was done.
+    /// The hold's own limits forbid the command, and nothing was done.
     Refused,
 }
 
-/// A timestamp of a writer on the hold's clock.
+/// A writer's timestamp, with the time on the hold's clock at which the timestamp first came.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     timestamp: u32,
-    /// When it first came.
+    /// The time on the hold's clock at which this timestamp first came, ms.
     since_ms: u64,
-    /// Whether it was later than the one before it.
+    /// Whether this timestamp was later than the writer's timestamp before it.
     is_later: bool,
 }
 
-/// What is known of the age of an uplink.
+/// The age of an uplink, as far as the hold can judge it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Age {
     Fresh,
@@ -100,7 +100,7 @@ enum Age {
     TooOld,
 }
 
-/// What the hold remembers of a writer.
+/// The state that the hold keeps about one writer of commands.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
     acknowledged: Acknowledged,
@@ -127,7 +127,7 @@ impl Memory {
         }
     }
 
-    /// Executes and acknowledges the command in `uplink`, if there is one whose turn it is.
+    /// Executes and acknowledges the command in `uplink`, if it has a new number and its age is not unknown.
     fn take<C: Words>(&mut self, uplink: &Uplink, now_ms: u64, execute: impl FnOnce(C) -> Executed) {
         let age = self.age(uplink.timestamp(), now_ms);
         let command = WireCommand::of(&uplink.values().payload);
@@ -154,14 +154,14 @@ pub(super) const fn is_newer(number: u16, than: u16) -> bool {
     ahead != 0 && ahead <= u16::MAX / 2
 }
 
-/// The hold's memory of the commands that it was given.
+/// The rule by which a hold executes each command once at most, with the state that it needs.
 ///
-/// A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's acknowledged one, which is 0 at the
-/// hold's start. A new command is executed, refused, or found unknown or too old, and is acknowledged as such; neither
-/// it nor one with a number behind it is new afterwards. The age of a command is judged by the progress of its writer's
-/// timestamps on the hold's clock (docs/design.md#commands-to-the-hold): later ones are fresh, a timestamp that has
-/// been the same for more than [`COMMAND_AGE_MS`] is too old, and the first one, or an earlier one, is unknown, so that
-/// its command waits for a later timestamp.
+/// A command's sequence number is *new* if it is 1 to 32767 ahead of the writer's acknowledged number, which is 0 at
+/// the hold's start. A command with a new number is executed, refused, or found unknown or too old, and is acknowledged
+/// as such; afterwards neither this number nor one behind it is new. The age of a command is judged by the progress of
+/// its writer's timestamps on the hold's clock (docs/design.md#commands-to-the-hold). A later timestamp is fresh; one
+/// that has been the same for more than [`COMMAND_AGE_MS`] is too old. With the first timestamp, or an earlier one, the
+/// age is unknown, so the command waits for a later timestamp.
 ///
 /// ```
 /// use profile::criticality::{BaseStation, Writer};
@@ -202,15 +202,15 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// The state of a hold whose supply has come on.
+    /// The state of a hold after its supply has come on: no command was acknowledged.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The state of a hold that has kept its acknowledgements through a reset, in the order of
-    /// [`WritesUplink::INDEX`]. A hold that has lost them may execute a command again that was executed before the
-    /// reset and whose acknowledgement never reached the writer.
+    /// The state of a hold that has kept its acknowledgements through a reset; they are in the order of
+    /// [`WritesUplink::INDEX`]. A hold that has lost them may execute a command again if it executed the command before
+    /// the reset and the acknowledgement never reached the writer.
     #[must_use]
     pub const fn resume(acknowledged: [Acknowledged; 2]) -> Self {
         let [base_station, flight_controller] = acknowledged;
@@ -220,12 +220,12 @@ impl Commands {
         }
     }
 
-    /// Executes each command in `answer` whose turn it is, that of the base station first. `now_ms` is the time since
-    /// the hold's start. `execute` gets the writer and the command, and keeps the hold's limits.
+    /// Executes each command in `answer` that is new and of known age, that of the base station first. `now_ms` is the
+    /// time since the hold's start. `execute` gets the writer and the command, and enforces the hold's limits.
     ///
-    /// It is called for each answer that came; an uplink in it that is missing or not intact changes nothing.
+    /// The hold calls this for each answer that came. A missing or damaged uplink in the answer changes nothing.
     pub fn take<C: Words>(&mut self, answer: &Answer, now_ms: u64, mut execute: impl FnMut(Function, C) -> Executed) {
-        // Both are verified before a command is executed, so that the work does not depend on the first.
+        // Both uplinks are verified before a command is executed, so that the work does not depend on the command.
         let uplinks = (answer.uplink::<BaseStation>(), answer.uplink::<FlightController>());
         if let Ok(uplink) = uplinks.0 {
             self.base_station.take(uplink, now_ms, |command| execute(Function::BaseStation, command));
@@ -235,7 +235,7 @@ impl Commands {
         }
     }
 
-    /// The acknowledgements for the next Hold-Status, in the order of [`WritesUplink::INDEX`].
+    /// The acknowledgements to send in the next Hold-Status, in the order of [`WritesUplink::INDEX`].
     #[must_use]
     pub const fn acknowledged(&self) -> [Acknowledged; 2] {
         [self.base_station.acknowledged, self.flight_controller.acknowledged]

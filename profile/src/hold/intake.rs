@@ -1,18 +1,18 @@
-//! The DPR's rule for the frames of the hold: which are accepted, and how long they are shown.
+//! The DPR's rule for the frames of the hold: which frames it accepts, and how long it shows the last object.
 use super::{EXPIRY_MS, HoldObject};
 use crate::{PortStatusBits, Rejection};
 
-/// What the DPR knows of the hold.
+/// The DPR's state about the hold's frames.
 ///
-/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify), and if its timestamp is another than
-/// that of the one before it: a hold that hangs and repeats itself is not shown as alive. An object that has no
-/// accepted successor within [`EXPIRY_MS`] is no longer shown; its place in the [map](crate::map) is then 0x00
-/// throughout, as at the start.
+/// A frame is accepted if it is an intact [object of a hold](HoldObject::verify), and if its timestamp differs from
+/// that of the last accepted object: so a hold that hangs and repeats its object does not appear alive. If no further
+/// object is accepted within [`EXPIRY_MS`], the last one is no longer shown; its place in the [map](crate::map) is then
+/// 0x00 throughout, as at the DPR's start.
 #[derive(Clone, Debug, Default)]
 pub struct Intake {
-    /// The timestamp of the last accepted object, and when it came.
+    /// The timestamp of the last accepted object, and the instant at which its frame ended, µs.
     accepted: Option<(u32, u64)>,
-    /// When the last frame came.
+    /// The instant at which the hold's last frame ended, µs, whether it was accepted or not.
     heard_us: Option<u64>,
     is_last_accepted: bool,
     accepted_count: u32,
@@ -20,7 +20,7 @@ pub struct Intake {
 }
 
 impl Intake {
-    /// The state at the DPR's start.
+    /// The state at the DPR's start: no frame has come.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -30,8 +30,8 @@ impl Intake {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`], [`Rejection::Crc`] or [`Rejection::Identifier`] as [`HoldObject::verify`],
-    /// [`Rejection::Repeated`] if its timestamp is that of the last accepted one.
+    /// [`Rejection::Length`], [`Rejection::Crc`] or [`Rejection::Identifier`] as for [`HoldObject::verify`],
+    /// [`Rejection::Repeated`] if the object's timestamp is that of the last accepted object.
     pub fn receive<'a>(&mut self, payload: &'a [u8], now_us: u64) -> Result<&'a HoldObject, Rejection> {
         let last = self.accepted.map(|(timestamp, _)| timestamp);
         let judged = HoldObject::verify(payload)
@@ -54,7 +54,7 @@ impl Intake {
         self.accepted.is_some_and(|(_, since_us)| is_within_expiry(since_us, now_us))
     }
 
-    /// `status` with what Port-Status says of the hold at `now_us`.
+    /// Returns `status` with the bits of Port-Status that describe the hold set to the state at `now_us`.
     #[must_use]
     pub fn port_status(&self, status: PortStatusBits, now_us: u64) -> PortStatusBits {
         status
@@ -111,7 +111,7 @@ mod tests {
         }
         assert!(!intake.is_shown(300_000));
         assert_eq!(bits(&intake, 300_000), (true, false, 1, 3));
-        // A hold that has restarted counts from 0 again, and is believed at once: each object stands for itself.
+        // A hold that has restarted counts from 0 again, and its object is accepted: the order is not checked.
         assert!(intake.receive(object(0).as_bytes(), 400_000).is_ok());
         assert!(intake.is_shown(400_000));
         assert_eq!(bits(&intake, 400_000), (true, true, 2, 3));

@@ -1,4 +1,4 @@
-//! The object that a hold sends, as far as the DPR and the writers of commands know it.
+//! The object that a hold sends, in the layout that the DPR and the writers of commands read.
 use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
@@ -10,18 +10,18 @@ use crate::{
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// What became of a command.
+/// The outcome of a command to the hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// There was no command since the hold's start.
+    /// No command has come since the hold's start.
     Nothing,
-    /// It was carried out.
+    /// The command was carried out.
     Done,
-    /// The hold's own limits forbid it.
+    /// The hold's own limits forbid the command.
     Refused,
-    /// Its word is unknown, or its reserved bytes are not zero.
+    /// The command's word is unknown, or its reserved bytes are not zero.
     Unknown,
-    /// Its uplink had the same timestamp for more than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
+    /// The command's uplink had the same timestamp for more than [`COMMAND_AGE_MS`](super::COMMAND_AGE_MS).
     TooOld,
 }
 
@@ -37,7 +37,7 @@ impl Outcome {
         }
     }
 
-    /// The code on the wire.
+    /// The code of the outcome on the wire.
     #[must_use]
     pub const fn code(self) -> u16 {
         match self {
@@ -64,19 +64,19 @@ impl Acknowledged {
         Self { number, code: outcome.code() }
     }
 
-    /// The sequence number; 0 while there was none.
+    /// The sequence number of the acknowledged command; 0 while there was none.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.number
     }
 
-    /// The outcome; `None` for a reserved code.
+    /// The outcome of the acknowledged command; `None` for a reserved code.
     #[must_use]
     pub const fn outcome(self) -> Option<Outcome> {
         Outcome::from_code(self.code)
     }
 
-    /// The code of the outcome.
+    /// The code of the outcome on the wire, reserved or not.
     #[must_use]
     pub const fn code(self) -> u16 {
         self.code
@@ -106,20 +106,20 @@ impl WireAcknowledged {
 pub struct HoldObjectValues {
     /// The timestamp, ms since the hold's start, wraps; one [period](super::PERIOD_MS) more in each object.
     pub timestamp: u32,
-    /// The maker's status.
+    /// The status word, which the maker defines.
     pub status: UplinkStatus,
-    /// The maker's values.
+    /// The values before the acknowledgements, which the maker defines.
     pub values: [u8; HoldObject::VALUES],
     /// The acknowledgements of the last command of each writer, in the order of [`WritesUplink::INDEX`].
     pub acknowledged: [Acknowledged; 2],
-    /// More of the maker's values.
+    /// The values behind the acknowledgements, which the maker defines.
     pub more: [u8; HoldObject::MORE],
 }
 
-/// The object of a hold of any maker: 64 bytes, the last four of them the frame CRC of the others.
+/// The object of a hold of any maker: 64 bytes. The last four are the frame CRC of the other 60.
 ///
-/// Any 64 bytes can be read as one; [`HoldObject::verify`] checks whether they are valid. The DPR and the
-/// [`Sender`](super::Sender) of commands read only what is the same for every maker:
+/// Any 64 bytes can be read as this object; [`HoldObject::verify`] checks whether they are a valid one. The DPR and the
+/// [`Sender`](super::Sender) of commands read only the parts that are the same for every maker:
 ///
 /// | bytes | |
 /// |---|---|
@@ -161,7 +161,7 @@ impl HoldObject {
     /// The offset of the acknowledgements.
     pub const ACKNOWLEDGED: usize = 44;
 
-    /// Seals `values` in an object of the maker with `identifier`.
+    /// Seals `values` in an object with `identifier`, which names the maker's layout.
     ///
     /// # Panics
     ///
@@ -185,7 +185,7 @@ impl HoldObject {
         .sealed()
     }
 
-    /// The object in `bytes`, if it is intact and an object of any maker's hold.
+    /// The object in `bytes`, if it is intact and its identifier is one of a hold, of any maker.
     ///
     /// # Errors
     ///
@@ -196,7 +196,7 @@ impl HoldObject {
         findings.check(object.identifier().is_active_load(), Rejection::Identifier).judge(object)
     }
 
-    /// The contents.
+    /// The contents of the object in plain numbers.
     #[must_use]
     pub fn values(&self) -> HoldObjectValues {
         HoldObjectValues {
@@ -208,7 +208,7 @@ impl HoldObject {
         }
     }
 
-    /// The acknowledgement of the last command of role `W`.
+    /// The acknowledgement, in this object, of the last command of role `W`.
     #[must_use]
     pub fn acknowledged<W: WritesUplink>(&self) -> Acknowledged {
         let [base_station, flight_controller] = self.acknowledged;

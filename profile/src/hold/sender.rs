@@ -1,4 +1,4 @@
-//! The writer's end: numbers commands, repeats them until they are acknowledged, and says which are lost.
+//! The end of a writer of commands to the hold: it numbers commands and repeats them until they are acknowledged.
 use core::marker::PhantomData;
 
 use super::{
@@ -7,27 +7,27 @@ use super::{
 };
 use crate::{Uplink, criticality::WritesUplink};
 
-/// What is known of the last command that was sent.
+/// The state of the last command that was sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sent {
-    /// None was sent.
+    /// No command was sent.
     #[default]
     Nothing,
-    /// The command with this number is in every uplink, and not acknowledged yet.
+    /// The command with this number is put in every uplink, and is not acknowledged yet.
     Waiting(u16),
-    /// The hold has acknowledged the command with this number, once and for all.
+    /// The hold has acknowledged the command with this number; this is final.
     Answered(u16, Outcome),
-    /// The command with this number is no longer sent, and was not acknowledged: it was done once or not at all. If its
-    /// acknowledgement still comes, it is answered.
+    /// The command with this number is no longer sent, and was not acknowledged: it was executed once or not at all. If
+    /// its acknowledgement still comes, the state becomes [`Answered`](Self::Answered).
     Lost(u16),
 }
 
 /// The commands of role `W` to the hold, one at a time.
 ///
-/// Each object of the hold that was read goes to [`Sender::observe`], and [`Sender::fill`] puts the command into the
-/// payload of every uplink that is written, with a later timestamp in each. The hold executes a command once, however
-/// often it comes; it may need a second uplink to see that the first was not an old one. How long to wait is the
-/// caller's to decide: [`Sender::give_up`].
+/// Each object of the hold that was read is passed to [`Sender::observe`], and [`Sender::fill`] puts the command into
+/// the payload of every uplink that is written, each with a later timestamp. The hold executes a command once, however
+/// often it comes; it may need a second uplink to detect that the first was not an old one. The caller decides how long
+/// the command is repeated, and ends that with [`Sender::give_up`].
 #[derive(Clone, Debug)]
 pub struct Sender<W> {
     sent: Sent,
@@ -35,7 +35,7 @@ pub struct Sender<W> {
     command: [u8; COMMAND_SIZE],
     /// The timestamp of the last object of the hold, and the number that it acknowledged.
     hold: Option<(u32, u16)>,
-    /// The number of the last command.
+    /// The number of the last command that was sent.
     number: Option<u16>,
     writer: PhantomData<W>,
 }
@@ -47,8 +47,8 @@ impl<W: WritesUplink> Sender<W> {
         Self { sent: Sent::Nothing, command: [0; COMMAND_SIZE], hold: None, number: None, writer: PhantomData }
     }
 
-    /// Takes the acknowledgement from an object of the hold. A command that is waiting is lost if the hold has
-    /// restarted, or has acknowledged a later one.
+    /// Takes the acknowledgement from an object of the hold. A waiting command becomes lost if the hold has restarted,
+    /// or has acknowledged a later command.
     pub fn observe(&mut self, object: &HoldObject) {
         let acknowledged = object.acknowledged::<W>();
         let behind = self.hold.map_or(0, |(before, _)| before.wrapping_sub(object.timestamp()));
@@ -64,8 +64,8 @@ impl<W: WritesUplink> Sender<W> {
         };
     }
 
-    /// Sends `command` from now on, and returns its number; `None`, and nothing is sent, while another one is waiting
-    /// or before an object of the hold was read, since the number follows the acknowledged one.
+    /// Sends `command` from now on, and returns its number. Returns `None`, and sends nothing, while another command is
+    /// waiting, or before an object of the hold was read, since the number must follow the acknowledged one.
     pub fn send<C: Words>(&mut self, command: &C) -> Option<u16> {
         let (_, acknowledged) = self.hold.filter(|_| !matches!(self.sent, Sent::Waiting(_)))?;
         let last = self.number.filter(|number| is_newer(*number, acknowledged)).unwrap_or(acknowledged);
@@ -83,14 +83,14 @@ impl<W: WritesUplink> Sender<W> {
         }
     }
 
-    /// Puts the command that is waiting, or none, at the beginning of an uplink's payload. The rest stays as it is.
+    /// Puts the waiting command, or zeros without one, at the beginning of an uplink's payload. The rest is unchanged.
     pub fn fill(&self, payload: &mut [u8; Uplink::PAYLOAD]) {
         let (place, _) = payload.split_at_mut(COMMAND_SIZE);
         let waiting = matches!(self.sent, Sent::Waiting(_));
         place.copy_from_slice(if waiting { &self.command } else { &[0; COMMAND_SIZE] });
     }
 
-    /// What is known of the last command.
+    /// The state of the last command.
     #[must_use]
     pub const fn sent(&self) -> Sent {
         self.sent

@@ -1,8 +1,8 @@
 //! The request by which a flight controller selects what it reads next.
 //!
-//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller; one transaction per control
-//! cycle, full duplex. While the DPR sends the window of the last request, it accepts a request for the next
-//! transaction:
+//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller. There is one transaction in
+//! each control cycle, full duplex. While the DPR sends the window of the last request, it accepts a request for the
+//! next transaction:
 //!
 //! | bytes | request (8) |
 //! |---|---|
@@ -11,21 +11,21 @@
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
 //! Eight bytes 0x00 are an empty request, and so are eight bytes 0xFF, which is what the DPR reads from an undriven
-//! MOSI line. After a transaction without a request the window is the whole map, from its start: a request holds for
-//! one transaction.
+//! MOSI line. After a transaction without a request the next one reads the whole map, from its start: a request holds
+//! for one transaction.
 //!
 //! After the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
-//! command. [`port_status`](crate::port_status) defines how its writes are judged.
+//! command. [`port_status`](crate::port_status) defines how the DPR judges what was written.
 //!
 //! Neither empty request can be mistaken for a request of a window. The CRC of four bytes 0x00 is not 0. Eight bytes
-//! 0xFF do carry a valid CRC (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR
-//! makes four bytes 0xFF), but would request 65535 bytes from offset 65535, and no map is that long. No other object
-//! has the length at which this happens.
+//! 0xFF do have a valid CRC (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes
+//! four bytes 0xFF), but would request 65535 bytes from offset 65535, and no map is that long. Bytes 0xFF have a valid
+//! CRC at no other length.
 //!
 //! # Timing
 //!
-//! The bounds that a flight controller must keep on the wire, measured at the DPR's pins, behind the isolator. The
-//! numbers are constants in [`timing`].
+//! These are the bounds that a flight controller must keep on the wire. They hold at the DPR's pins, behind the
+//! isolator. The numbers are constants in [`timing`].
 //!
 //! | what | bound | source |
 //! |---|---|---|
@@ -36,20 +36,20 @@
 //! | MOSI valid before and after the SCK edge | ≥ 59 ns, ≥ 20 ns | same |
 //! | CSN rises to CSN falls | ≥ 10 µs | this project: see below |
 //!
-//! `docs/hardware.md` lists which of these were checked against the document again, and their consequences for
+//! `docs/hardware.md` lists which of these bounds were checked against the document again, and what they mean for
 //! isolators.
 //!
 //! The DPR needs up to 10 µs after a transaction to take the request and to pass the next buffer to its SPI peripheral.
 //! A transaction that begins earlier is not an error: it reads 0xFF throughout, which no CRC accepts, and its request
-//! is lost. (The peripheral by itself needs CSN high for 0.3 µs.) One transaction per control cycle keeps this bound
-//! with a wide margin.
+//! is lost. (The peripheral by itself needs CSN high for 0.3 µs.) A flight controller that makes one transaction in
+//! each control cycle keeps this bound with a wide margin.
 //!
 //! An isolator delays SCK on its way in and MISO on its way out, and MISO must arrive before the flight controller
 //! samples it, half a period after the edge that shifted it out. So half a period is at least two passes of the
 //! isolator, the 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical
 //! isolators that is well below 8 MHz.
 //!
-//! [`client`] is the flight controller's end: it determines what is sent, and evaluates the answer.
+//! [`client`] is the flight controller's end: it determines the bytes that are sent, and evaluates the answer.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
@@ -69,19 +69,19 @@ pub mod timing {
     pub const CSN_HOLD_NS: u32 = 2_000;
     /// Shortest time from CSN rising to CSN falling after which a transaction is answered, ns.
     pub const GAP_NS: u32 = 10_000;
-    /// Shortest time from CSN rising at the end of one transaction to CSN rising at the end of the next after which the
-    /// transaction behind both is answered, ns. It is what a transaction of 96 bytes takes at [`MAX_CLOCK_HZ`] with the
+    /// Shortest time from CSN rising at the end of one transaction to CSN rising at the end of the next, so that the
+    /// transaction after both is answered, ns. It is the time of a transaction of 96 bytes at [`MAX_CLOCK_HZ`] with the
     /// gap before it: a flight controller that reads Link-Status and Reported-Position, or more, keeps it in any case.
     pub const SPACING_NS: u32 = GAP_NS + CSN_SETUP_NS + 96 * 8 * (1_000_000_000 / MAX_CLOCK_HZ) + CSN_HOLD_NS;
     /// Longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
     pub const MISO_VALID_NS: u32 = 19;
     /// Shortest time for which MOSI must be valid before the SCK edge that samples it, ns.
     pub const MOSI_SETUP_NS: u32 = 59;
-    /// Shortest time for which MOSI must be valid after that edge, ns.
+    /// Shortest time for which MOSI must be valid after the SCK edge that samples it, ns.
     pub const MOSI_HOLD_NS: u32 = 20;
 
     /// The highest SCK frequency, Hz, through an isolator that delays each signal by at most `isolator_ns`, for a
-    /// flight controller whose MISO input needs `setup_ns` before the sampling edge. At most [`MAX_CLOCK_HZ`].
+    /// flight controller whose MISO input needs `setup_ns` before the sampling edge; at most [`MAX_CLOCK_HZ`].
     ///
     /// SCK is assumed to be high and low for the same time.
     ///
@@ -103,21 +103,21 @@ pub mod timing {
 /// The window of the map that the next transaction reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// The offset of its first byte in the map.
+    /// The offset of the window's first byte in the map.
     pub offset: u16,
-    /// Its length in bytes, at least one.
+    /// The length of the window in bytes, at least one.
     pub length: u16,
 }
 
 impl Request {
-    /// The range in the map.
+    /// The range of the window in the map.
     #[must_use]
     pub fn window(self) -> Range<usize> {
         let offset = usize::from(self.offset);
         offset..offset + usize::from(self.length)
     }
 
-    /// Whether it holds at least one byte and lies in a map of `map_len` bytes.
+    /// Whether the window holds at least one byte and lies in a map of `map_len` bytes.
     #[must_use]
     #[expect(clippy::as_conversions, reason = "both widen, and usize::from is not const")]
     pub const fn is_inside(self, map_len: usize) -> bool {
@@ -128,17 +128,17 @@ impl Request {
 /// The meaning of an accepted request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parsed {
-    /// It requests nothing: the next transaction reads the whole map, from its start.
+    /// The request is empty: the next transaction reads the whole map, from its start.
     Nothing,
-    /// It requests that window, which lies in the map.
+    /// The request is for this window, which lies in the map.
     Window(Request),
 }
 
-/// Parses the request in `bytes` for a DPR whose map has `map_len` bytes.
+/// Parses the request in `bytes`, for a DPR with a map of `map_len` bytes.
 ///
 /// # Errors
 ///
-/// [`Rejection::Crc`] if it is damaged; [`Rejection::Window`] if the window is empty or does not lie in the map.
+/// [`Rejection::Crc`] if the request is damaged; [`Rejection::Window`] if its window is empty or not in the map.
 ///
 /// ```
 /// use profile::{Rejection, ssi::{self, Parsed, Request}};
@@ -163,7 +163,7 @@ pub fn parse(bytes: &[u8; REQUEST_SIZE], map_len: usize) -> Result<Parsed, Rejec
         .judge(if nothing { Parsed::Nothing } else { Parsed::Window(request) })
 }
 
-/// Encodes `request` with its CRC.
+/// Encodes `request` with its CRC, as it is sent on the wire.
 #[must_use]
 pub fn encode(request: Request) -> [u8; REQUEST_SIZE] {
     let [o0, o1] = request.offset.to_le_bytes();

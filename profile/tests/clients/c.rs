@@ -28,7 +28,7 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("c")
 }
 
-/// The folder for this test's output.
+/// Returns the path of the folder for the output of the test `name`.
 pub(crate) fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("clients");
     std::fs::create_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -45,12 +45,12 @@ pub(crate) fn compile(arguments: &[&str]) {
     assert!(output.status.success(), "{compiler} {} failed:\n{text}", arguments.join(" "));
 }
 
-/// A program that plays a tape to the C client.
+/// A build of the C program that plays a tape to the C client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Build {
-    /// The build of a flight controller.
+    /// The build with the options of a flight controller's firmware.
     Optimised,
-    /// The build with AddressSanitizer and UndefinedBehaviorSanitizer: the first finding ends it.
+    /// The build with AddressSanitizer and UndefinedBehaviorSanitizer, whose first finding ends the program.
     Sanitised,
 }
 
@@ -72,7 +72,7 @@ impl Build {
         })
     }
 
-    /// The C client's output for `tape`.
+    /// Returns what the C client writes for `tape`.
     pub(crate) fn play(self, tape: &[u8]) -> String {
         let mut child = Command::new(self.program())
             .stdin(Stdio::piped())

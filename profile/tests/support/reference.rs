@@ -1,11 +1,11 @@
-//! The wire format a second time, as plainly as possible: offsets as numbers, CRCs bit by bit. It only shares the
-//! result type with the crate.
+//! The wire format written a second time, as plainly as possible: offsets are numbers, CRCs are computed bit by bit.
+//! Only the result type is the crate's own.
 use profile::Rejection;
 
 pub(crate) const FRAME: u32 = 0xF192_2815;
 pub(crate) const POSITION: u32 = 0x3AFF_2FAD;
 
-/// The register after `bytes`, from 0xFFFFFFFF, before the final XOR: one polynomial division, bit by bit.
+/// The CRC register after `bytes`, from 0xFFFFFFFF, before the final XOR: one polynomial division, bit by bit.
 pub(crate) fn register(polynomial: u32, bytes: &[u8]) -> u32 {
     let mut register = 0xFFFF_FFFF_u32;
     for byte in bytes {
@@ -46,7 +46,8 @@ pub(crate) fn object_of_profile(bytes: &[u8], index: usize) -> Option<Rejection>
     object(bytes, size, 0x4800 + u16::try_from(index).unwrap())
 }
 
-/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have its size.
+/// Puts the identifier of a profile's object number `index` and right CRCs into `bytes`, which must have that object's
+/// size.
 pub(crate) fn repair(bytes: &mut [u8], index: usize) {
     let identifier = 0x4800 + u16::try_from(index).unwrap();
     bytes[4..6].copy_from_slice(&identifier.to_le_bytes());
@@ -64,7 +65,7 @@ pub(crate) fn repair_frame_crc(bytes: &mut [u8]) {
     bytes[at..].copy_from_slice(&frame.to_be_bytes());
 }
 
-/// `bytes` with the bits `bits` inverted; bit 0 is the first on the air: the most significant of byte 0.
+/// Returns `bytes` with the bits `bits` inverted; bit 0 is the first on the air: the most significant bit of byte 0.
 pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Vec<u8> {
     let mut damaged = bytes.to_vec();
     for bit in bits {
@@ -73,13 +74,13 @@ pub(crate) fn flipped(bytes: &[u8], bits: impl IntoIterator<Item = usize>) -> Ve
     damaged
 }
 
-/// Byte ranges of the objects of a profile of `n` receivers.
+/// The byte range of each object in a profile of `n` receivers.
 pub(crate) fn places(n: usize) -> Vec<std::ops::Range<usize>> {
     let gps = (1..=n).map(|receiver| 4 + 60 * receiver..64 + 60 * receiver);
     std::iter::once(0..64).chain(gps).collect()
 }
 
-/// The frames of a profile of `n` receivers: first object, number of objects, bytes.
+/// The frames of a profile of `n` receivers: the first object, the number of objects and the number of bytes of each.
 pub(crate) fn frames(n: usize) -> &'static [(usize, usize, usize)] {
     match n {
         1 => &[(0, 2, 124)],

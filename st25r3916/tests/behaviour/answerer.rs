@@ -1,4 +1,4 @@
-//! Tests the answerer against the stand-in.
+//! Tests the answerer against the stand-in for the chip.
 
 use st25r3916::{
     Answerer, AnswererEvent, AnswererState, Dropped, Fault, FrameFlags, Input, ListenerConfig, ListenerState,
@@ -25,12 +25,12 @@ fn listening(chip: Chip) -> (Rig, Answerer) {
     (rig, answerer)
 }
 
-/// Continues from an event to the next.
+/// Continues from one event of the answerer to its next event.
 fn next(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Event(AnswererEvent::Listening))
 }
 
-/// Receives a frame of 64 bytes.
+/// Sends a frame of 64 bytes to the answerer and expects its delivery.
 fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     let payload: Vec<u8> = (0..64).collect();
     rig.chip.frame(rig.chip.now + 200, &payload);
@@ -38,7 +38,7 @@ fn receive(rig: &mut Rig, answerer: &mut Answerer) {
     assert_eq!(rig.buffer[1..=64], payload);
 }
 
-/// Prepares an answer of these bytes; returns the event.
+/// Prepares an answer with the bytes `payload`; returns the event that follows.
 fn prepare(rig: &mut Rig, answerer: &mut Answerer, payload: &[u8]) -> AnswererEvent {
     rig.payload = payload.to_vec();
     let step = answerer.answer(payload.len()).expect("a frame was delivered");
@@ -49,7 +49,7 @@ fn transmit(rig: &mut Rig, answerer: &mut Answerer) -> AnswererEvent {
     rig.run(answerer, Step::Transfer(Transfer::Short(Answerer::transmit())))
 }
 
-/// The next frame is received and answered.
+/// Checks that the next frame is received and answered.
 fn works_again(rig: &mut Rig, answerer: &mut Answerer) {
     let payload: Vec<u8> = (0..128).map(|byte| byte ^ 0x3C).collect();
     let frame = [0x77; 64];
@@ -102,11 +102,12 @@ fn a_frame_is_answered_by_these_transfers() {
         assert_eq!(rig.chip.sent.last().map(|(_, sent)| &sent[..]), Some(&payload[..]));
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // Clear, length, status, head; command, rest, status.
+        // The transfers are: clear, length, status and head; then the command, the rest and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 113, 8]);
         assert_eq!((&log[0][..], &log[1][..], &log[4][..]), ("DB", "22 04 00", "C4"));
         receive(&mut rig, &mut answerer);
-        // Status, unmask, one setting: the FIFO is empty.
+        // The transfers are the status, the unmasking and one setting. No clear is among them, because the FIFO is
+        // empty.
         assert_eq!(rig.log()[..2], ["59 00 00 00 00 00 00 00", "D1"]);
         let counters = answerer.counters();
         assert_eq!(
@@ -160,7 +161,7 @@ fn an_answer_whose_instant_has_passed_is_given_up() {
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 128]), AnswererEvent::Loaded);
     rig.log();
     receive(&mut rig, &mut answerer);
-    // Status, clear, unmask: the head of the answer is gone.
+    // The transfers are the status, the clear and the unmasking: the head of the answer is removed from the FIFO.
     assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
     assert!(rig.chip.sent.is_empty());
     works_again(&mut rig, &mut answerer);
@@ -207,7 +208,7 @@ fn a_late_executor_finds_the_next_frame_behind_its_answer() {
     let (mut rig, mut answerer) = listening(Chip::new(Variant::B));
     receive(&mut rig, &mut answerer);
     assert_eq!(prepare(&mut rig, &mut answerer, &[1; 16]), AnswererEvent::Loaded);
-    // 216 bits take 509 us. The part opens its receiver by itself.
+    // The 216 bits of the answer take 509 us. Then this chip opens its receiver by itself.
     let end = rig.chip.now + 3 + 509;
     rig.chip.frame(end + 300, &[9; 64]);
     rig.chip.at(end + 200, Happening::Unmask);
@@ -290,7 +291,7 @@ fn a_fault_during_an_answer_leads_to_a_bring_up() {
                     step => step,
                 };
             };
-            // A reset is seen by the next read of the status; the chip has then taken nothing of what was loaded.
+            // The next read of the status shows a reset. The chip has then taken none of the loaded bytes.
             assert_eq!(event, AnswererEvent::Fault(fault), "step {at}");
             rig.chip.miso = Miso::Driven;
             rig.chip.misuse.clear();

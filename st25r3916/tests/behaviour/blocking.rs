@@ -1,4 +1,4 @@
-//! Tests the blocking form on `embedded-hal` traits, over the same stand-in.
+//! Tests the blocking form on `embedded-hal` traits, over the same stand-in for the chip.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
@@ -130,7 +130,7 @@ fn a_blocking_listener_receives_and_returns_when_nothing_comes() {
         let now = chip.0.borrow().now;
         let payload = vec![len as u8; len];
         chip.0.borrow_mut().frame(now + 3_000, &payload);
-        // Waits are cut short and continued.
+        // The time limit of each call ends its wait early; the next call continues the wait.
         let mut calls = 0;
         let event = loop {
             calls += 1;

@@ -1,4 +1,4 @@
-//! Compares a real ST25R3916's answers, where the recording is available, with the register table.
+//! Compares the answers of a real ST25R3916, where their recording is available, with the register table.
 
 use std::path::Path;
 use std::{env, fs};
@@ -8,15 +8,15 @@ use st25r3916::register as reg;
 
 use crate::stand_in::Chip;
 
-/// The byte that follows `head` on MISO in the recording's first line with it.
+/// The byte that follows `head` on MISO in the recording's first line that contains `head`.
 fn answered(recording: &str, head: &str) -> u8 {
     let line = recording.lines().find(|line| line.contains(&format!(" {head} 00 | "))).expect("the register was read");
     let last = line.split_whitespace().last().expect("a byte");
     u8::from_str_radix(last, 16).expect("a hexadecimal byte")
 }
 
-/// The public recording of every register of a real ST25R3916, or `None` where it is not available. On a build server
-/// (`CI` set) it must be.
+/// The public recording of every register of a real ST25R3916; `None` where it is not available, which is allowed
+/// everywhere but on a build server (`CI` set).
 fn recording() -> Option<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/st25r3916-silicon/Read_All_Registers_SpaceA_B.txt");

@@ -1,4 +1,4 @@
-//! Tests the exchange against the stand-in.
+//! Tests the exchange against the stand-in for the chip.
 
 use st25r3916::exchange::{OPENS_US, WINDOW_US};
 use st25r3916::{
@@ -11,7 +11,7 @@ use crate::stand_in::{CRC, Chip, Happening, MAIN, Miso, RXS, Rig};
 const VARIANTS: [Variant; 2] = [Variant::A, Variant::B];
 const SILENT: ExchangeEvent = ExchangeEvent::NoAnswer(NoAnswer::Silent);
 const OVERRUN: ExchangeEvent = ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Overrun));
-/// Air time of the frame of 64 bytes, µs, rounded up: 600 bits.
+/// The air time of a frame of 64 bytes, µs, rounded up: 600 bits.
 const FRAME_US: u64 = 1_416;
 
 fn ready(chip: Chip) -> (Rig, Exchange) {
@@ -26,7 +26,7 @@ fn ready(chip: Chip) -> (Rig, Exchange) {
     (rig, exchange)
 }
 
-/// Loads a frame of 64 bytes, up to the transmit command.
+/// Loads a frame of 64 bytes; the transmit command is due afterwards.
 fn load(rig: &mut Rig, exchange: &mut Exchange) {
     rig.payload = (0..64).collect();
     let step = exchange.prepare(64).expect("it is ready");
@@ -34,7 +34,8 @@ fn load(rig: &mut Rig, exchange: &mut Exchange) {
     assert_eq!(rig.run(exchange, Step::Event(ExchangeEvent::Prepared)), ExchangeEvent::Loaded);
 }
 
-/// Sends the loaded frame and runs to the result; `answer` gets the chip and the instant of the frame's end.
+/// Sends the loaded frame and runs the exchange to its result; `answer` gets the chip and the instant of the frame's
+/// end.
 fn fire<R>(rig: &mut Rig, exchange: &mut Exchange, answer: impl FnOnce(&mut Chip, u64) -> R) -> ExchangeEvent {
     let end = rig.chip.now + 3 + FRAME_US;
     answer(&mut rig.chip, end);
@@ -46,7 +47,7 @@ fn exchange<R>(rig: &mut Rig, machine: &mut Exchange, answer: impl FnOnce(&mut C
     fire(rig, machine, answer)
 }
 
-/// The next cycle begins and ends with an answer.
+/// Checks that the next cycle begins and ends with an answer.
 fn works_again(rig: &mut Rig, machine: &mut Exchange) {
     rig.chip.clear_air();
     assert_eq!(rig.run(machine, Step::Event(SILENT)), ExchangeEvent::Ready);
@@ -73,7 +74,8 @@ fn bring_up_sets_the_receiver_for_answers_and_masks_it() {
             assert_eq!(settings.iter().filter(|other| *other == entry).count(), 1, "{entry}");
         }
         assert_eq!(settings[settings.len() - 3..], ["02 C8", "D0", "42 00 00 00"], "{variant:?}");
-        // Written, IO and regulator control read as well, and the three at the end.
+        // All settings are written and read back, IO and regulator control are read back as well, and three transfers
+        // follow.
         assert_eq!(settings.len(), number + 5, "{variant:?}: {settings:?}");
         assert!(!rig.chip.unmasked);
     }
@@ -89,8 +91,8 @@ fn an_exchange_is_these_transfers() {
         assert_eq!(machine.state(), ExchangeState::Over);
         let log = rig.log();
         let lengths: Vec<usize> = log.iter().map(|entry| entry.len().div_ceil(3)).collect();
-        // Clear, length, status, head; command, rest, status; unmask, two statuses, LEN and payload, mask, gain,
-        // status.
+        // The transfers are: clear, length, status and head; the command, the rest and the status; the unmasking, two
+        // reads of the status, LEN and payload, the masking, the gain and the status.
         assert_eq!(lengths, [1, 3, 8, 17, 1, 49, 8, 1, 8, 8, 130, 1, 1, 8]);
         assert_eq!([&log[4], &log[7], &log[11], &log[12]], ["C4", "D1", "D0", "D5"]);
         assert_eq!(rig.buffer[..=128], [&[129][..], &payload].concat());
@@ -203,7 +205,7 @@ fn a_damaged_answer_is_delivered_with_its_flags() {
 
 #[test]
 fn a_second_answer_is_never_mixed_with_the_first() {
-    // The second begins in the first, while it is read, while the receiver is being masked, and after that.
+    // The second answer begins within the first, while the first is read, while the receiver is being masked, or later.
     let (mut whole, mut overrun) = (0, 0);
     for gap in (10..2_900).step_by(7) {
         let (mut rig, mut machine) = ready(Chip { end_masks_receiver: false, ..Chip::new(Variant::B) });
@@ -218,13 +220,14 @@ fn a_second_answer_is_never_mixed_with_the_first() {
                 assert_eq!(rig.buffer[1..=128], [1; 128], "{gap}");
                 whole += 1;
             }
-            // It is a runt if the second began between the two halves of the first one's status.
+            // If the second answer began between the two halves of the status read at the first one's end, the first is
+            // a runt.
             event => {
                 assert!([OVERRUN, ExchangeEvent::NoAnswer(NoAnswer::Dropped(Dropped::Runt))].contains(&event), "{gap}");
                 overrun += u32::from(event == OVERRUN);
             }
         }
-        // A sync within the read may empty the FIFO under it.
+        // A sync during the read may have emptied the FIFO while it was read, which the stand-in counts as misuse.
         rig.chip.misuse.clear();
         works_again(&mut rig, &mut machine);
     }
@@ -235,7 +238,7 @@ fn a_second_answer_is_never_mixed_with_the_first() {
 fn a_late_executor_finds_the_answer_begun_or_over_and_receives_it() {
     for lateness in [100, 400, 900, 2_000, 3_500] {
         for variant in VARIANTS {
-            // On a part whose transmit command opens the receiver.
+            // The transmit command of this chip opens the receiver.
             let (mut rig, mut machine) = ready(Chip::new(variant));
             load(&mut rig, &mut machine);
             rig.chip.unmasked = true;
@@ -269,7 +272,7 @@ fn a_frame_without_its_transmit_interrupt_is_followed_by_its_window() {
 
 #[test]
 fn faults_within_the_window_are_told_and_recovered_from() {
-    // The step of the exchange at which it happens, counted from the transmit command.
+    // `at` is the step of the exchange at which the fault occurs, counted from the transmit command.
     for at in 3..12 {
         for (fault, break_it) in [
             (Fault::Bus, (|rig: &mut Rig| rig.chip.miso = Miso::StuckHigh) as fn(&mut Rig)),
@@ -295,7 +298,7 @@ fn faults_within_the_window_are_told_and_recovered_from() {
             assert_eq!(event, ExchangeEvent::Fault(fault), "step {at}");
             assert_eq!((machine.state(), machine.poller_state()), (ExchangeState::Polling, PollerState::Faulted));
             rig.chip.miso = Miso::Driven;
-            // A chip without an oscillator was asked for the answer.
+            // The driver has asked a chip without an oscillator for the answer, which the stand-in counts as misuse.
             rig.chip.misuse.clear();
             works_again(&mut rig, &mut machine);
         }
@@ -368,7 +371,7 @@ fn a_frame_is_prepared_only_between_exchanges() {
     load(&mut rig, &mut machine);
     assert!(!machine.is_ready());
     assert_eq!(machine.prepare(64), Err(SendError::NotReady));
-    // The frame may be given up instead.
+    // The loaded frame may be given up, too.
     assert_eq!(rig.run(&mut machine, Step::Event(ExchangeEvent::Loaded)), ExchangeEvent::Ready);
     assert!(machine.is_ready() && rig.chip.sent.is_empty());
     load(&mut rig, &mut machine);
@@ -389,7 +392,7 @@ fn an_answer_before_the_receiver_opens_is_not_received() {
 #[test]
 fn signals_outside_the_window_do_not_touch_the_frame() {
     let (mut rig, mut machine) = ready(Chip::new(Variant::B));
-    // A foreign answer while the frame is being loaded, and one between the exchanges.
+    // One foreign answer comes while the frame is being loaded, another one between the exchanges.
     rig.chip.at(rig.chip.now + 20, Happening::Sync);
     load(&mut rig, &mut machine);
     rig.chip.at(rig.chip.now, Happening::Sync);
@@ -418,7 +421,7 @@ fn settings_are_read_back_in_turn_after_each_exchange() {
     }
 }
 
-/// Whether an exchange ends in a fault of a register.
+/// Sends a frame and returns whether the exchange ends in a register's fault.
 fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
     rig.payload = vec![1; 64];
     let step = machine.prepare(64).expect("it is ready");
@@ -434,7 +437,8 @@ fn load_and_fire(rig: &mut Rig, machine: &mut Exchange) -> bool {
 
 #[test]
 fn the_steps_to_the_transmit_command_are_always_the_same() {
-    // Steps and bytes from the preparation to the command, after silence, an answer, a damaged one and an endless one.
+    // Records steps and bytes from the preparation to the transmit command: after silence, after an answer, after a
+    // damaged answer and after an endless one.
     let mut ways = vec![];
     for kind in 0..4 {
         let (mut rig, mut machine) = ready(Chip::new(Variant::B));

@@ -1,4 +1,4 @@
-//! Tests the listener against the stand-in.
+//! Tests the listener against the stand-in for the chip.
 
 use st25r3916::listener::{BUFFER, TAIL};
 use st25r3916::{
@@ -25,7 +25,8 @@ fn payload(len: usize, seed: usize) -> Vec<u8> {
     (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
 }
 
-/// Sends a frame 1 ms from now and expects it whole. The field of earlier frames may be reported before it.
+/// Sends a frame 1 ms from now and checks that it is received whole. The field of earlier frames may be reported
+/// before.
 fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     let bytes = payload(len, len);
     rig.chip.frame(rig.chip.now + 1_000, &bytes);
@@ -159,7 +160,7 @@ fn a_listener_has_the_receive_chain_of_nfc_f() {
 
 #[test]
 fn the_receiver_goes_on_only_after_every_register_was_read_back() {
-    // The values are space, address, and a bit that the chip stores inverted.
+    // Each row has the space and the address of a register, and a bit that the chip stores inverted there.
     let registers = [
         (0, 0x00, 0x80),
         (0, 0x01, 0x20),
@@ -256,7 +257,7 @@ fn a_listener_tells_its_state() {
             ListenerState::Listening,
         ]
     );
-    // A silent interval is followed by a fault.
+    // When the supervision interval is over, the chip is checked; a transfer that fails then leads to a fault.
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
@@ -280,7 +281,7 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
     assert_eq!(rig.buffer[0], 245);
     assert_eq!(rig.buffer[1..245], payload(244, 1));
     assert_eq!(rig.buffer[245..247], [0, 0], "the CRC-16 is not read");
-    // The status takes 10 µs and the read 248 µs at the stand-in's 8 MHz.
+    // The read of the status takes 10 µs and that of the FIFO 248 µs at the stand-in's 8 MHz.
     assert_eq!(rig.chip.now - end, 10 + 248);
 
     let log = rig.log();
@@ -313,7 +314,7 @@ fn only_few_bytes_are_left_to_read_at_a_frames_end() {
 #[test]
 fn the_last_early_read_leaves_a_byte_unless_another_arrives_meanwhile() {
     for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
-        // LEN announces 40 + 2 bytes: the first read is followed by the last one.
+        // LEN announces 40 + 2 bytes, so few that the last early read follows the first.
         let mut listener = in_a_frame();
         let _ = listener.step(Input::Done(&status(0, 16)));
         let _ = listener.step(Input::Done(&[40; 15]));
@@ -361,13 +362,13 @@ fn a_busy_executor_gets_the_same_frame_only_later() {
     }
 }
 
-/// The response of a status read: the main interrupt register and the FIFO's level.
+/// The response to a status read that shows `main` in the main interrupt register and `level` bytes in the FIFO.
 fn status(main: u8, level: u16) -> [u8; 8] {
     let [high, low] = level.to_be_bytes();
     [0, 0xFB, main, 0, 0, 0, low, high << 6]
 }
 
-/// A listener that has received a frame's sync and whose first wait in it is over.
+/// A listener that has received the sync of a frame and has waited for the frame's first bytes.
 fn in_a_frame() -> Listener {
     let (_, mut listener) = listening(Chip::new(Variant::B), FILLING);
     let _ = listener.step(Input::Start);
@@ -412,7 +413,7 @@ fn two_frames_300_microseconds_apart_are_both_received() {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
         for _ in 0..5 {
             let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
-            // The gap is followed by the second frame's preamble and sync: 64 bits.
+            // The gap is followed by preamble and sync of the second frame: 64 bits, 151 µs.
             rig.chip.frame(end + 300 + 151, &payload(180, 2));
             assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
             assert_eq!(rig.buffer[1..=184], payload(184, 1));
@@ -426,12 +427,12 @@ fn two_frames_300_microseconds_apart_are_both_received() {
 #[test]
 fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
     for config in BOTH {
-        // The receiver stays on after a frame's end.
+        // The receiver of this chip stays on after a frame's end.
         let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
         let (mut rig, mut listener) = listening(chip, config);
         rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 100, flags: CLEAN });
-        // The caller is slow; the next frame is half received when it returns.
+        // The caller is slow: half of the next frame has been received when the caller continues.
         rig.chip.frame(rig.chip.now + 10, &payload(120, 2));
         rig.chip.advance(rig.chip.now + 1_200);
         rig.log();
@@ -456,7 +457,7 @@ fn a_sync_just_before_the_clear_costs_at_most_its_own_frame() {
                     assert_eq!(len, 120);
                     assert_eq!(rig.buffer[1..=120], payload(120, 2));
                 }
-                // The clear damaged the frame, which its flags show.
+                // The clear has damaged the frame, as its flags show.
                 ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
                 other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
             }
@@ -481,7 +482,7 @@ fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
             hears(&mut rig, &mut listener, 244);
             let log = rig.log();
             assert_eq!(log[0], "59 00 00 00 00 00 00 00");
-            // The FIFO is cleared where it holds bytes.
+            // The FIFO is cleared only where it holds bytes.
             assert!(log[1] == "D1" || log[1..3] == ["DB", "D1"], "{log:?}");
             assert_eq!(listener.counters().no_end, 1);
             rig.assert_no_misuse();
@@ -590,7 +591,7 @@ fn a_frame_broken_off_within_a_byte_keeps_the_bytes_before_it() {
     for config in BOTH {
         let (rig, listener) = listening(Chip::new(Variant::B), config);
         for whole in 0..sent.len() {
-            // The test covers every µs of the byte, also during the status of an early read.
+            // The frame breaks off in every µs of the byte, also while an early read's status is read.
             for into in 1..19 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
@@ -633,7 +634,7 @@ fn a_fifo_level_that_lies_is_survived_and_flagged() {
     }
 }
 
-/// Whether one of the next three frames is delivered whole.
+/// Sends three frames and returns whether one of them is delivered whole.
 fn hears_again(rig: &mut Rig, listener: &mut Listener) -> bool {
     for seed in 0..3 {
         let bytes = payload(244, seed);
@@ -660,7 +661,7 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // The field is off for 0.4 s: the chip is checked, and nothing is reported.
+        // The field is off for 0.4 s: the listener checks the chip and reports nothing.
         assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
@@ -714,7 +715,7 @@ fn a_change_of_field_without_its_interrupt_is_reported_within_25_ms() {
         assert_eq!(rig.listener(&mut listener), event);
         assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
     }
-    // A reported state is not reported again.
+    // A state of the field that was reported is not reported again.
     assert_eq!(rig.listener_within(&mut listener, 100), None);
 }
 
@@ -843,7 +844,8 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
             let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
             let (mut rig, mut listener) = listening(chip, config);
             hears(&mut rig, &mut listener, 244);
-            // The test covers every µs of the check, and of the re-arming at its end, 20 ms later.
+            // The frame's sync comes at every µs of the check after 20 ms, and of the re-arming at the end of that
+            // check.
             for sync in 19_950..20_150 {
                 let (mut rig, mut listener) = (rig.clone(), listener.clone());
                 let sent = payload(244, sync);
@@ -857,7 +859,7 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
                 };
                 let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
                 assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
-                // The beginning was not missed: it was read while it arrived.
+                // The listener noticed the frame's beginning in time: it read the frame while the frame arrived.
                 let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
                 assert!(config != FILLING || left <= TAIL - 2, "{left} bytes after the end, {sync} us");
                 rig.assert_no_misuse();
@@ -882,7 +884,7 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    // The setting is read back only in its turn.
+    // Operation control, mode and bit rate are read only when it is their turn, because no interval was idle.
     assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
@@ -984,7 +986,7 @@ fn the_buffer_holds_the_longest_frame_and_no_byte_more() {
         rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
         rig.chip.advance(rig.chip.now + 5);
-        // The unread part of a CRC-16 does not make room for more.
+        // Bytes beyond a frame's CRC-16 make it too long, although the CRC-16 itself is not read into the buffer.
         for more in 1..=3 {
             frame.resize(257 + more, 0);
             rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
@@ -1020,7 +1022,8 @@ fn every_flipped_setting_is_told_within_one_rotation() {
                 rig.chip.flip(space, address, bit);
                 let mut frames = 0;
                 let fault = loop {
-                    // A chip that is not deaf has a frame every 10 ms; either way one setting is read in each cycle.
+                    // Unless the flipped bit makes it deaf, the chip receives a frame in every 10 ms; in both cases one
+                    // setting is read in each cycle.
                     rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
                     match rig.listener(&mut listener) {
                         ListenerEvent::Fault(fault) => break fault,
@@ -1041,7 +1044,7 @@ fn every_flipped_setting_is_told_within_one_rotation() {
     }
 }
 
-/// The instants, in ms from now, of the next bring-ups for silence. Other events are passed to `other`.
+/// Returns the instants, in ms from now, of the next bring-ups for silence.
 fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -> Vec<u64> {
     let start = rig.chip.now;
     let mut instants = vec![];
@@ -1071,11 +1074,11 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
             assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
             before = *instant;
         }
-        // The last three have the longest interval.
+        // The last of these bring-ups came after the longest interval, and so do the next.
         let instants = silences(&mut rig, &mut listener, 2, field);
         assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
-        // After a frame the first interval is the shortest again; there was no back-off.
+        // After a frame the first interval is the shortest again, and the bring-up follows without a back-off.
         hears(&mut rig, &mut listener, 244);
         rig.chip.field(field);
         let instants = silences(&mut rig, &mut listener, 1, field);
@@ -1089,7 +1092,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 #[test]
 fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-    // The next fault after these would be followed by a back-off of 64 ms.
+    // After these faults, the next one would be followed by a back-off of 64 ms.
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
     for _ in 0..9 {
@@ -1105,7 +1108,7 @@ fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
 
 #[test]
 fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
-    // The disturbances are a field that chatters, errors outside a frame, and frames that never end.
+    // The disturbances are a field that goes on and off, errors outside a frame, and frames that never end.
     for disturbance in 0..3 {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
         let start = rig.chip.now;

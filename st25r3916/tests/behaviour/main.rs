@@ -1,4 +1,4 @@
-//! Tests the behaviour of the machines against a small stand-in for the chip.
+//! Tests how the machines behave against a small stand-in for the chip.
 
 mod answerer;
 mod blocking;

@@ -1,5 +1,5 @@
-//! Tests that no machine panics or stops, whatever an executor or a chip does, and that it works again with a working
-//! chip.
+//! Tests that no machine panics or stops, whatever an executor or a chip does, and that each works again when the chip
+//! works.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -14,12 +14,12 @@ use st25r3916::{
 
 use crate::stand_in::{Chip, Happening, Miso, Rig};
 
-/// One input of an executor.
+/// An input that a test gives to a machine, right or wrong.
 #[derive(Clone, Debug)]
 enum Said {
     Start,
     Done(Vec<u8>),
-    /// An answer of the requested length, made of these bytes.
+    /// The requested transfer has ended, with a response of the right length that repeats these bytes.
     Answer([u8; 8]),
     Irq,
     Timeout,
@@ -27,7 +27,7 @@ enum Said {
     Send(usize),
 }
 
-/// Bytes of a real chip, more often than at random.
+/// Draws a byte: those that a real chip sends are drawn more often than at random.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![
         any::<u8>(),
@@ -68,7 +68,7 @@ fn poller_config() -> impl Strategy<Value = PollerConfig> {
         .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 
-/// Checks that a step is within the documented limits.
+/// Checks that a step of a machine is within the documented limits.
 fn check<E>(step: &Step<E>) {
     match *step {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),
@@ -81,7 +81,7 @@ fn check<E>(step: &Step<E>) {
     }
 }
 
-/// An answer to `step` of the right length that repeats `bytes`.
+/// Returns a response to `step` of the right length that repeats `bytes`.
 fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     let len = match *step {
         Step::Transfer(Transfer::Short(short)) => short.bytes().len(),
@@ -91,7 +91,8 @@ fn answer<E>(step: &Step<E>, bytes: [u8; 8]) -> Vec<u8> {
     bytes.iter().copied().cycle().take(len).collect()
 }
 
-/// Feeds the inputs and returns the outstanding step; `send` is the machine's other method, if it is permitted now.
+/// Gives the inputs to a machine and returns its outstanding step; `send` prepares a frame or an answer, if the machine
+/// permits that now.
 fn feed<M: Machine<Event: Copy>>(
     machine: &mut M,
     said: &[Said],
@@ -122,7 +123,8 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
     feed(machine, said, |machine, len| machine.prepare(len).ok())
 }
 
-/// Sends frames every 10 ms until one is received whole, at most 30 of them (back-off and bring-up take about ten).
+/// Sends frames every 10 ms until the listener receives one whole, at most 30 frames (back-off and bring-up take about
+/// ten).
 fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerEvent>) -> bool {
     let payload: Vec<u8> = (0..244).map(|index| index as u8 ^ 0x5A).collect();
     let start = rig.chip.now;
@@ -135,7 +137,7 @@ fn listens_again(rig: &mut Rig, machine: &mut Listener, mut step: Step<ListenerE
         step = machine.step(rig.input(given));
         check(&step);
         let whole = Step::Event(ListenerEvent::Frame { len: 244, flags: st25r3916::FrameFlags::empty() });
-        // An earlier frame may still be in the FIFO, which is not the expected one.
+        // The listener may first deliver an earlier frame that is still in the FIFO.
         if step == whole && rig.buffer[1..=244] == payload {
             return true;
         }
@@ -150,7 +152,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     rig.payload = vec![0xA5; 254];
     for _ in 0..400 {
         let given = match step {
-            // An earlier frame may be loaded; it is given up.
+            // The machine may have loaded an earlier frame, which is given up.
             Step::Event(PollerEvent::Ready) => {
                 if rig.load(machine, 254) != PollerEvent::Loaded {
                     return false;
@@ -167,7 +169,8 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
     false
 }
 
-/// Runs exchanges, each answered with `answer`, until one succeeds; `step` is outstanding. Returns how many failed.
+/// Runs exchanges, each answered with `answer`, until one succeeds, beginning with the outstanding `step`. Returns how
+/// many failed before.
 fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<ExchangeEvent>) -> Option<u32> {
     let answer = [0xC3; 128];
     rig.payload = vec![0xA5; 64];
@@ -196,7 +199,7 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Sends frames every 20 ms until one is answered, at most 30 of them; `step` is outstanding.
+/// Sends frames every 20 ms until the machine answers one, at most 30 frames, beginning with the outstanding `step`.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();
@@ -224,10 +227,10 @@ fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererE
     false
 }
 
-/// What another side puts on the air after the frame.
+/// What another sender puts on the air after the poller's frame.
 #[derive(Clone, Debug)]
 enum Heard {
-    /// Bytes of a frame, with these error bits at its end, if it has one.
+    /// The bytes of a frame, and the error bits at its end; `None` for a frame without an end.
     Frame(Vec<u8>, Option<u8>),
     Sync,
     BrokenByte(u8),
@@ -245,7 +248,7 @@ fn heard() -> impl Strategy<Value = (u64, Heard)> {
     (0..12_000_u64, heard)
 }
 
-/// Puts it on the air, counted from `from`.
+/// Puts `heard` on the air, at instants that are counted from `from`.
 fn play(chip: &mut Chip, from: u64, heard: &[(u64, Heard)]) {
     for (at, what) in heard {
         let at = from + at;
@@ -307,7 +310,7 @@ proptest! {
         let mut step = machine.step(Input::Start);
         for (place, value) in noise {
             let given = rig.carry_out(step);
-            // About one answer in eight has a byte that the chip did not send.
+            // About one response in eight has a byte that the chip did not send.
             let mut garbled = match rig.input(given) {
                 Input::Done(bytes) => bytes.to_vec(),
                 _ => Vec::new(),
@@ -402,7 +405,8 @@ proptest! {
         prop_assert!(matches!(event, ExchangeEvent::Answer { .. } | ExchangeEvent::NoAnswer(_)), "{:?}", event);
         let bound = u64::from(WINDOW_US + FRAME_US) + 600 + 4 * lateness;
         prop_assert!(rig.chip.now - end <= bound, "{} us", rig.chip.now - end);
-        // What is still on the air does not disturb the next frame, and once it is over the next answer is received.
+        // Signals that are still on the air do not disturb the next frame. When they are over, the next answer is
+        // received.
         let ready = rig.run(&mut machine, Step::Event(event));
         prop_assert_eq!(ready, ExchangeEvent::Ready);
         let step = machine.prepare(64).expect("it is ready");

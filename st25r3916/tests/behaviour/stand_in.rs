@@ -1,7 +1,7 @@
-//! A register and FIFO stand-in for the chip, and an executor that runs a machine against it.
+//! A stand-in for the chip with registers and a FIFO, and an executor that runs a machine against it.
 //!
-//! It behaves as the driver's documentation describes the chip, in whole microseconds, and can be set to misbehave. It
-//! is not a model of the part: it has no analogue side, and only the two modes used here.
+//! The stand-in behaves as the driver's documentation describes the chip, in whole microseconds, and can be set to
+//! misbehave. It is not a model of the chip: it has no analogue side, and only the two modes that are used here.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -20,26 +20,26 @@ pub(crate) const EON: u8 = 0x10;
 pub(crate) const EOF: u8 = 0x08;
 pub(crate) const CRC: u8 = 0x80;
 
-/// An event that happens by itself at an instant.
+/// An event in the chip that happens at a planned instant, without an access by the driver.
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
     /// The A/D converter has a result.
     Measured(u8),
-    /// A frame's sync, if the receiver is on and unmasked.
+    /// The sync of a frame is received, if the receiver is on and unmasked.
     Sync,
-    /// One byte of the frame whose sync was accepted.
+    /// One byte of the frame whose sync was accepted arrives.
     Byte(u8),
-    /// The end of the frame whose sync was accepted, with these error bits.
+    /// The frame whose sync was accepted ends, with these error bits.
     End(u8),
-    /// The frame whose sync was accepted ends within a byte, of which this many bits came.
+    /// The frame whose sync was accepted ends within a byte, of which this number of bits arrived.
     BrokenByte(u8),
     /// The transmitter takes a byte out of the FIFO.
     Taken,
-    /// The end of the frame on the air.
+    /// The chip's own frame on the air ends.
     TransmitEnd,
     PowerUpReset,
-    /// The receiver opens without a command.
+    /// The receiver is unmasked without a command.
     Unmask,
 }
 
@@ -63,17 +63,17 @@ pub(crate) struct Chip {
     pub(crate) identity: u8,
     pub(crate) miso: Miso,
     pub(crate) db_clears_irqs: bool,
-    /// A frame's end masks the receiver until the next D1.
+    /// Whether the end of a frame masks the receiver until the next command D1.
     pub(crate) end_masks_receiver: bool,
     pub(crate) oscillator_us: Option<u64>,
     pub(crate) regulator_us: Option<u64>,
-    /// The time until I_dct after the RC calibration (ST25R3916B).
+    /// The time until I_dct after the command for the RC calibration (ST25R3916B); `None`: I_dct never comes.
     pub(crate) calibration_us: Option<u64>,
-    /// The time until I_dct and the result after the supply measurement.
+    /// The time until I_dct and the result after the command for the supply measurement; `None`: I_dct never comes.
     pub(crate) measurement_us: Option<u64>,
-    /// VDD, in millivolts.
+    /// The supply voltage VDD, in millivolts.
     pub(crate) supply_mv: u32,
-    /// Whether it carries out transmit commands.
+    /// Whether the chip carries out transmit commands.
     pub(crate) transmits: bool,
     /// Whether a sent frame raises I_txe.
     pub(crate) transmit_ends: bool,
@@ -81,23 +81,23 @@ pub(crate) struct Chip {
     pub(crate) no_response_ends: bool,
     /// Whether the IRQ pin is high whatever the registers hold.
     pub(crate) pin_stuck: bool,
-    /// The error of the FIFO level.
+    /// The number that is added to the right FIFO level in the FIFO status.
     pub(crate) level_error: i32,
-    /// Space, address and bits of a register that stores these bits inverted.
+    /// The space and address of a register, and its bits that the chip stores inverted.
     pub(crate) stuck: Option<(usize, usize, u8)>,
-    /// Whether `reg_s` was set and cleared since the last adjustment.
+    /// Whether `reg_s` was set and cleared since the last adjustment of the regulators.
     pub(crate) adjusts: bool,
-    /// Space and address of every register that was written since the last set default.
+    /// The space and address of every register that the driver has written since the last set default.
     pub(crate) written: BTreeSet<(usize, usize)>,
-    /// Every MOSI string, in order.
+    /// The MOSI bytes of every transfer, in order.
     pub(crate) log: Vec<Vec<u8>>,
-    /// The transmitted frames, with their instants in µs.
+    /// The frames that the chip has transmitted, with their instants in µs.
     pub(crate) sent: Vec<(u64, Vec<u8>)>,
-    /// The driver's accesses that the part would not answer.
+    /// Accesses by the driver that a real chip would not answer as expected.
     pub(crate) misuse: Vec<String>,
     pub(crate) unmasked: bool,
     pub(crate) receiving: bool,
-    /// Whether a frame of its own is on the air.
+    /// Whether the chip's own frame is on the air.
     pub(crate) sending: bool,
     pub(crate) schedule: BTreeMap<(u64, u32), Happening>,
     pub(crate) order: u32,
@@ -144,13 +144,13 @@ impl Chip {
         }
     }
 
-    /// The registers of spaces A and B that hold the driver's last written values, each by its space and address: those
-    /// that are meant to stay so, without the length, which differs for each frame.
+    /// The space and address of each register of spaces A and B that the driver has written and that must keep its
+    /// value. The length is not among them, because it differs for each frame.
     pub(crate) fn written(&self) -> BTreeSet<(usize, usize)> {
         self.written.iter().copied().filter(|(space, address)| *space < 2 && !matches!(address, 0x22 | 0x23)).collect()
     }
 
-    /// Flips a bit of a register without an access.
+    /// Inverts a bit of a register without an access by the driver.
     pub(crate) fn flip(&mut self, space: usize, address: usize, bit: u8) {
         let registers = if space == 0 { &mut self.a } else { &mut self.b };
         registers[address] ^= 1 << bit;
@@ -164,8 +164,8 @@ impl Chip {
         self.schedule.insert((instant.max(self.now), self.order), happening);
     }
 
-    /// A frame whose sync ends at `sync`; its bytes are `LEN`, payload, CRC-16 (as two marks).
-    /// Returns the instant of its end.
+    /// Plans a frame whose sync ends at `sync`; its bytes are LEN, the payload and two fixed bytes in place of the
+    /// CRC-16. Returns the instant of its end.
     pub(crate) fn frame(&mut self, sync: u64, payload: &[u8]) -> u64 {
         let mut bytes = vec![payload.len() as u8 + 1];
         bytes.extend_from_slice(payload);
@@ -173,7 +173,7 @@ impl Chip {
         self.raw_frame(sync, &bytes, Some(0))
     }
 
-    /// A raw frame; without `end`, I_rxe never comes.
+    /// Plans a frame of these bytes and returns the instant of its end; without `end`, I_rxe never comes.
     pub(crate) fn raw_frame(&mut self, sync: u64, bytes: &[u8], end: Option<u8>) -> u64 {
         self.at(sync, Happening::Sync);
         let instant = |index: usize| sync + (index as u64 * 18_879) / 1_000;
@@ -187,7 +187,7 @@ impl Chip {
         over
     }
 
-    /// Removes the planned frames and the present one from the air.
+    /// Removes the planned frames and the present frame from the air.
     pub(crate) fn clear_air(&mut self) {
         self.receiving = false;
         self.schedule.retain(|_, what| {
@@ -195,12 +195,12 @@ impl Chip {
         });
     }
 
-    /// Sets the field detector's output without its interrupt.
+    /// Sets the output of the field detector, without its interrupt.
     pub(crate) fn senses_field(&mut self, there: bool) {
         self.a[0x31] = self.a[0x31] & !0x40 | u8::from(there) << 6;
     }
 
-    /// Switches the field on or off, with its interrupt.
+    /// Switches the poller's field on or off, with the interrupt of the field detector.
     pub(crate) fn field(&mut self, there: bool) {
         self.irqs[TIMER] |= if there { EON } else { EOF };
         self.senses_field(there);
@@ -214,8 +214,8 @@ impl Chip {
         self.a[0x31] & 0x10 != 0
     }
 
-    /// Whether the receiver is on, unmasked, and has the filter, the demodulator, the gain and the correlator that
-    /// NFC-F needs in its role: a target's, or a poller's with its field on.
+    /// Whether the receiver is on and unmasked, and has the filter, demodulator, gain and correlator that NFC-F needs
+    /// in the chip's role: as a target, or as a poller with its field on.
     fn receiver_listens(&self) -> bool {
         let demodulator = match (self.a[3] & 0x80 != 0, self.identity & 0xF8) {
             (true, _) => 0x2D,
@@ -232,12 +232,12 @@ impl Chip {
             && self.b[0x0C..=0x0D] == [0x54, 0x00]
     }
 
-    /// Whether a direct command is under way that ends with I_dct.
+    /// Whether a direct command is under way at whose end I_dct comes.
     fn is_busy(&self) -> bool {
         self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
     }
 
-    /// Ends a direct command after `us` microseconds; never for `None`.
+    /// Plans the end of a direct command after `us` microseconds; `None`: the command never ends.
     fn ends(&mut self, us: Option<u64>) {
         if let Some(us) = us {
             self.at(self.now + us, Happening::Irq(TIMER, 0x80));
@@ -351,7 +351,7 @@ impl Chip {
         }
     }
 
-    /// The next instant at which the pin may change, if any.
+    /// The next instant at which the IRQ pin may change, if any.
     pub(crate) fn next(&self) -> Option<u64> {
         self.schedule.first_key_value().map(|((instant, _), _)| *instant)
     }
@@ -385,7 +385,8 @@ impl Chip {
                 }
             }
             0x40..=0x7F => {
-                // The head's bytes come first, then each register when its own byte begins: a frame may end in between.
+                // The bytes of the head come first. Each register is read when its own byte begins: a frame may end
+                // between two of them.
                 self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
@@ -400,7 +401,8 @@ impl Chip {
                 self.needs_oscillator("FIFO read");
                 let mut dry = false;
                 for slot in &mut miso[1..] {
-                    // A byte leaves the FIFO when it is clocked out, after the command and the bytes before it.
+                    // A byte leaves the FIFO when it is clocked out, which is after the command and the bytes before
+                    // it.
                     self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
@@ -478,7 +480,7 @@ impl Chip {
             self.misuse.push(format!("command {command:02x} before the one before has ended"));
         }
         match command {
-            // Interrupts stay, so that the driver must handle an IRQ pin that is high already.
+            // A reset leaves the interrupts set, so that the driver must cope with an IRQ pin that is high already.
             0xC1 => self.reset(),
             0xC2 => {
                 self.sending = false;
@@ -493,7 +495,8 @@ impl Chip {
                 (self.sending, self.receiving) = (true, false);
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
-                // The time of preamble, sync, LEN, payload and CRC-16, µs; a bit is 32 periods of 13.56 MHz.
+                // `after` is the time, µs, of preamble, sync and this number of bytes; a bit lasts 32 periods of 13.56
+                // MHz.
                 let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
                 for byte in 0..ntx {
                     self.at(self.now + after(1 + byte), Happening::Taken);
@@ -539,27 +542,27 @@ impl Chip {
     }
 }
 
-/// Space, address and wrong bits of the register in a fault.
+/// The space, the address and the wrong bits of the register that a fault names.
 pub(crate) fn told(fault: Fault) -> (usize, usize, u8) {
     let Fault::Register { address, expected, found } = fault else { panic!("{fault:02x?}") };
     (usize::from(address >> 6), usize::from(address & 0x3F), expected ^ found)
 }
 
-/// A chip and the executor's data: payload to send, buffer to fill.
+/// A chip and the executor that runs a machine against it, with the payload to send and the buffer to fill.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig {
     pub(crate) chip: Chip,
     pub(crate) payload: Vec<u8>,
     pub(crate) buffer: [u8; BUFFER],
     response: Vec<u8>,
-    /// The delay before each answer to a wait, as of a busy executor.
+    /// The delay, µs, before each answer to a wait, as if the executor were busy.
     pub(crate) lateness: u64,
     pub(crate) transfers: u32,
-    /// The listener's outstanding step.
+    /// The outstanding step of the listener that is being run.
     pub(crate) outstanding: Step<ListenerEvent>,
 }
 
-/// An [`Input`] without its borrow.
+/// The kind of an [`Input`], without the response that it borrows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Given {
     Start,
@@ -642,7 +645,7 @@ impl Rig {
         self.run_within(machine, step, 200)
     }
 
-    /// Runs a machine from `step` to its next event, which may be a listener's that has heard nothing for a second.
+    /// Runs a machine from `step` to its next event, even if that is the end of a listener's silence of one second.
     pub(crate) fn run<M: Machine>(&mut self, machine: &mut M, step: Step<M::Event>) -> M::Event {
         self.run_within(machine, step, 600)
     }
@@ -663,7 +666,7 @@ impl Rig {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
 
-    /// Loads, transmits and checks one frame.
+    /// Loads and transmits one frame; returns the event that follows.
     pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
         self.payload = payload.to_vec();
         match self.load(machine, payload.len()) {
@@ -681,7 +684,8 @@ impl Rig {
         }
     }
 
-    /// Runs a listener to its next event, over at most `steps` steps; the next call continues from there.
+    /// Runs a listener for at most `steps` steps and returns its next event, if one came; the next call continues from
+    /// there.
     pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
         for _ in 0..steps {
             let given = self.carry_out(self.outstanding);
@@ -697,7 +701,7 @@ impl Rig {
         self.listener_within(machine, 400).expect("an event within 400 steps")
     }
 
-    /// Takes everything on the bus since the last call, as text.
+    /// Takes the MOSI bytes of every transfer since the last call, as text.
     pub(crate) fn log(&mut self) -> Vec<String> {
         self.chip
             .log

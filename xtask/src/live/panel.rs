@@ -11,8 +11,8 @@
 //! and checks the link's recovery from it; the report counts each episode. A recovery is complete within one episode. A
 //! supply that is switched off has a fixed end instead, because two such episodes would not join without a gap.
 //!
-//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start; a board that hung before that
-//! would hang for ever. So if a board has just been restarted from the panel, or already hangs, its next hang is
+//! **Hangs.** A firmware starts its watchdog a few microseconds after its own start. A board that hung before that
+//! would hang for ever. So if a board has just been restarted from the panel, or hangs already, its next hang is
 //! delayed until the watchdog certainly runs. A board without a supply is not made to hang.
 //!
 //! **Access.** The panel is a server on this machine, to which any page in a browser on this machine can send requests.
@@ -44,7 +44,7 @@ use serde_json::{Value, json};
 /// The length of one episode in the chain that makes a fault last, virtual ns.
 const LINK_NS: u64 = 1_000_000_000;
 
-/// The remaining time of an episode at which the next episode of its chain begins, virtual ns: two pieces of the run.
+/// How long before an episode's end the next episode of its chain begins, virtual ns: two pieces of the run.
 const RENEW_NS: u64 = 2 * super::PIECE;
 
 /// The longest duration of a fault, s of flight.
@@ -59,7 +59,7 @@ const LOST: f64 = 0.4;
 /// The bit error rate on the air: a frame has about 2000 bits, so about one frame in three survives.
 const BIT_ERROR: f64 = 5e-4;
 
-/// The seed of the noise that RAM holds after a supply was off.
+/// The seed of the random contents that RAM has after its supply was off.
 const NOISE: u64 = 1;
 
 /// A fault that the panel can inject.
@@ -161,9 +161,9 @@ impl How {
 #[derive(Clone, Copy, Debug)]
 struct Broken {
     thing: Thing,
-    /// The instant at which the user wants the fault to end, virtual ns; `u64::MAX` until the user ends it.
+    /// The instant at which the fault is to end, virtual ns; `u64::MAX` while the user has not ended it.
     until: u64,
-    /// The end of the fault's last episode that the bench has, virtual ns.
+    /// The end of the last episode of the fault that was passed to the bench, virtual ns.
     told: u64,
 }
 
@@ -186,7 +186,7 @@ struct Inner {
     /// The faults that are to begin after the present piece of the run, with their durations, ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
-    /// The instants from which HORUS's and the DPR's watchdogs certainly run, virtual ns.
+    /// The instants from which on the watchdogs of HORUS and of the DPR certainly run, virtual ns.
     watched: [u64; 2],
     log: VecDeque<Line>,
     /// The number of log lines that were dropped.
@@ -196,7 +196,7 @@ struct Inner {
 }
 
 impl Inner {
-    /// The instant from which no fault may begin, so that the run ends undisturbed, virtual ns.
+    /// The instant from which on no fault may begin, so that the run ends undisturbed, virtual ns.
     const fn last_ns(&self) -> u64 {
         self.end_ns.saturating_sub(LAST_BEFORE_END)
     }
@@ -241,8 +241,8 @@ impl Inner {
                 },
             }
         }
-        // The air has one fault at a time: of several episodes the last one has the effect, so each has all present
-        // faults.
+        // The air has only one fault at a time, and among several episodes the last one has effect. So each episode
+        // contains all faults that are present.
         let air = AirFaults {
             lost: if self.lasts(Thing::Frames, now) { LOST } else { 0.0 },
             bit_error: if self.lasts(Thing::Bits, now) { BIT_ERROR } else { 0.0 },
@@ -305,7 +305,7 @@ pub(super) struct Panel {
 
 impl Panel {
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // A thread that panicked while it held the lock has left no partial change behind.
+        // A poisoned lock is ignored: a thread that panicked while it held the lock has left no partial change behind.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -315,7 +315,7 @@ impl Panel {
         Server::of(address, |address| router(panel, address, page))
     }
 
-    /// Begins a run of `receivers` receivers that ends at `end_ns`.
+    /// Begins a run of a flight with `receivers` receivers, which ends at `end_ns`.
     pub(super) fn begin(&self, receivers: usize, end_ns: u64) {
         *self.inner() = Inner { receivers, end_ns, ..Inner::default() };
     }
@@ -325,7 +325,7 @@ impl Panel {
         self.inner().unstamped.push((board.to_owned(), line.to_owned()));
     }
 
-    /// Records that the run and its log have come to `now_ns`, virtual ns.
+    /// Records that the run, and the log of it, have reached `now_ns`, virtual ns.
     pub(super) fn progress(&self, now_ns: u64) {
         let mut inner = self.inner();
         inner.now_ns = now_ns;
@@ -343,12 +343,13 @@ impl Panel {
         self.inner().faults(now_ns)
     }
 
-    /// Whether a user has ended the run.
+    /// Returns whether a user has ended the run.
     pub(super) fn is_over(&self) -> bool {
         self.inner().over
     }
 
-    /// Injects faults all at once, as a user does who presses one button after the other.
+    /// Requests the fault of the button with this index, as a user who presses that button does, for `ns` nanoseconds.
+    /// Without `ns`, the fault lasts until the user ends it, if it can, and otherwise for [`LINK_NS`].
     #[cfg(test)]
     pub(super) fn press(&self, button: usize, ns: Option<u64>) {
         let mut inner = self.inner();
@@ -393,7 +394,7 @@ async fn state(State(panel): State<Panel>, RawQuery(query): RawQuery) -> Respons
     json(&panel.inner().state(from))
 }
 
-/// Whether a request comes from the panel's own page, by the browser's headers.
+/// Returns whether a request comes from the panel's own page, as the browser's headers state.
 fn is_from_here(headers: &HeaderMap) -> bool {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     match (text(header::ORIGIN), text(header::HOST)) {

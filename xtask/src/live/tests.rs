@@ -11,8 +11,8 @@ use serde_json::Value;
 
 use super::*;
 
-/// The time from power-on to the start of HORUS's clock, s: HORUS compares its flash with the CRC and sets up for 8 to
-/// 9 ms.
+/// How long it takes from power-on until HORUS's clock starts, s. HORUS compares its flash with the CRC and sets up for
+/// 8 to 9 ms.
 const HORUS_STARTS: f64 = 0.008_5;
 
 /// Both firmwares for three receivers. If `cargo xtask test` has not built them, returns `None` with a message, and
@@ -51,12 +51,12 @@ fn command(panel: SocketAddr, path: &str) {
     assert_eq!(status, 204, "{path}: {body}");
 }
 
-/// Flies while `watch` runs, which gets the addresses of page and panel. The run ends when `watch` returns.
+/// Runs a flight while `watch` runs, which gets the addresses of page and panel. The run ends when `watch` returns.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// Flies with the given page while `watch` runs, as [`watched`] does with a page of its own.
+/// Runs a flight with the given page while `watch` runs. [`watched`] does the same with a page of its own.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
@@ -81,7 +81,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
-    // With three receivers, three messages are sent at the start at the earliest, and then three more every 100 ms.
+    // With three receivers, three messages are sent when the flight starts or later, and then three more every 100 ms.
     assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
 
     let drone = &state(page.server.address())["drone"];
@@ -100,7 +100,7 @@ fn the_page_shows_the_aircrafts_true_position_and_link_status() {
     assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
 }
 
-/// Waits until `wanted` is true of the page's state.
+/// Waits until `wanted` returns true for the page's state.
 fn until(page: SocketAddr, what: &str, wanted: impl Fn(&Value) -> bool) {
     let began = Instant::now();
     loop {
@@ -301,9 +301,9 @@ fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
         faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
     };
     assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
-    // The board already hangs, and the next hang is delayed until its watchdog has had 190 ms to restart it.
+    // The board hangs already. Its next hang is delayed until the watchdog has had 190 ms to restart the board.
     assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
-    // A board that is restarted at the same time hangs only when its watchdog runs again.
+    // A board that is restarted at the same time hangs only once its watchdog runs again.
     assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
     assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
     assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
@@ -324,7 +324,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     assert!(page.settle().is_whole());
-    // The page shows the last state, which the station sends with its next update.
+    // The station sends the last state with its next update, and then the page shows it.
     let last = state(page.server.address())["drone"]["time_ms"].as_f64().unwrap() / 1e3;
     tab.until(&format!("document.getElementById('time').textContent === '{last:.1} s'"));
 
@@ -335,8 +335,8 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
         let [north, east, _] = TangentPlane::new(was).to_ned(shown);
         north.hypot(east)
     };
-    // The numbers on the page are compared with the aircraft's position at the shown time. That time is the newest
-    // object's, and the position may be older by up to a period of the forwarder.
+    // The numbers on the page are compared with the aircraft's position at the time that the page shows. That time is
+    // the newest object's. The displayed position may be older by up to a period of the forwarder.
     let degrees = |text: String| -> f64 {
         let (number, side) = text.split_once("° ").unwrap();
         number.parse::<f64>().unwrap() * if matches!(side, "S" | "W") { -1.0 } else { 1.0 }

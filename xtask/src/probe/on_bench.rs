@@ -12,7 +12,8 @@ use probe_rs::probe::{DebugProbe, DebugProbeError, ProbeCreationError, ProbeFact
 use super::*;
 use crate::Receivers;
 
-/// A new board that no other test uses, and the ELF file for it; `None` (reported) if the firmwares were not built.
+/// Returns a new board that no other test uses, and the ELF file for it. If the firmwares were not built, prints a
+/// message and returns `None`.
 fn board(board: Board) -> Option<(BenchBoard, PathBuf)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -41,7 +42,7 @@ fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(
     }
 }
 
-/// Whether the board's flash, at `flash`, holds the program of the ELF file.
+/// Returns whether the board's flash, which begins at `flash`, contains the program of the ELF file.
 fn holds(on: &BenchBoard, elf: &Path, flash: u64) -> bool {
     let kept = on.kept();
     emulator_node::Firmware::read(elf).unwrap().segments().iter().all(|(address, bytes)| {
@@ -61,7 +62,7 @@ fn a_new_dpr_board_needs_a_full_erase_before_writing() {
     assert!(on.kept().iter().all(|&byte| byte == 0xFF), "nothing was written");
     assert_eq!(flash(&on, Board::Dpr, &elf, true), Ok(()));
     assert!(holds(&on, &elf, 0));
-    // In the kept memory UICR follows the flash; the word is UICR.APPROTECT.
+    // UICR comes after the flash in the memory that the board keeps. The compared word is UICR.APPROTECT.
     assert_eq!(on.kept()[(1 << 20) + 0x208..][..4], [0x5A, 0, 0, 0]);
 }
 
@@ -72,16 +73,16 @@ fn a_running_dpr_board_is_written_again_without_a_full_erase() {
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
-    // While the library's flash algorithm runs, the watchdog that outlived the soft reset is fed, so only soft resets
-    // occur.
+    // The watchdog continues after a soft reset. It is fed while the library's flash algorithm runs, so only soft
+    // resets occur.
     let restarts = on.restarts();
     assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));
 }
 
-/// The offset of the option bytes in the memory that HORUS's board keeps, and the option bytes of a new board (RM0090,
-/// "Option bytes").
+/// The offset of the option bytes in the memory that HORUS's board keeps.
 const OPTIONS: usize = 2 << 20;
+/// The option bytes of a new board (RM0090, "Option bytes").
 const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
 
 #[test]
@@ -93,7 +94,7 @@ fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
         let mut level_3 = AS_DELIVERED;
         level_3[0] &= !0x0C;
         assert_eq!(on.kept()[OPTIONS..], level_3);
-        // With the programmed brown-out level the board's firmware keeps running.
+        // With the programmed brown-out level, the board's firmware does not stop at its start.
         on.switch_off_and_on();
         on.run(500_000_000);
         assert_eq!(on.restarts(), [""; 0]);

@@ -32,20 +32,22 @@ use super::DHCSR;
 use crate::Board;
 use crate::access::chip;
 
-/// The value that halts the core by DHCSR (the key, C_HALT and C_DEBUGEN), and the bit S_HALT (ARMv7-M ARM C1.6.2).
+/// The value to write to DHCSR that halts the core: the key, C_HALT and C_DEBUGEN (ARMv7-M ARM C1.6.2).
 const HALT: u32 = 0xA05F_0003;
+/// The bit S_HALT of DHCSR, which is set while the core is halted.
 const S_HALT: u32 = 1 << 17;
 
-/// Register `WDT.RR[0]` of the nRF52840, which is the one that the firmware has enabled, and the value that reloads the
-/// watchdog.
+/// The address of the register `WDT.RR[0]` of the nRF52840, which is the one that the firmware has enabled.
 const RELOAD: u32 = 0x4001_0600;
+/// The value of `WDT.RR[0]` that reloads the watchdog.
 const RELOADED: u32 = 0x6E52_4635;
 
-/// Register DBGMCU_APB1_FZ of the STM32F429, and its bit DBG_IWDG_STOP.
+/// The address of the register DBGMCU_APB1_FZ of the STM32F429.
 const APB1_FREEZE: u64 = 0xE004_2008;
+/// The bit DBG_IWDG_STOP of DBGMCU_APB1_FZ, which stops the watchdog while the core is halted.
 const IWDG_STOP: u32 = 1 << 12;
 
-/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core at that moment, but its
+/// The number of attempts to halt the core. An attempt fails if the watchdog resets the core at that moment; two such
 /// resets are 100 ms apart.
 const HALTS: usize = 3;
 
@@ -57,8 +59,8 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// Returns the probe with feeding of an nRF52840's watchdog between its transfers, and the handle that ends the
-/// feeding. The probe is unchanged if the library does not use it in single transfers.
+/// Returns the probe, which from now on feeds an nRF52840's watchdog between its transfers, and the handle that ends
+/// the feeding. A probe that the library does not use in single transfers is returned unchanged.
 pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
     let feeding = Feeding(Arc::new(AtomicBool::new(true)));
     if probe.try_as_dap_probe().is_none() {
@@ -72,34 +74,37 @@ pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feedi
 pub(super) struct Feeding(Arc<AtomicBool>);
 
 impl Feeding {
-    /// Ends the feeding from now on.
+    /// Ends the feeding of the watchdog.
     pub(super) fn end(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 }
 
-/// Registers of the AHB-AP in its bank 0, by address bits A\[3:2\], and the register SELECT of the debug port (ADIv5.2
-/// B2.2, C2.6).
+/// The register CSW of the AHB-AP in its bank 0, by address bits A\[3:2\] (ADIv5.2 C2.6).
 const CSW: u8 = 0x0;
+/// The register TAR of the AHB-AP in its bank 0.
 const TAR: u8 = 0x4;
+/// The register DRW of the AHB-AP in its bank 0.
 const DRW: u8 = 0xC;
+/// The register SELECT of the debug port (ADIv5.2 B2.2).
 const SELECT: u8 = 0x8;
 
-/// The bits of CSW by which accesses are words.
+/// The bits of CSW that hold the size of accesses.
 const SIZE: u32 = 7;
+/// The value of the bits [`SIZE`] for accesses of a word.
 const WORD: u32 = 2;
 
-/// The number of writes of TAR after which the watchdog is fed once. Each write comes with at least one transfer of
-/// data. If each of a probe's commands takes 1 ms, the watchdog is fed every 40 ms or more, and within 100 ms.
+/// The watchdog is fed once in this number of writes of TAR. Each write comes with at least one transfer of data. If
+/// each of a probe's commands takes 1 ms, the watchdog is fed every 40 ms or more, and within 100 ms.
 const FEED_EVERY: u32 = 16;
 
-/// The probe that [`fed`] returns. It feeds the watchdog when the library is about to write TAR of the AHB-AP, so that
-/// it need not restore TAR.
+/// The probe that [`fed`] returns. It feeds the watchdog when the library is about to write TAR of the AHB-AP, so the
+/// probe need not restore TAR.
 #[derive(Debug)]
 struct Fed {
     probe: Box<dyn DebugProbe>,
     feeding: Feeding,
-    /// The last value written to SELECT, which gives access port and bank; `None` before the first write.
+    /// The last value written to SELECT, which selects the access port and its bank; `None` before the first write.
     select: Option<u32>,
     is_word: bool,
     /// The number of writes of TAR since the watchdog was last fed.
@@ -111,7 +116,7 @@ impl Fed {
         self.probe.try_as_dap_probe().expect("asked when it was made")
     }
 
-    /// Feeds the watchdog if it is time, before the library writes a register.
+    /// Feeds the watchdog if that is due, before the library writes a register.
     fn writes(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
         let register = address.a2_and_3();
         match (address.is_ap(), register) {
@@ -241,8 +246,8 @@ impl DebugProbe for Fed {
     }
 }
 
-/// The library's sequence for a part, with the watchdog handled between the steps. The steps that the library defines
-/// for either part are called; all others are the default.
+/// The library's sequence of steps for a part, with the watchdog handled between the steps. Steps that the library
+/// defines for one of the two parts are called; all others are the library's defaults.
 #[derive(Debug)]
 struct Watched {
     board: Board,
@@ -271,8 +276,8 @@ impl ArmDebugSequence for Watched {
         self.library.debug_device_unlock(interface, default_ap, permissions)
     }
 
-    /// From here on the core stays halted until it is started. Without this it would be halted only during a part of
-    /// the library's attaching.
+    /// From this step on, the core stays halted until it is started. Without this step it would be halted only for some
+    /// of the time in which the library attaches.
     fn debug_core_start(
         &self,
         interface: &mut dyn ArmDebugInterface,

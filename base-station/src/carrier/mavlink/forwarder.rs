@@ -11,10 +11,10 @@
 //!   split over two messages. An object that is missing is left out, or is zeros if it is between others.
 //! - Each message is sent once a period. If the budget does not suffice for that, Reported-Position is sent before
 //!   every one of the other messages, which take turns: the position is then updated twice as often as any receiver.
-//! - An object that is in the image again is not sent again.
+//! - An object that is unchanged in the next image is not sent again.
 //!
-//! The budget is a bucket that fills by the bytes per second and holds what comes in a tenth of a second, or one
-//! message. So the radio's own queue stays short, and the data in it stay recent.
+//! The budget is a bucket. It fills by the permitted bytes per second, and holds at most the bytes of a tenth of a
+//! second or, if that is more, of one message. So the radio's own queue stays short, and the data in it stay recent.
 
 use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_SIZE};
 use mavlink::dialects::common::MavMessage;
@@ -34,10 +34,10 @@ const UNITS: [(Place, usize); 5] =
 /// The length of the longest message, bytes: its frame and a full TUNNEL.
 const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
-/// The interval of HEARTBEAT, µs: once a second, as the protocol specifies.
+/// The interval at which HEARTBEAT is sent, µs: one second, as the protocol specifies.
 const HEARTBEAT_US: u64 = 1_000_000;
 
-/// The time after the last new Reported-Position for which HEARTBEAT reports HORUS's state, µs.
+/// How long HEARTBEAT reports HORUS's state after the last new Reported-Position, µs.
 const FRESH_US: u64 = 1_000_000;
 
 /// The rates at which the forwarder sends.
@@ -76,11 +76,13 @@ pub struct Forwarder {
     rates: Rates,
     signer: Option<Signer>,
     newest: [Option<Newest>; Place::COUNT],
-    /// The instant at which each unit is due: one period after it was due the last time, however late it was sent then.
+    /// The instant, µs, at which the message of each unit is due: one period after it was due the last time, even if it
+    /// was sent late that time.
     due_us: [u64; UNITS.len()],
     /// Whether Reported-Position was sent last, so that one of the other messages is next.
     others_turn: bool,
-    /// The bytes that may be sent, in millionths, and the instant at which that number was right.
+    /// The number of bytes that may be sent, in millionths of a byte, and the instant, µs, for which that number was
+    /// calculated.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
     /// Whether a new Reported-Position was offered since the last poll, and the instant of the last poll that found
@@ -128,7 +130,7 @@ impl Forwarder {
                 continue;
             }
             let mut bytes = [0; ReportedPosition::SIZE];
-            // Reported-Position is the longest object.
+            // The array has the length of Reported-Position, the longest object, so every object fits.
             for (to, from) in bytes.iter_mut().zip(from) {
                 *to = *from;
             }
@@ -189,7 +191,7 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // The other messages are sent in the order of their due instants.
+        // Among the other messages that are due, the one that has been due longest is sent next.
         let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
         let unit = match others {
             Some(unit) if self.others_turn || !is_due(0) => unit,

@@ -26,14 +26,14 @@ use super::receiver::{Received, Receiver};
 use super::signing::Verifier;
 use crate::Place;
 
-/// The time after which a written uplink shows in the map, µs: the control cycle that writes it, up to two images of 10
-/// ms, and another cycle that reads it.
+/// How long it takes until the map shows an uplink that was passed on to be written, µs: the control cycle that writes
+/// the uplink, up to two images of 10 ms, and another control cycle that reads the map.
 pub const SHOWN_AFTER_US: u64 = 40_000;
 
 /// Totals of the uplinks that a flight controller received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// The number of times that an uplink was passed on to be written.
+    /// The number of times that an uplink was passed on to be written over the SSI.
     pub written: u64,
     /// The number of messages that brought an uplink which the DPR showed already.
     pub repeated: u64,

@@ -1,10 +1,10 @@
 //! Runs in the base station: it finds the objects in arriving MAVLink.
 //!
-//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, bytes that are no MAVLink
-//! at all. After a frame with a wrong checksum, the search for the next frame begins at its second byte. After a frame
-//! without a signature that is known to be good, the search begins at the place of its signature: if the message was
-//! cut off there, the beginning of the next message is in that place, and the checksum, which comes before it, does not
-//! show that.
+//! Other traffic on the link has no effect: other messages, other payload types, MAVLink 1, and bytes that are no
+//! MAVLink. After a frame with a wrong checksum, the search for the next frame begins at the second byte of that frame.
+//! After a frame whose signature is missing or not verified, the search begins at the position of the signature. The
+//! reason is that the message may have been cut off there: then the next message begins at that position. The checksum
+//! does not show this, because it comes before the signature.
 
 use std::fmt;
 
@@ -37,7 +37,7 @@ impl Received {
         Who::System(self.system)
     }
 
-    /// Returns the MAVLink system for which the message is; 0 is all.
+    /// Returns the MAVLink system for which the message is; 0 means all systems.
     #[must_use]
     pub const fn target(&self) -> u8 {
         self.tunnel.target_system
@@ -59,7 +59,7 @@ pub struct Counts {
     pub foreign: u64,
     /// The number of messages with objects that were refused: not signed, wrongly signed, or replayed.
     pub unsigned: u64,
-    /// The number of TUNNEL messages with another payload type or length.
+    /// The number of TUNNEL messages with a payload type or a length that no message with objects has.
     pub malformed: u64,
     /// The number of TUNNEL messages with a wrong checksum.
     pub bad_crc: u64,
@@ -96,7 +96,8 @@ impl Receiver {
         self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
-            // A datagram ends here, so an incomplete message at its end is none.
+            // An incomplete message at the end of a datagram is not a message, so the search continues behind its first
+            // byte.
             at += 1;
         }
         received
@@ -114,7 +115,8 @@ impl Receiver {
         received
     }
 
-    /// Processes every whole message in `bytes` from `at` on. Returns the position from which on more bytes are needed.
+    /// Processes every whole message in `bytes` from `at` on. Returns the position in `bytes` of the first message that
+    /// is still incomplete, or the end of `bytes`.
     fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
         while let Some(candidate) = bytes.get(at..) {
             let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };

@@ -13,8 +13,8 @@ use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
 /// The instant 2015-01-01T00:00:00Z, s since 1970, from which signatures count time.
 const EPOCH_S: u64 = 1_420_070_400;
 
-/// The time by which the first message of an unknown stream may be behind this station's clock, in units of 10 µs: one
-/// minute.
+/// How far the timestamp of the first message of an unknown stream may be behind this station's clock, in units of 10
+/// µs: one minute.
 const NEW_STREAM: u64 = 6_000_000;
 
 /// The greatest number of streams whose last timestamp is kept.

@@ -135,8 +135,8 @@ fn the_budget_holds_over_every_second() {
     }
 }
 
-/// Returns how often Reported-Position and the rarest GPS object are sent, in tenths per second, and the bytes per
-/// second.
+/// Returns three rates: how often Reported-Position is sent and how often the rarest GPS object is sent, both in tenths
+/// per second, and the bytes per second.
 fn rates(receivers: usize, bytes_per_s: u32) -> (u32, u32, usize) {
     let mut forwarder = Forwarder::new(7, 1, Rates { bytes_per_s, ..Rates::default() });
     let mut receiver = Receiver::default();
@@ -319,7 +319,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
         Just(vec![]),
         Just(foreign()),
         prop::collection::vec(any::<u8>(), 0..40),
-        // These bytes are the beginning of a frame that does not continue.
+        // These bytes begin like a frame, but do not continue like one.
         prop::collection::vec(any::<u8>(), 0..6).prop_map(|rest| [vec![0xFD], rest].concat()),
     ]
 }
@@ -343,7 +343,8 @@ proptest! {
                 sent.push(frame);
             }
         }
-        // A false start of a long frame is recognised only once enough bytes have followed.
+        // Bytes that only look like the beginning of a long frame are recognised as such once enough bytes have
+        // followed.
         line.extend([0; 600]);
         let mut receiver = Receiver::default();
         let mut received = vec![];

@@ -28,9 +28,9 @@ pub fn payload_type(first: Place) -> Option<u16> {
 pub struct Tunnel {
     /// The type of the payload.
     pub payload_type: u16,
-    /// The MAVLink system for which the message is; 0 is all.
+    /// The MAVLink system for which the message is; 0 means all systems.
     pub target_system: u8,
-    /// The MAVLink component for which the message is; 0 is all.
+    /// The MAVLink component for which the message is; 0 means all components.
     pub target_component: u8,
     /// The number of bytes of `payload` that are used.
     pub length: u8,
@@ -52,8 +52,8 @@ impl Tunnel {
         Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
     }
 
-    /// Returns the objects that the message carries; `None` if it has another payload type. The carrier does not judge
-    /// whether the objects are intact.
+    /// Returns the objects that the message carries; `None` if no message with objects has this payload type or this
+    /// length. The carrier does not judge whether the objects are intact.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {
         let identifier = Identifier(self.payload_type & !PRIVATE);

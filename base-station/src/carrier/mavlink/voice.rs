@@ -46,7 +46,7 @@ pub const COMPONENT: u8 = 191;
 /// The time from one HEARTBEAT to the next, µs.
 pub const HEARTBEAT_US: u64 = 1_000_000;
 
-/// The time after the last message from a UDP peer for which HEARTBEAT is sent to it, µs.
+/// How long HEARTBEAT is still sent to a UDP peer after the last message from that peer, µs.
 pub const HEARD_US: u64 = 10_000_000;
 
 /// The greatest number of UDP peers to which HEARTBEAT is sent.
@@ -55,10 +55,10 @@ pub const MAX_HEARERS: usize = 64;
 /// The interval at which an uplink is sent again, µs.
 pub const AGAIN_US: u64 = 250_000;
 
-/// The time after which an uplink is no longer sent again, µs.
+/// How long an uplink is sent again without an answer, µs; after that, it is not sent any more.
 pub const GIVES_UP_US: u64 = 5_000_000;
 
-/// The time after the first sending from which on an answer cannot belong to an earlier uplink, µs.
+/// The time after the first sending of an uplink from which on an answer cannot belong to an earlier uplink, µs.
 pub const ANSWERS_US: u64 = 1_000_000;
 
 /// The greatest number of drones for which the last uplink is kept.
@@ -121,7 +121,8 @@ pub struct Sending {
     pub times: u32,
     /// The state of the uplink.
     pub state: State,
-    /// The instant at which the outcome of the uplink became known, µs; before that, the instant of the last sending.
+    /// The instant at which the outcome of the uplink became known, µs; while it is unknown, the instant at which the
+    /// uplink was last sent.
     pub at_us: u64,
     /// The first Port-Status that arrived after the uplink was sent.
     first: Option<PortValues>,

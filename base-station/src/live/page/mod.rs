@@ -52,7 +52,7 @@ pub const PUSH: Duration = Duration::from_millis(16);
 /// The shortest interval at which a state includes the list of all drones.
 pub const LIST: Duration = Duration::from_millis(500);
 
-/// The time after which a browser that has lost the connection to the station tries again.
+/// The time after which a browser that has lost the connection to the station connects again.
 const RETRY: Duration = Duration::from_millis(500);
 
 /// The greatest number of drones that can be requested over one connection; their states are sent in turn.
@@ -98,7 +98,7 @@ impl Access {
     }
 }
 
-/// The station, and what else is needed to answer a request.
+/// The state of the page's server: the station, its playback if there is one, and the limit of watching browsers.
 #[derive(Clone)]
 struct Page {
     station: Station,
@@ -174,8 +174,8 @@ fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
     matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
 }
 
-/// Returns whether a change is requested by this page, or not by a browser. A browser names the site that requests
-/// something.
+/// Returns whether a request for a change comes from this page, or from a program that is not a browser. A browser
+/// states in the request which site made it.
 fn is_own_page(headers: &HeaderMap) -> bool {
     let host = text(headers, header::HOST).unwrap_or_default();
     let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
@@ -218,7 +218,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         if round.next == 0 {
             if round.listed.is_some() {
                 sleep(PUSH).await;
-                // If the station has ended, the page has no purpose any more.
+                // The stream ends when the station has ended.
                 changes.changed().await.ok()?;
             }
             changes.mark_unchanged();
@@ -261,7 +261,8 @@ struct Asked {
     shown: Option<String>,
 }
 
-/// Returns the drones that the query requests, each once; if it requests none, the result is one entry for any drone.
+/// Returns the drones that the query requests, each once. If the query names no drone, the result is one entry that
+/// stands for any drone.
 fn all_asked(query: Option<&str>) -> Vec<Asked> {
     let mut names: Vec<String> = vec![];
     for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
@@ -276,7 +277,7 @@ fn all_asked(query: Option<&str>) -> Vec<Asked> {
     names.into_iter().map(asked).collect()
 }
 
-/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Returns the number of such
+/// Sets the pace (`speed=2`) or the instant (`at=SECONDS` from the start) of a playback. Returns the number of such
 /// changes so far: a state with this number, or a greater one, reflects the change.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };

@@ -45,7 +45,8 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
-    /// The number of changes of speed or place so far, which the answer to a change has too.
+    /// The number of changes of pace or instant so far. The answer to a change states this number too, so the page can
+    /// tell which states include the change.
     changes: u64,
 }
 
@@ -57,10 +58,11 @@ struct About {
     recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
-    /// The number of messages that were refused for lack of room, and of drones that were dropped to make room.
+    /// The number of messages that were refused because there was no room for another drone.
     refused: u64,
+    /// The number of drones that were dropped to make room for others.
     forgotten: u64,
-    /// The rank of the severity that an old position has.
+    /// The rank of the alarm for an old position; 0 is the rank of the gravest alarm.
     stale_rank: usize,
     /// Whether only signed MAVLink is accepted.
     signed: bool,
@@ -87,7 +89,7 @@ struct Line {
 struct Worst {
     words: &'static str,
     critical: bool,
-    /// The rank of the alarm's severity, of which 0 is the highest.
+    /// The rank of the alarm, of which 0 is the gravest.
     rank: usize,
 }
 
@@ -210,7 +212,7 @@ struct Link {
     received: u32,
     missed: u32,
     violations: u16,
-    /// The age of the sample of Reported-Position when the DPR made the image.
+    /// The age that the sample in Reported-Position had when the DPR made the image, ms.
     sample_age_ms: f64,
     reset: &'static str,
 }
@@ -238,8 +240,8 @@ pub(super) struct With {
     pub(super) history: bool,
 }
 
-/// Returns the state in JSON, with the details of `drone`, or of the first drone if it is `None`, for the query
-/// `asked`.
+/// Returns the state in JSON, as the answer to the query `asked`. It has the details of `drone`, or of the first drone
+/// if `drone` is `None`.
 pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
     let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
@@ -277,7 +279,8 @@ fn state(known: &StationData, dropped: u64, player: Option<&Player>, drone: Opti
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
             // The number of changes is read first, so that the state reflects all changes that are counted in it.
             let changes = player.changes();
-            // The place is that of the player, because the station's is behind it while the player goes back.
+            // The instant is read from the player, because the station is behind the player while a jump back is
+            // carried out.
             let at_s = seconds(player.now_us());
             Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),

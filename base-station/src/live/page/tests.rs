@@ -66,8 +66,8 @@ fn station() -> (Station, watch::Sender<u64>) {
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
-    // The time in these tests stands still until all tasks wait for it, so that they do not depend on the machine's
-    // speed.
+    // The time in these tests is virtual: it advances only when all tasks wait for it. So the tests do not depend on
+    // the machine's speed.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
     runtime.block_on(test)
 }
@@ -196,7 +196,7 @@ fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
         }
         changed.send_modify(|count| *count += 1);
         assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
-        // If the sender of a drone has changed, its name still stands for that drone.
+        // The name of a sender that does not exist finds another sender with the same drone's id.
         for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
             let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
             assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");

@@ -1,15 +1,15 @@
 //! Compares the objects that the base station shows with those that the flight controller forwarded.
 //!
-//! When a transaction brings a whole and sound profile of another cycle than the one that was forwarded last, the
-//! flight controller has to forward it at once. While [`Excuse::Service`] holds this is not required, because the
-//! conduct of the flight controller itself is at fault then.
+//! When a transaction reads a complete and intact profile of another cycle than the profile that was forwarded last,
+//! the flight controller has to forward that profile at once. This is not required while [`Excuse::Service`] holds,
+//! because the flight controller itself misbehaves then.
 //!
 //! # One cause, one violation
 //!
-//! - Bytes that were changed on the way to the base station are [`Violation::BaseChanged`], and the profile that they
-//!   came from is not reported as missing as well.
-//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone if the flight controller did
-//!   not forward it so. If it was forwarded so, it is a torn read, which another rule finds in the transaction.
+//! - Bytes that were changed on the way to the base station are [`Violation::BaseChanged`]. The profile that these
+//!   bytes came from is not reported as missing.
+//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone, unless the flight
+//!   controller forwarded it so. In that case the transaction was torn, and another rule reports it.
 //! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
 
 use std::collections::VecDeque;
@@ -21,19 +21,19 @@ use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// The number of profiles that are kept after they were read. A few are enough, because the flight controller forwards
-/// each at once.
+/// each profile at once.
 const READ: usize = 4;
 
 /// The rule that compares what the base station shows with what was forwarded; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Base {
-    /// The profiles that the last transactions brought.
+    /// The profiles that the last transactions read.
     read: VecDeque<Vec<u8>>,
-    /// The profiles that were forwarded and have not arrived: when each was forwarded, ns, and its bytes.
+    /// The profiles that were forwarded and have not arrived, each with the instant, ns, at which it was forwarded.
     outstanding: VecDeque<(u64, Vec<u8>)>,
-    /// When each profile arrived that differs from all that were forwarded, ns.
+    /// The instants, ns, at which profiles arrived that differ from all that were forwarded.
     strange: VecDeque<u64>,
-    /// The profile that has been read and has to be forwarded at once: when it was read, ns, and its timestamp, ms.
+    /// The profile that has to be forwarded at once: the instant, ns, at which it was read, and its timestamp, ms.
     owed: Option<(u64, u32)>,
     /// The timestamp of the profile that was forwarded last, ms.
     forwarded: Option<u32>,
@@ -95,7 +95,7 @@ impl Rule for Base {
 }
 
 impl Base {
-    /// Reports at `now` a profile that had to be forwarded earlier than that and was not.
+    /// Reports the profile that had to be forwarded before `now` and was not.
     fn owes(&mut self, now: u64, findings: &mut Findings) {
         if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
             self.forwarded = Some(timestamp);
@@ -137,7 +137,8 @@ impl Base {
         }
     }
 
-    /// Reports each profile as missed that was forwarded before `until` and has not arrived, unless it arrived changed.
+    /// Reports each profile that was forwarded before `until`, has not arrived, and is not explained by a changed
+    /// profile.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
@@ -146,7 +147,7 @@ impl Base {
                 findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
             }
         }
-        // A changed profile that arrived before `until` cannot come from a profile that was forwarded later.
+        // A changed profile that arrived before `until` cannot be one that was forwarded after `until`.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
     }
 }

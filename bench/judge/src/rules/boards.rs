@@ -2,8 +2,8 @@
 //!
 //! # When a fault counter is a violation
 //!
-//! What a firmware counts about itself supplements what is observed from outside. A fault counter that is not zero is a
-//! violation only if nothing in the log explains the faults:
+//! Besides what is observed from outside, the judge uses what a firmware counts about itself. A fault counter that is
+//! not zero is a violation only if nothing in the log explains the faults:
 //!
 //! | explained by | because |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | the field going off while HORUS runs | HORUS brings its front end up again, and the DPR loses frames |
 //! | a frame that reached the DPR's antenna changed or not at all, for the DPR's counters | no board is at fault |
 //!
-//! When a board starts, the explanations of the faults that it counted before end, because its counters start from zero
-//! then.
+//! When a board starts, its counters start from zero, so what explained earlier faults does not explain any that it
+//! counts from then on.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
@@ -31,13 +31,14 @@
 //! # A board that hangs
 //!
 //! The bench can stop a board's core. The board's own watchdog must then restart the board within the longest time that
-//! this watchdog may take, unless the board restarts for another reason or loses its supply before. That one reset by
-//! the watchdog counts as asked for. Any other reset of a hung board is judged as usual, since a core that executes
-//! nothing cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays
-//! hung is reported once.
+//! the watchdog may take, unless the board restarts for another reason or loses its supply before. That one watchdog
+//! reset counts as asked for by the bench. Any other reset of a hung board is judged as usual, since a core that
+//! executes nothing cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that
+//! stays hung is reported once.
 //!
-//! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences: its
-//! watchdog may be fed once more, because that task may have checked in before, and the rest of its firmware runs on.
+//! A board with a dead task ([`Disturbance::DeadTask`]) is judged like a board that hangs, with two differences. Its
+//! watchdog may be fed once more, because the dead task may have checked in just before. And misuse by the tasks that
+//! still run is reported.
 
 use std::collections::BTreeMap;
 
@@ -80,17 +81,18 @@ struct Complaint {
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// For HORUS and for the DPR, whether something other than an injected fault explains that the board's firmware
-    /// counts faults since its last start.
+    /// For HORUS and for the DPR, whether something other than an injected fault explains faults that the board's
+    /// firmware has counted since its last start.
     explained: [bool; 2],
-    /// The faults of a core that no restart has ended yet: the board, the instant, ns, and the fault in words.
+    /// The faults of a core after which the board has not restarted yet: the board, the instant, ns, and the fault in
+    /// words.
     faulted: Vec<(Board, u64, String)>,
-    /// The board that last restarted without being asked to, and when it did, ns.
+    /// The board whose last restart was not asked for, and the instant of that restart, ns.
     restarted: Option<(Board, u64)>,
-    /// By when each hung board must have restarted, ns, until it has restarted or the violation has been reported.
+    /// The instant, ns, by which each hung board must have restarted; `None` once it has restarted or been reported.
     restart_due: [Option<u64>; 2],
-    /// How long each board was stopped until now, and since when it is stopped, ns. The activity of a stopped board's
-    /// core is not counted as load.
+    /// How long each board has been stopped in the past, ns, and the instant, ns, since which it is stopped now. While
+    /// a board is stopped, the activity of its core does not count as load.
     stopped: [(u64, Option<u64>); 2],
     /// Whether HORUS's carrier is on.
     field: bool,
@@ -133,7 +135,8 @@ impl Rule for Boards {
                 let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
-                    // This restart ends a core's fault, and the report of the restart covers that fault.
+                    // The board has restarted after a fault of its core, and the report of the restart covers that
+                    // fault.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
@@ -167,15 +170,15 @@ impl Rule for Boards {
                 let as_sent = self.on_the_way.take().is_some_and(|sent| sent == bytes.0);
                 self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
-            // Where a lock-up restarts the board, the log has the restart before this finding.
+            // Where a lock-up restarts the board, the log has the restart first and this finding after it.
             What::Finding { board, fault: true, text } => {
                 if self.restarted != Some((*board, at)) {
                     self.faulted.push((*board, at, text.clone()));
                 }
             }
             What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that cannot tell what its front end is doing, or cannot read from it, goes on using the front
-            // end.
+            // A firmware that cannot read from its front end does not know the front end's state, and goes on using the
+            // front end.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
@@ -221,27 +224,27 @@ impl Rule for Boards {
 }
 
 impl Boards {
-    /// Records that a board's watchdog has to restart it by `due` at the latest.
+    /// Records that a hung board must have been restarted by its watchdog at the instant `due`, ns.
     fn restart_by(&mut self, board: Board, due: u64) {
         let restart_due = &mut self.restart_due[board as usize];
         *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
-    /// Records that a board starts at `at`, or loses its supply. The board's counters start from zero then, and a frame
-    /// of HORUS that is on its way is cut off.
+    /// Records that a board starts at `at`, ns, or loses its supply. The board's counters then start from zero, and a
+    /// frame that HORUS is sending is cut off.
     fn starts(&mut self, board: Board, at: u64) {
         self.goes_on(board, at);
         self.explained[board as usize] = false;
         self.explained[Board::Dpr as usize] |= board == Board::Horus;
     }
 
-    /// Records that a board is not stopped any more at `at`.
+    /// Records that a board executes again from the instant `at` on, ns.
     fn goes_on(&mut self, board: Board, at: u64) {
         let (stopped, since) = &mut self.stopped[board as usize];
         *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
     }
 
-    /// Reports each board that stays hung although its watchdog should have bitten before `now`.
+    /// Reports each board that is still hung at `now` although its watchdog should have restarted it.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
@@ -251,8 +254,8 @@ impl Boards {
     }
 }
 
-/// Returns the longest time, ns, that the watchdog of a board takes to bite if the board hangs `after_start` after its
-/// start.
+/// Returns the longest time, ns, in which the watchdog of a board restarts it if the board hangs `after_start` ns after
+/// its start.
 const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
         Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
@@ -261,7 +264,7 @@ const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     }
 }
 
-/// Returns the most processor time that a start of a board takes, ns.
+/// Returns the longest processor time that a start of a board takes, ns.
 const fn start_work(board: Board) -> u64 {
     match board {
         Board::Horus => bounds::HORUS_START_WORK,

@@ -2,19 +2,20 @@
 //!
 //! | the client | violation |
 //! |---|---|
-//! | uses a position that was not sent as valid, or is older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
+//! | uses a position that HORUS did not send as valid, or one older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
 //! | states another age than that of the sample that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
-//! The age of a sample follows from its frame at the DPR's antenna and the slot that the profile gives that frame; a
-//! delay on the air before that cannot be determined. If a sample arrived several times, the oldest and the youngest
-//! arrival count. If Link-Status stated a lower age when the sample was first read, the client may use that age,
-//! because it learns a sample's age only from Link-Status and from the time since FRESH rose. Another rule judges
-//! whether Link-Status states the truth.
+//! The age of a sample follows from the instant at which its frame reached the DPR's antenna, and from the slot that
+//! the profile gives that frame. A delay on the air before the antenna cannot be determined. If a sample arrived
+//! several times, its age may count from the first arrival, from the last, or from any instant between them. If
+//! Link-Status stated a lower age when the sample was first read, the client may use that age, because the client
+//! learns a sample's age only from Link-Status and from the time since FRESH rose. Another rule judges whether
+//! Link-Status is right.
 //!
-//! The client need not use data that are not in sequence or are disturbed, so this rule then requires nothing of the
-//! client's sequence. While [`Excuse::Service`] holds, the flight controller itself does not do what its client says,
-//! so this rule requires no age. Using a forbidden position is always a violation.
+//! The client need not use data that are not in sequence or are disturbed, so in those cases this rule does not require
+//! that the client has a position. While [`Excuse::Service`] holds, the flight controller does not do what its client
+//! says, so this rule requires no age. Using a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -29,8 +30,8 @@ use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 /// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
 
-/// How long the samples that HORUS sent are kept, ns. A client that uses an older sample uses none of those that are
-/// kept.
+/// How long the samples that HORUS sent are kept, ns. A client that uses an older sample is reported, because it uses
+/// none of those that are kept.
 const KEPT: u64 = 2_000_000_000;
 
 /// A Reported-Position that reached the DPR's antenna.
@@ -38,17 +39,17 @@ const KEPT: u64 = 2_000_000_000;
 struct Sample {
     timestamp: u32,
     valid: bool,
-    /// The instant at which the sample was taken, ns.
+    /// The instant, ns, at which the sample of this Reported-Position was taken.
     at: u64,
 }
 
-/// The last transaction that has ended.
+/// What the last complete transaction read.
 #[derive(Clone, Copy, Debug)]
 struct Read {
     selected: u64,
     /// The timestamp of the Reported-Position in the transaction, ms, and whether its position is valid.
     sample: Option<(u32, bool)>,
-    /// The age that Link-Status stated, ns.
+    /// The age that Link-Status stated in this transaction, ns.
     told: u64,
 }
 
@@ -56,29 +57,29 @@ struct Read {
 #[derive(Clone, Copy, Debug)]
 struct First {
     timestamp: u32,
-    /// When the transaction began that first brought the sample, ns.
+    /// The instant, ns, at which the transaction began in which the client first read the sample.
     selected: u64,
-    /// The earliest instant at which FRESH can have announced the sample, ns.
+    /// The earliest instant, ns, at which FRESH can have announced the sample.
     announced: u64,
-    /// The age that Link-Status stated in the transaction that first brought the sample, ns.
+    /// The age that Link-Status stated in that transaction, ns.
     told: u64,
 }
 
 impl First {
-    /// Returns the least and the greatest age of the sample at `at`, ns, as far as it follows from Link-Status and
-    /// FRESH.
+    /// Returns the least and the greatest age that the sample may have at the instant `at`, ns, according to
+    /// Link-Status and FRESH.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
     }
 }
 
-/// A series of valid samples that were read in sequence, without a gap.
+/// A series of valid samples of consecutive cycles.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// The timestamp of the last sample of the series, ms.
+    /// The timestamp, ms, of the last sample of the series.
     timestamp: u32,
-    /// When the transaction began that first brought the last sample, ns.
+    /// The instant, ns, at which the transaction began in which the client first read the last sample of the series.
     selected: u64,
     count: u32,
 }
@@ -88,14 +89,14 @@ struct Row {
 pub struct Client {
     layout: Layout,
     samples: VecDeque<Sample>,
-    /// When FRESH last rose, ns.
+    /// The instant, ns, at which FRESH last rose.
     fresh: u64,
     read: Option<Read>,
-    /// The series of valid samples in sequence that ends with the one read last.
+    /// The series of valid samples of consecutive cycles that ends with the sample read last.
     row: Option<Row>,
     /// The sample that was read last.
     newest: Option<First>,
-    /// The timestamp of the sample whose wrong age has been reported, ms.
+    /// The timestamp, ms, of the sample whose age was reported as wrong.
     told: Option<u32>,
     hides: bool,
 }
@@ -169,8 +170,8 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // The client cannot tell data that are older than the data that it read before, or data that have expired, from
-        // others. Another rule judges such data.
+        // The client cannot recognise data that are older than the data that it read before, nor data that have
+        // expired. Another rule reports such data.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -223,9 +224,9 @@ impl Client {
     }
 }
 
-/// Returns the timestamp of Reported-Position and whether its position is valid, if a transaction brought it and
-/// Link-Status intact. The position does not count as valid if Link-Status states so great an age that it may become
-/// too old to fly by before its image expires.
+/// Returns the timestamp of Reported-Position and whether its position is valid, if a transaction read both
+/// Reported-Position and Link-Status intact. The position does not count as valid if Link-Status states so great an age
+/// that the sample may become too old for flying before its image expires.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {

@@ -8,13 +8,13 @@
 //! | HORUS is warned of a falling supply | its field goes off | [`bounds::SAFE_STATE`] |
 //! | the DPR is warned of a falling supply | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
-//! Both boards compare their flash with its CRC continuously and at their start, and check their supply at the start.
-//! Therefore a start of the board, or the loss of its supply, ends what the judge requires of it: a board that does not
-//! start has noticed the fault. A stuck bit must be reported while it is stuck, and only while new cycles are shown,
+//! Both boards continuously compare their flash with its CRC, and do so at their start as well, when they also check
+//! their supply. A board with a fault does not start. Therefore nothing more is required of a board after it has
+//! started or has lost its supply. A stuck bit must be reported while it is stuck, but only while new cycles are shown,
 //! because only then are the buffers used in turn.
 //!
-//! The judge cannot tell from outside what a changed bit of other RAM, or of a register, does. The other rules judge
-//! the consequences of such a bit.
+//! The judge cannot tell from outside what a changed bit in other RAM or in a register does. The other rules judge the
+//! consequences of such a bit.
 
 use super::Rule;
 use crate::disturbance::{Excuse, Memory};
@@ -24,7 +24,7 @@ use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, Wha
 /// A stuck bit of one of the DPR's buffers.
 #[derive(Clone, Copy, Debug)]
 struct Stuck {
-    /// Until when the bit is stuck, ns.
+    /// The instant, ns, until which the bit is stuck.
     until: u64,
     /// The timestamp of the cycle that was last read, ms.
     shown: Option<u32>,
@@ -41,7 +41,7 @@ pub struct Integrity {
     /// The instant, ns, by which each board has to have reacted to the warning that its supply falls; `None` if the
     /// board has reacted, if the violation has been reported, or if there was no warning.
     supply_due: [Option<u64>; 2],
-    /// The stuck bit of a buffer of the DPR that Link-Status has not reported yet.
+    /// The stuck bit in a buffer of the DPR that Link-Status has to report and has not reported yet.
     stuck: Option<Stuck>,
     /// Whether HORUS's carrier is on.
     field: bool,
@@ -64,7 +64,8 @@ impl Rule for Integrity {
                         let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
                         self.flash_due[*board as usize].get_or_insert(at + within);
                     }
-                    // If another bit flips once while a bit is stuck, the record of the stuck bit is kept.
+                    // If another bit flips once while a bit is stuck, the judge goes on requiring that the stuck bit is
+                    // reported.
                     (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
                         self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
                     }
@@ -103,7 +104,8 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
-    /// Judges a transaction. If `excused` is set, the bytes that were read may differ from those that the DPR has sent.
+    /// Judges a transaction. If `excused` is set, the bytes that were read may differ from those that the DPR sent, so
+    /// the judge does not require that they are 0xFF throughout.
     fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
         let due = &mut self.supply_due[Board::Dpr as usize];
         if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
@@ -129,8 +131,7 @@ impl Integrity {
         }
     }
 
-    /// Reports each board, once, that has not reacted to a fault by the instant required, if that instant is before
-    /// `now`.
+    /// Reports each board that should have reacted to a fault before `now` and has not. Each fault is reported once.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {

@@ -1,14 +1,14 @@
 //! Judges whether the position that HORUS sends is where the aircraft was, and whether HORUS sends a position at all.
 //!
-//! A run of simulated receivers has the aircraft's true place in its log at each tick ([`What::Aircraft`]). A valid
+//! In a run of simulated receivers, the log has the aircraft's true place at each tick ([`What::Aircraft`]). A valid
 //! Reported-Position has to lie within [`bounds::POSITION_OFF_M`] of the aircraft's place at some instant of the last
-//! [`bounds::POSITION_OLDEST`]. While receivers are disturbed, but fewer than a quorum, this limit is widened by
-//! [`bounds::AGREEMENT_M`], because a disturbed receiver within that distance of the others agrees with them. While a
-//! quorum of receivers or more are disturbed, nothing is required; nor with one or two receivers of which one is
-//! disturbed, because then no majority contradicts that one.
+//! [`bounds::POSITION_OLDEST`]. While some receivers are disturbed, but fewer than a quorum, this limit is widened by
+//! [`bounds::AGREEMENT_M`], because a disturbed receiver agrees with the others if it is within that distance of them.
+//! Nothing is required while at least a quorum of receivers is disturbed, nor while one of only one or two receivers is
+//! disturbed, because then no majority contradicts the disturbed one.
 //!
-//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation that keeps HORUS from
-//! having a position was found since the last position: one cause is reported once.
+//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation was found since the last
+//! position that keeps HORUS from having one, because one cause is reported once.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ use crate::disturbance::Excuse;
 use crate::read::{State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The violations that keep HORUS from having a position, or from sending it.
+/// The violations that explain why HORUS has no position, or does not send it.
 const EXPLAIN: &[Violation] = &[
     Violation::NotRead,
     Violation::NotConfigured,
@@ -51,9 +51,9 @@ struct Truth {
 pub struct Position {
     receivers: usize,
     truths: VecDeque<Truth>,
-    /// The instant since which a position is missing, ns.
+    /// The instant, ns, since which HORUS has sent no valid position.
     waits_since: u64,
-    /// The number of violations that explain a missing position, as found when it began to be missing.
+    /// The number of violations that explain a missing position, as counted at that instant.
     explained: u64,
     /// Whether the missing position has been reported.
     told: bool,
@@ -116,13 +116,13 @@ impl Rule for Position {
 }
 
 impl Position {
-    /// Returns how many receivers may state a wrong position at `at`, ns.
+    /// Returns the number of receivers that may state a wrong position at the instant `at`, ns.
     fn disturbed(&self, at: u64, context: &Context) -> usize {
         let disturbances = context.disturbances();
         (0..self.receivers).filter(|receiver| disturbances.excuse_of(*receiver, Excuse::Position, at)).count()
     }
 
-    /// Records that from `at` on a position is awaited.
+    /// Records that HORUS has sent no valid position since the instant `at`, ns.
     fn wait(&mut self, at: u64, findings: &Findings) {
         (self.waits_since, self.explained, self.told) = (at, explaining(findings), false);
     }

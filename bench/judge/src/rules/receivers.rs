@@ -1,15 +1,16 @@
-//! Judges whether HORUS reads the bytes that its receivers offer, and sets the receivers so that they send positions.
+//! Judges whether HORUS reads the bytes that its receivers offer, and whether it sets the receivers so that they send
+//! positions.
 //!
-//! A receiver on a bus keeps its bytes until they are read: [`What::Offered`] reports that it has some, and
-//! [`What::Fed`] which of them crossed the bus. While HORUS has no supply, starts or hangs, and while
-//! [`Excuse::Polling`] holds for the receiver, nothing is required; HORUS must read again what the receiver offers
-//! after that. Bytes that are offered while the receiver is being read count as read: from the instant at which the
-//! first byte begins to cross until the last byte has crossed. A receiver that is not read is reported once for each
-//! [`bounds::READ_WITHIN`].
+//! A receiver on a bus keeps its bytes until HORUS reads them. [`What::Offered`] reports that the receiver has bytes,
+//! and [`What::Fed`] reports which of them crossed the bus. While HORUS has no supply, starts or hangs, and while
+//! [`Excuse::Polling`] holds for the receiver, HORUS need not read; after that it must. Bytes that a receiver offers
+//! while it is being read, from the first bit on the bus to the last, count as read. A receiver that is not read is
+//! reported once for each [`bounds::READ_WITHIN`].
 //!
-//! A simulated receiver reports its settings ([`What::Settings`]). If it sends no positions, HORUS must have set it to
-//! send them within [`bounds::SETTINGS_TOLD`] of the instant at which it ceased to, or of HORUS's start, unless
-//! [`Excuse::Settings`] holds for the receiver. The violation is reported once.
+//! A simulated receiver reports its settings ([`What::Settings`]). If the receiver sends no positions, HORUS must set
+//! it to send them within [`bounds::SETTINGS_TOLD`] of the later of two instants: HORUS's start, and the instant at
+//! which the receiver ceased to send them. This is not required while [`Excuse::Settings`] holds for the receiver. The
+//! violation is reported once.
 
 use super::Rule;
 use crate::disturbance::Excuse;
@@ -18,12 +19,12 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The rule that judges whether HORUS reads and sets its receivers; see the [module](self).
 #[derive(Clone, Debug)]
 pub struct Receivers {
-    /// Since when each receiver has offered bytes of which none was read, ns.
+    /// For each receiver, the instant, ns, since which it has offered bytes of which none has been read.
     waiting: Vec<Option<u64>>,
-    /// When the last byte that was read from each receiver had crossed the bus, ns.
+    /// For each receiver, the instant, ns, at which the last byte that was read from it had crossed the bus.
     read_until: Vec<u64>,
-    /// Since when each receiver has sent no positions, ns; `None` if it sends them, if the violation has been reported,
-    /// or if it is not known.
+    /// For each receiver, the instant, ns, since which it has sent no positions; `None` if it sends them, if the
+    /// violation has been reported, or if the receiver has not reported its settings.
     unset: Vec<Option<u64>>,
 }
 
@@ -72,7 +73,8 @@ impl Rule for Receivers {
 }
 
 impl Receivers {
-    /// Reports each receiver at `now` that has offered bytes for too long, or has not been set in time.
+    /// Reports each receiver whose bytes have waited too long at `now`, and each that should have been set to send
+    /// positions by `now`.
     fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
             if let Some(since) = waiting.take_if(|since| now > *since + bounds::READ_WITHIN) {

@@ -1,8 +1,8 @@
-//! Compares the base station's statements about the drone with the profiles that have arrived there.
+//! Judges what the base station states about the drone by the profiles that have arrived there.
 //!
 //! The age that the base station states is that of the Reported-Position that it shows, which is the newest that
-//! arrived; that age is compared with HORUS's tick. The alarms that follow from this age, from silence and from
-//! Reported-Position's status are judged as well:
+//! arrived. This rule compares that age with HORUS's tick. It also judges the alarms that follow from the age, from a
+//! silence and from Reported-Position's status:
 //!
 //! | alarm | holds if |
 //! |---|---|
@@ -12,16 +12,16 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | Reported-Position states this |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | Reported-Position states this |
 //!
-//! Close to each limit of time either value is right. A profile that does not continue those before need not be shown,
-//! because it may come from another sender. Therefore the judge is sure what is shown only once profiles have arrived
-//! in sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them if they are the first of all, and
-//! only then does silence certainly end. While HORUS runs without its crystal, its clock cannot be compared with the
-//! station's, and no age is required.
+//! Close to a limit of time either value is right. The station need not show a profile that does not continue the
+//! profiles before, because that profile may come from another sender. Therefore it is certain what the station shows
+//! only once profiles have arrived in sequence for [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] profiles if
+//! they are the first of all. Only then does a silence certainly end. While HORUS runs without its crystal, its clock
+//! cannot be compared with the station's, and no age is required.
 //!
-//! A HORUS that has started anew can be recognised by timestamps that step back, or by another reason of its last
-//! reset. Without either of these, the station cannot detect the start (documentation of the base station): it may go
-//! on counting by the clock of the start before, and then takes the sample to be older by the time for which HORUS did
-//! not run.
+//! The station can recognise that HORUS has started anew if the timestamps step back, or if HORUS states another reason
+//! for its last reset. Otherwise it cannot detect the start (documentation of the base station). It may then go on
+//! counting by the clock of the previous start, and so take the sample to be older than it is by the time for which
+//! HORUS did not run.
 
 use std::collections::VecDeque;
 
@@ -34,14 +34,14 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The number of ticks that are kept, with the timestamps that were sent after them.
 const TICKS: usize = 256;
 
-/// The sample that arrived last. The station may compute the age of later samples from its timestamp.
+/// The sample that arrived last. From its timestamp the station may compute the ages of later samples.
 #[derive(Clone, Copy, Debug)]
 struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
     /// The sample's tick, ns, and the number of the start of HORUS in which that tick came.
     tick: (u64, u64),
-    /// The time by which the station may take the sample to be older than it is, ns.
+    /// How much older than it is the station may take the sample to be, ns.
     late: u64,
 }
 
@@ -50,14 +50,14 @@ struct Last {
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// The tick of the sample, ns, if it is known, and how much older the station may take the sample to be, ns.
+    /// If known, the tick of the sample, ns, and how much older than it is the station may take the sample to be, ns.
     tick: Option<(u64, u64)>,
-    /// The number of profiles in a row that arrived in sequence, including this one, and the arrival of the first of
-    /// them, ns.
+    /// The profiles in sequence that end with this one: their number, and the instant, ns, at which the first of them
+    /// arrived.
     row: (u32, u64),
-    /// Whether the row of profiles in sequence began with the first profile of all.
+    /// Whether the first of these profiles is the first that arrived in the run.
     first: bool,
-    /// When the profile arrived, ns.
+    /// The instant, ns, at which this profile arrived.
     at: u64,
 }
 
@@ -68,14 +68,13 @@ pub struct Station {
     tick: Option<u64>,
     /// The number of HORUS's starts so far.
     starts: u64,
-    /// The timestamps of Reported-Position that HORUS sent, ms, each with its tick, ns, and the number of HORUS's
-    /// start.
+    /// The Reported-Positions that HORUS sent: the timestamp, ms, the tick, ns, and the number of HORUS's start.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
     last: Option<Last>,
-    /// When a profile that can be shown last arrived, ns.
+    /// The instant, ns, at which a profile that the station can show last arrived.
     arrived: u64,
-    /// The alarm or the age that was wrong in the last statement. It is reported only once while it stays wrong.
+    /// The alarm or the age that was wrong in the last statement. It is not reported again while it stays wrong.
     told: Option<&'static str>,
 }
 
@@ -144,7 +143,7 @@ impl Station {
     }
 
     /// Records that a sample has arrived, with its tick, ns, and the number of HORUS's start. Returns how much older
-    /// the station may take the sample to be, ns.
+    /// than it is the station may take the sample to be, ns.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -156,7 +155,7 @@ impl Station {
         late
     }
 
-    /// Returns the Reported-Position that the station shows, as far as that is certain.
+    /// Returns the Reported-Position that the station shows; `None` if it is not certain.
     fn shown(&self) -> Option<Newest> {
         self.newest.filter(|newest| {
             let (count, since) = newest.row;
@@ -164,7 +163,8 @@ impl Station {
         })
     }
 
-    /// Returns how old the sample that the station shows is at `at`, ns, and how old the station may take it to be, ns.
+    /// Returns the age, ns, that the sample shown by the station has at `at`, and the age that the station may state at
+    /// most.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -176,7 +176,7 @@ impl Station {
         self.ages(at).is_some_and(|ages| told_us.is_none_or(|told| ages.into_iter().all(is_off(told))))
     }
 
-    /// Returns the name of an alarm that holds and must not, or that must hold and does not.
+    /// Returns the name of an alarm that is given and must not be, or that must be given and is not.
     fn wrong_alarm(&self, at: u64, alarms: &[String]) -> Option<&'static str> {
         let holds = |name: &str| alarms.iter().any(|alarm| alarm == name);
         let after = |age: u64, limit: u64| match age {
@@ -184,7 +184,7 @@ impl Station {
             age if age + bounds::STATION_AGE_OFF < limit => Some(false),
             _ => None,
         };
-        // A profile that arrives after a silence need not be accepted at once.
+        // After a silence, the station need not accept a profile at once.
         let silent =
             after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
         let stale = self.ages(at).map(|ages| ages.map(|age| after(age, bounds::STATION_STALE)));

@@ -1,8 +1,8 @@
-//! Makes the log of a run in which nothing goes wrong, for tests to change.
+//! Makes the log of a run in which nothing goes wrong. Tests then change that log.
 //!
-//! A [`Plan`] describes what the DPR publishes and when the flight controller reads; [`Plan::log`] derives the events
-//! on the wires from it. A change of the plan therefore has its consequences in the log, and a change of the log has
-//! none.
+//! A [`Plan`] describes what the DPR publishes and when the flight controller reads. [`Plan::log`] derives the events
+//! on the wires from the plan. A change of the plan therefore changes all events that follow from it, whereas a change
+//! of the log changes only that event.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
@@ -18,22 +18,22 @@ pub(crate) const FIRST_TICK: u64 = 20_000_000;
 pub(crate) const FIRST_IMAGE: u64 = 6_000_000;
 /// The time from the end of a cycle's last frame to FRESH, ns.
 pub(crate) const TO_FRESH: u64 = 60_000;
-/// The time before FRESH at which the processor takes the buffers, ns.
+/// How long before FRESH rises the processor takes the buffers, ns.
 pub(crate) const HELD_BEFORE: u64 = 1_000;
-/// The time after FRESH at which the processor gives the buffers back, ns.
+/// How long after FRESH rises the processor gives the buffers back, ns.
 pub(crate) const RELEASED_AFTER: u64 = 500;
 /// The time from the end of a transaction until the DPR is ready for the next one, ns.
 pub(crate) const TO_READY: u64 = 3_000;
 /// The flight controller's control cycle, ns. It is not quite 4 ms, so that transactions begin at every phase of
 /// HORUS's cycle.
 pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
-/// The number of cycles that the DPR needs to find the sequence, which it does not show.
+/// The number of cycles that the DPR needs to find the sequence. It does not show these cycles.
 pub(crate) const SEARCH: u32 = 3;
 
-/// An image of the DPR, and when it is published.
+/// An image of the DPR, and the instant at which it is published.
 #[derive(Clone, Debug)]
 pub(crate) struct Publication {
-    /// When FRESH rises, ns.
+    /// The instant, ns, at which FRESH rises for the image.
     pub(crate) at: u64,
     /// The image that becomes readable.
     pub(crate) image: Vec<u8>,
@@ -150,7 +150,7 @@ impl Plan {
         plan
     }
 
-    /// Returns an image that is published at `at` and shows the cycle of `stamp`.
+    /// Returns an image that is published at `at` and shows the cycle with the timestamp `stamp`.
     pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
         let status = LinkStatusBits::new()
             .with_link_up(stamp.is_some())
@@ -166,14 +166,14 @@ impl Plan {
         [link.as_bytes().as_slice(), &objects].concat()
     }
 
-    /// Returns the number of the publication that shows the cycle of `stamp`.
+    /// Returns the number of the publication that shows the cycle with the timestamp `stamp`.
     pub(crate) fn showing(&self, stamp: u32) -> usize {
         let place = self.layout.in_image(0).unwrap();
         let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
         self.publications.iter().position(|publication| shows(&publication.image)).unwrap()
     }
 
-    /// Returns how long a transaction takes, ns.
+    /// Returns the duration of a transaction, ns.
     pub(crate) fn transaction_ns(&self) -> u64 {
         3_000 + 1_000 * self.layout.image_len() as u64
     }
@@ -213,7 +213,8 @@ impl Plan {
                 }
                 continue;
             }
-            // An image that is published during the transaction is announced at once and put in at the end.
+            // An image that is published during the transaction is announced at once, but put in only after the
+            // transaction's end.
             let mut ready = ended + TO_READY;
             while let Some(publication) =
                 publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
@@ -245,7 +246,7 @@ impl Plan {
     }
 }
 
-/// The DPR's side of the SSI: its buffers and its image.
+/// The state of the SSI in the DPR: its buffers and its image.
 struct Ssi {
     held: bool,
     image: Option<Vec<u8>>,
@@ -254,7 +255,7 @@ struct Ssi {
 }
 
 impl Ssi {
-    /// Ends the image's time if that is due by `now`.
+    /// Makes the image expire if its time is over at `now`.
     fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
         if self.expires <= now && !self.held {
             self.held = true;
@@ -263,7 +264,7 @@ impl Ssi {
     }
 
     /// Puts an image in while no transaction is under way. Returns whether the transaction that begins at `selected`
-    /// meets the DPR busy because of that.
+    /// finds the DPR busy because of that.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -283,8 +284,8 @@ impl Ssi {
     }
 }
 
-/// The violations of the rules of the SSI and of the base station. The DPR of these logs states no more about itself
-/// and HORUS than these rules need, so the findings of other rules do not count.
+/// The violations that the rules of the SSI and of the base station report. In these logs the DPR states no more about
+/// itself and HORUS than these rules need, so the violations of other rules are ignored.
 const OURS: [Violation; 20] = [
     Violation::Answered,
     Violation::NoTransaction,
@@ -332,7 +333,8 @@ pub(crate) fn sort(log: &mut Log) {
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
 }
 
-/// Returns for each transaction when chip select fell, ns, and the bytes that it read, to be changed.
+/// Returns for each transaction the instant, ns, at which chip select fell, and the bytes that it read, so that a test
+/// can change them.
 pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
     log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
@@ -345,8 +347,8 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices in the log of the transactions that read an image again, so that nothing is forwarded after
-/// them.
+/// Returns the indices in the log of the transactions that read the same image as the one before, so nothing is
+/// forwarded after them.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];
@@ -359,7 +361,8 @@ pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     places
 }
 
-/// Returns the bytes that a transaction read, to be changed; `place` is the index of its event in the log.
+/// Returns the bytes that a transaction read, so that a test can change them; `place` is the index of the transaction
+/// in the log.
 pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     match &mut log.events[place].what {
         What::Transaction { miso, .. } => &mut miso.0,
@@ -367,7 +370,7 @@ pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
     }
 }
 
-/// Makes the transactions that end within `from..to` (ns) read only 0xFF.
+/// Makes each transaction that ends within `from..to` (ns) read only 0xFF.
 pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
     log.events.retain(|event| {
         let forwarding = matches!(event.what, What::Forwarded { .. } | What::Arrived { .. });
@@ -393,8 +396,8 @@ pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
     (plan, log, place)
 }
 
-/// Returns the last image that was read before the transaction at index `place` and differs from the one that this
-/// transaction read.
+/// Returns the last image that differs from the one that the transaction at index `place` read, among the images read
+/// before.
 pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
     let mut log = log.clone();
     let now = miso(&mut log, place).clone();

@@ -66,12 +66,13 @@ pub(super) struct Ddc {
     /// The instant at which the controller's last byte ended, ns; `None` where the controller has held the clock since
     /// then.
     last: Option<u64>,
-    /// The controller did not acknowledge the last byte, so it will end the transfer.
+    /// Whether the controller did not acknowledge the last byte, after which it must end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// The levels of SCL and SDA by the part's drivers: high where the part releases the line.
+    /// The levels that the part drives on SCL and SDA: high where the part releases the line.
     made: [bool; 2],
-    /// Whether the receiver holds SCL and SDA low, now and when their levels were last passed to the part.
+    /// Whether the receiver holds SCL and SDA low: the present values, and the values that were last passed to the
+    /// part.
     low: [bool; 2],
     told: [bool; 2],
     /// The instant at which the present glitch ends, ns.
@@ -159,7 +160,7 @@ impl Ddc {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
                     if self.fails(BusFault::Stretches) {
-                        // The next byte begins later by the time for which the receiver stretches the clock.
+                        // The next byte begins later, because the receiver stretches the clock.
                         self.last = Some(at + STRETCHED);
                         I2cAnswer { stretched_ns: STRETCHED, ..yes }
                     } else {
@@ -223,7 +224,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller that ends a read without a NACK has lost count of the bytes.
+                // A controller that ends a read without a NACK expected another number of bytes.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }

@@ -88,7 +88,7 @@ impl Outbox {
     }
 }
 
-/// The length of the first piece of `bytes`: a UBX message, or the bytes before the next UBX message.
+/// The length of the first piece of `bytes`. A piece is one UBX message, or the bytes before the next UBX message.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),

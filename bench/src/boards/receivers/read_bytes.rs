@@ -24,8 +24,8 @@ pub struct ReadBytes {
 /// Bus traffic that has not been reported yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// The bytes of the transaction under way: the beginning and the end of each (ns), its value, and the instant since
-    /// which it has waited (ns).
+    /// The bytes of the transaction under way. Each has the instants of its beginning and end (ns), its value, and the
+    /// instant since which it has waited (ns).
     open: Vec<(u64, u64, u8, u64)>,
     /// Whether the part need not interpret the transaction: a byte of it differs from what the receiver sent.
     spoilt: bool,

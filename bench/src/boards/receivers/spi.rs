@@ -11,9 +11,9 @@
 //! "Back-to-back read and write access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713 and NEO-D9S UBX-19026111 agree).
 //!
 //! The data sheets do not say what a receiver does when the controller clocks bytes faster than the receiver can load
-//! them. The model then loads no byte: MISO repeats the byte before, the stream waits, and bytes that the controller
-//! sends are lost. Above 5.5 MHz the receiver's output is late by a bit: the controller reads each bit in the place of
-//! the next one.
+//! them. The model then loads no byte: MISO repeats the previous byte, the stream does not advance, and bytes that the
+//! controller sends are lost. Above 5.5 MHz the receiver's output is late by one bit: in place of each bit the
+//! controller reads the bit before it.
 
 use emulator_part::{Pin, SpiFrame, SpiMode};
 
@@ -54,10 +54,10 @@ pub(super) struct Spi {
     last: Option<u64>,
     /// The number of successive 0xFF bytes that the controller has sent.
     filler: u32,
-    /// The last bit, and the last byte, that the receiver sent.
+    /// The last bit that the receiver sent, followed by the last byte that it sent.
     last_bit: bool,
     last_byte: u8,
-    /// The fault of MISO.
+    /// The present fault of MISO, with its source of random values.
     failing: Option<(BusFault, Rng)>,
 }
 
@@ -168,7 +168,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// Shifts `byte` by one bit, because the controller reads each bit in the place of the next one.
+    /// Shifts `byte` by one bit, because in place of each bit the controller reads the bit before it.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

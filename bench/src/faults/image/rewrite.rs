@@ -1,5 +1,5 @@
-//! Patches a firmware's release program in flash so that it sets a register up wrongly. The address of the code that
-//! does so need not be given.
+//! Patches a firmware's release program in flash so that it sets a register up wrongly. The caller need not give the
+//! address of the code that sets the register up.
 //!
 //! [`Recording`] runs an unpatched board instruction by instruction and records every store to a peripheral register
 //! with its instruction, address and value. [`rewrite`] then replaces each instruction that stores to a given register
@@ -39,7 +39,7 @@ pub struct Change {
 /// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// The bits of a mask get given values in what is stored.
+    /// In the stored value, the bits of a mask get given values.
     Bits {
         /// The mask of the changed bits.
         mask: u32,
@@ -316,8 +316,8 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// The targets of the direct branches within [`NEAR`] bytes of `site`. All of them count, because another run may take
-/// branches that the recording did not. Data among the code are treated as instructions.
+/// The targets of the direct branches within [`NEAR`] bytes of `site`. Branches that the recording did not take are
+/// included, because another run may take them. Data among the code are treated as instructions.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;

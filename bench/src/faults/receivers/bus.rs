@@ -17,9 +17,9 @@ use gnss_sim::Port;
 pub enum BusFault {
     /// The receiver holds SDA low until it has received nine clocks.
     SdaUntilClocked,
-    /// SDA is low.
+    /// SDA stays low, whatever the controller does.
     SdaStuck,
-    /// SCL is low.
+    /// SCL stays low, whatever the controller does.
     SclStuck,
     /// The receiver acknowledges no address.
     NoAnswer,
@@ -29,19 +29,19 @@ pub enum BusFault {
     Glitches,
     /// Bits that are read over I2C are inverted.
     Noise,
-    /// MISO is high.
+    /// Every bit that is read on MISO is high.
     Ones,
-    /// MISO is low.
+    /// Every bit that is read on MISO is low.
     Zeros,
-    /// MISO is random.
+    /// Every bit that is read on MISO is random.
     Random,
-    /// MISO is a bit late.
+    /// Every bit that is read on MISO comes one bit late.
     Shifted,
 }
 
 /// The longest time for which a receiver holds the clock low, ns: ZED-F9R data sheet 5.3.
 pub const STRETCHED: u64 = 20_000_000;
-/// The time for which SDA is low in a glitch, ns: less than the duration of half a bit at 400 kHz.
+/// How long SDA is low in a glitch, ns: less than the duration of half a bit at 400 kHz.
 pub const GLITCH: u64 = 1_000;
 /// The shortest and the longest time from one glitch to the next, ns.
 pub const GLITCHES: (u64, u64) = (5_000, 400_000);

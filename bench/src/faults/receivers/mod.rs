@@ -121,24 +121,24 @@ pub enum ReceiverFault {
     LosesSettings,
     /// The receiver loses its configured dynamic model and otherwise works as before, so HORUS cannot detect the fault.
     ForgetsModel,
-    /// Its bus fails.
+    /// The receiver's bus has a fault.
     Bus(BusFault),
 }
 
 /// A field of NAV-PVT with an impossible value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Absurd {
-    /// 91 degrees north.
+    /// The latitude is 91 degrees north.
     Latitude,
-    /// 181 degrees east.
+    /// The longitude is 181 degrees east.
     Longitude,
-    /// 2147 km above the ellipsoid.
+    /// The height is 2147 km above the ellipsoid.
     Height,
-    /// 2147 km/s to the south.
+    /// The speed is 2147 km/s to the south.
     Speed,
-    /// An accuracy of 0, which no receiver has.
+    /// The accuracy is 0, which no receiver has.
     NoAccuracy,
-    /// The greatest accuracy that the field can hold, 4295 km, which is useless.
+    /// The accuracy is 4295 km, the greatest value that the field can hold, which is useless.
     HugeAccuracy,
 }
 

@@ -34,7 +34,7 @@ const TOGGLE: u64 = 2_000;
 /// this much (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
-/// The time for which [`Conduct::Hammers`] leaves chip select high between two transactions, ns.
+/// How long [`Conduct::Hammers`] leaves chip select high between two transactions, ns.
 const HAMMER_GAP: u64 = 1_000;
 
 /// A misuse of the SSI that is in progress.

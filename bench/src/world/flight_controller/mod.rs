@@ -52,13 +52,13 @@ use crate::faults::wires::Wires;
 pub struct Stats {
     /// The number of finished transactions: the sum of the next four numbers.
     pub transactions: u64,
-    /// The number of [`Outcome::Fresh`].
+    /// The number of transactions whose outcome was [`Outcome::Fresh`].
     pub fresh: u64,
-    /// The number of [`Outcome::Repeated`].
+    /// The number of transactions whose outcome was [`Outcome::Repeated`].
     pub repeated: u64,
-    /// The number of [`Outcome::Busy`].
+    /// The number of transactions whose outcome was [`Outcome::Busy`].
     pub busy: u64,
-    /// The number of [`Outcome::BadCrc`].
+    /// The number of transactions whose outcome was [`Outcome::BadCrc`].
     pub bad_crc: u64,
     /// The number of profiles forwarded to the base station, which are those of the fresh transactions.
     pub forwarded: u64,

@@ -9,8 +9,8 @@ use profile::{Layout, LinkValues, Rejection};
 pub enum Outcome {
     /// Everything is intact, the whole image was read, and its profile differs from the one that was forwarded last.
     Fresh,
-    /// Everything is intact, but there is no new profile: it is the same one again, there is none yet, or the window
-    /// has none.
+    /// Everything is intact, but there is no new profile: the profile is the one that was forwarded last, the image
+    /// holds no profile yet, or the requested window contains none.
     Repeated,
     /// Every byte is 0xFF: the DPR was busy.
     Busy,

@@ -331,7 +331,8 @@ fn a_window_that_met_a_busy_dpr_is_read_next() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // The granted window stays the next one, and the request of this transaction is lost.
+    // The DPR is busy in this transaction, so this request is lost, and the next transaction reads the window that was
+    // granted before.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);

@@ -12,8 +12,8 @@ const UPLINK_EVERY: u64 = 10;
 /// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// The control cycle of every [`UPLINK_EVERY`] in which nothing is written and the whole map is read, with Port-Status
-/// and the uplinks.
+/// The number, within each [`UPLINK_EVERY`] control cycles, of the control cycle in which nothing is written and the
+/// whole map is read, with Port-Status and the uplinks.
 const MAP_READ: u64 = 8;
 
 /// One millisecond, ns.

@@ -177,7 +177,7 @@ pub struct Order {
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,
-    /// Its pace.
+    /// The pace of the transaction.
     pub pace: Pace,
 }
 
@@ -254,11 +254,11 @@ impl Run {
 /// The result of an action of an [`SsiMaster`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Chip select fell, at this instant (ns) at the DPR's pin.
+    /// Chip select fell at the DPR's pin, at this instant (ns).
     Selected(u64),
-    /// Bytes crossed.
+    /// These bytes were transferred.
     Clocked(Run),
-    /// Chip select rose.
+    /// Chip select rose, which ended this transaction.
     Over(Transaction),
 }
 

@@ -1,74 +1,76 @@
-//! Accounts for a run of the air: counters, frames sent and received, faults injected.
+//! The account of what the air has carried: counters, frames sent and received, faults injected.
 
 #[cfg(doc)]
 use super::AirFaults;
 
-/// Counters of what the air has carried from poller to listener. Once it has ended at the listener, a frame of the
-/// poller counts in exactly one of delivered, damaged and lost.
+/// Counters of what the air has carried from poller to listener. A frame of the poller that has ended at the listener
+/// is counted in exactly one of `delivered`, `damaged` and `lost`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames the poller began.
+    /// Frames that the poller began to send.
     pub sent: u64,
     /// Frames that reached the listener whole and unchanged, at whatever time.
     pub delivered: u64,
-    /// Frames that reached it changed or cut short, by the air or by the poller.
+    /// Frames that reached the listener changed or cut short, by the air or by the poller.
     pub damaged: u64,
-    /// Frames that did not reach it.
+    /// Frames of the poller that did not reach the listener.
     pub lost: u64,
     /// Bits that [`AirFaults::bit_error`] inverted.
     pub bit_errors: u64,
-    /// Frames that a burst hit.
+    /// Frames that were hit by a burst of bit errors ([`AirFaults::burst`]).
     pub bursts: u64,
     /// Frames that [`AirFaults::truncated`] cut.
     pub cut: u64,
-    /// Repetitions that the listener received. They do not count as sent, delivered, damaged or lost.
+    /// Repeated frames ([`AirFaults::repeated`]) that reached the listener. They do not count as sent, delivered,
+    /// damaged or lost.
     pub repeated: u64,
-    /// Frames that [`AirFaults::delayed`] held back.
+    /// Frames that [`AirFaults::delayed`] delayed.
     pub delayed: u64,
     /// Frames whose start [`AirFaults::scatter_ns`] moved.
     pub scattered: u64,
     /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
-    /// Times a frame began while another was on the air: both are damaged.
+    /// The number of times that a frame began while another was on the air, so that neither arrived whole.
     pub collisions: u64,
-    /// Times [`AirFaults::field_off`] took the field away.
+    /// The number of times that [`AirFaults::field_off`] removed the field.
     pub field_off: u64,
-    /// Frames the listener sent: load modulation, an answer.
+    /// Answers that the listener sent by load modulation.
     pub answers: u64,
 }
 
-/// The last finished frame of the poller.
+/// The last frame of the poller that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LastFrame {
-    /// First bit on the air, ns.
+    /// When the frame's first bit was on the air, ns.
     pub start_ns: u64,
-    /// End of the last bit, ns.
+    /// When the frame's last bit ended, ns.
     pub end_ns: u64,
-    /// Nominal bit rate, bit/s.
+    /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// Data bits: LEN, payload and CRC of NFC-F.
+    /// The frame's number of data bits: in NFC-F those of LEN, payload and CRC.
     pub data_bits: u32,
 }
 
 /// A frame as the poller sent it, regardless of its fate on the air.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SentFrame {
-    /// First bit on the air, virtual ns.
+    /// When the frame's first bit was on the air, virtual ns.
     pub started_ns: u64,
-    /// End of the last bit, virtual ns.
+    /// When the frame's last bit ended, virtual ns.
     pub ended_ns: u64,
-    /// Nominal bit rate, bit/s.
+    /// The frame's nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// The bytes in NFC-F: LEN, payload, CRC-16; for a frame that broke off, those that were sent to their last bit.
+    /// The frame's bytes, in NFC-F LEN, payload and CRC-16. A frame that broke off has only the bytes that were sent to
+    /// their last bit.
     pub bytes: Vec<u8>,
-    /// False for a frame that the poller broke off before the number of bytes in its LEN.
+    /// Whether the frame was sent whole; false if the poller broke it off before the number of bytes in its LEN.
     pub whole: bool,
 }
 
 /// The way by which a frame reached the listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// Straight from the poller.
+    /// The frame came straight from the poller.
     Poller,
     /// The frame is a repetition ([`AirFaults::repeated`]).
     Repeated,
@@ -79,20 +81,20 @@ pub enum Origin {
 /// A frame at the listener's antenna, whether or not the listener received it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// First bit at the antenna, virtual ns.
+    /// When the frame's first bit reached the antenna, virtual ns.
     pub started_ns: u64,
-    /// End of the last bit, virtual ns.
+    /// When the frame's last bit ended, virtual ns.
     pub ended_ns: u64,
-    /// The bytes in NFC-F: LEN, payload, CRC-16, with every error of the air; for a frame that broke off, those that
-    /// arrived to their last bit.
+    /// The frame's bytes, in NFC-F LEN, payload and CRC-16, with every error of the air. A frame that broke off has
+    /// only the bytes that arrived to their last bit.
     pub bytes: Vec<u8>,
-    /// Every byte of the poller's LEN arrived, correct or wrong.
+    /// Whether every byte that the poller's LEN announces arrived, correct or wrong.
     pub whole: bool,
-    /// The way by which it came.
+    /// The way by which the frame reached the antenna.
     pub origin: Origin,
 }
 
-/// A fault that was injected.
+/// A kind of fault that was injected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     BitError,
@@ -122,7 +124,7 @@ impl Fault {
     }
 }
 
-/// The outcome of a frame of the poller at the listener.
+/// The outcome of one frame of the poller at the listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Delivered,
@@ -130,7 +132,7 @@ pub(super) enum Outcome {
     Lost,
 }
 
-/// The account of a run.
+/// The account of what one [`Air`](super::Air) has carried.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Account {
     pub(super) counters: Counters,
@@ -147,7 +149,8 @@ impl Account {
         let count = match fault {
             Fault::BitError => &mut counters.bit_errors,
             Fault::Burst => &mut counters.bursts,
-            // A lost frame is counted with those that are lost for other reasons.
+            // Frames that this fault loses are counted together with those that are lost for other reasons, when they
+            // end.
             Fault::Lost => return,
             Fault::Cut => &mut counters.cut,
             Fault::Repeated => &mut counters.repeated,
@@ -159,7 +162,7 @@ impl Account {
         *count += 1;
     }
 
-    /// A frame from `origin` has ended at the listener.
+    /// Counts the outcome of a frame from `origin` that has ended at the listener. Repetitions are not counted.
     pub(super) fn over(&mut self, origin: Origin, outcome: Outcome) {
         if origin == Origin::Repeated {
             return;

@@ -1,24 +1,24 @@
-//! The way back: answers from a listener to its poller.
+//! The path of answers from a listener to its poller.
 //!
 //! | covered | source |
 //! |---|---|
-//! | answers by event, on the poller's carrier: one that it is switched off under breaks off | load modulation |
-//! | seeded faults of answers, as of frames: none, late, damaged, cut, repeated | [`AirFaults`] |
+//! | answers by event, on the poller's carrier; an answer breaks off when the carrier goes off | load modulation |
+//! | seeded faults of answers, as of the poller's frames: lost, late, damaged, cut, repeated | [`AirFaults`] |
 //! | a foreign card that answers the poller's frames, and its collisions with the listener's answers | see below |
 //!
 //! | left out | why |
 //! |---|---|
 //! | strength of the modulation, coupling, noise | the air is digital |
-//! | what a collision looks like | the receiver cannot follow it; both answers are lost or break off |
+//! | the signal of two answers that collide | no receiver can decode it; both answers are lost or break off |
 //!
-//! An answer is carried by an [`Air`] of its own, in which the listener has the place of the sender. The owner passes
-//! it what either chip emits; a link without answers needs none.
+//! Answers are carried by an [`Air`] of their own, in which the listener is the sender. The owner of an [`AnswerPath`]
+//! passes to it what either chip emits. A link without answers needs no [`AnswerPath`].
 //!
 //! # A foreign card
 //!
-//! It answers a frame of the poller with random bytes in a whole frame of NFC-F: LEN and CRC-16 are right. If it begins
-//! while the listener answers, or the other way round, the answer on the air breaks off at that instant, and the
-//! other's sync is masked.
+//! A foreign card answers a frame of the poller with random bytes in a whole frame of NFC-F: LEN and CRC-16 are right.
+//! If the card begins its answer while the listener answers, or the listener begins while the card answers, the answer
+//! on the air breaks off at that instant, and the sync of the new answer is masked.
 
 use super::faults::within;
 use super::{Air, AirFaults, Counters, Heard};
@@ -31,41 +31,44 @@ use crate::rng::SplitMix;
 /// A card in the poller's field that does not belong to the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForeignCard {
-    /// Probability that it answers a frame.
+    /// Probability that the foreign card answers a frame of the poller.
     pub answers: f64,
-    /// The time from the end of the frame to its first bit, ns, as the ranges of [`AirFaults`].
+    /// The range of the time from the end of the poller's frame to the first bit of the card's answer, ns, as the
+    /// ranges of [`AirFaults`].
     pub after_ns: (u64, u64),
-    /// The bytes of its payload, at most 254.
+    /// The number of payload bytes in the card's answer, at most 254.
     pub payload: u8,
 }
 
-/// What goes wrong with answers. The default has no faults.
+/// The faults of a link's answers. The default has no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerFaults {
-    /// The way's effect on the listener's answers, and on a foreign card's. A delay is a late answer; with
-    /// [`AirFaults::field_off`] the poller hears none.
+    /// The faults of the answers' path, which apply to the answers of the listener and of a foreign card. A delayed
+    /// answer is a late one; with [`AirFaults::field_off`] the poller receives no answer.
     pub way: AirFaults,
-    /// A card that answers as well.
+    /// A foreign card that answers the poller as well.
     pub foreign: ForeignCard,
 }
 
-/// The way of the answers from one listener to its poller.
+/// The path of the answers from one listener to its poller.
 #[derive(Clone, Debug)]
 pub struct AnswerPath {
     air: Air,
     foreign: ForeignCard,
     rng: SplitMix,
-    /// The first bit of the foreign card's next answer, ns.
+    /// When the first bit of the foreign card's next answer is due, ns.
     due: Option<u64>,
-    /// The end of the foreign card's answer that is on the air, ns, and its data bits.
+    /// When the foreign card's answer on the air ends, ns, and its number of data bits; `None` when the card does not
+    /// answer.
     foreign_ends: Option<(u64, u32)>,
-    /// Whether the listener's answer that it is sending is on the air, and not lost in a collision.
+    /// `None` while the listener does not answer; otherwise whether its answer is on the air and was not lost in a
+    /// collision.
     answering: Option<bool>,
     collisions: u64,
     foreign_answers: u64,
 }
 
-/// Passes on what is a frame: the poller makes the carrier itself.
+/// Returns a function that passes frames to `hears` but not the carrier, because the poller makes the carrier itself.
 fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) {
     |at, event| {
         if !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
@@ -75,7 +78,7 @@ fn frames(hears: &mut impl FnMut(u64, &AirEvent)) -> impl FnMut(u64, &AirEvent) 
 }
 
 impl AnswerPath {
-    /// The way with these faults from time 0 on, reproducible from `seed`.
+    /// Returns a path with `faults` from time 0 on, reproducible from `seed`.
     pub fn new(seed: u64, faults: AnswerFaults) -> Self {
         Self {
             air: Air::new(seed, faults.way),
@@ -89,15 +92,15 @@ impl AnswerPath {
         }
     }
 
-    /// Changes the faults from `at` (virtual ns) on; `hears` gets what the poller receives until then.
+    /// Changes the faults of the path from `at` (virtual ns) on; `hears` gets what the poller receives until then.
     pub fn set_faults(&mut self, at: u64, faults: AnswerFaults, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         self.foreign = faults.foreign;
         self.air.set_faults(at, faults.way, frames(&mut hears));
     }
 
-    /// Takes what the poller emitted: the carrier that answers need, and the frames that a foreign card answers.
-    /// `hears` gets what the poller receives.
+    /// Takes an event that the poller emitted at `at`, virtual ns: the carrier that answers need, and the frames that a
+    /// foreign card answers. `hears` gets what the poller receives.
     pub fn from_poller(&mut self, at: u64, event: &AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         match event {
@@ -114,7 +117,7 @@ impl AnswerPath {
         }
     }
 
-    /// Takes what the listener emitted; `hears` gets what the poller receives.
+    /// Takes an event that the listener emitted at `at`, virtual ns; `hears` gets what the poller receives.
     pub fn from_listener(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         match event {
@@ -136,13 +139,13 @@ impl AnswerPath {
         }
     }
 
-    /// The instant of its next own event for the poller, virtual ns.
+    /// Returns the instant of the path's next event for the poller, virtual ns; `None` when no event waits.
     pub fn next_event(&self) -> Option<u64> {
         [self.air.next_event(), self.due, self.foreign_ends.map(|(at, _)| at)].into_iter().flatten().min()
     }
 
-    /// Passes its events up to and including `to` (virtual ns) to the poller. Both chips must have emitted everything
-    /// up to that instant.
+    /// Passes the path's events up to and including `to` (virtual ns) to the poller. Both chips must have emitted
+    /// everything up to that instant.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.foreign_ends.map_or(u64::MAX, |(at, _)| at);
@@ -159,8 +162,8 @@ impl AnswerPath {
         }
     }
 
-    /// Moves what each chip has emitted to the other, over `air` and back over this way, until both are silent, and
-    /// advances both ways.
+    /// Passes what each chip has emitted to the other, from the poller over `air` and from the listener over this path,
+    /// until neither chip emits more. Also advances `air` and this path to the chips' time.
     pub fn carry(&mut self, air: &mut Air, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air().collect::<Vec<_>>() {
@@ -179,33 +182,36 @@ impl AnswerPath {
         }
     }
 
-    /// The counters of the answers so far: as sender the listener and a foreign card, as receiver the poller. An answer
-    /// that was lost in a collision before its first bit is in [`AnswerPath::collisions`] alone.
+    /// Returns the counters of the answers so far, in which the listener and a foreign card are the sender and the
+    /// poller is the receiver. An answer that was lost in a collision before its first bit is counted in
+    /// [`AnswerPath::collisions`] alone.
     pub fn counters(&self) -> Counters {
         self.air.counters()
     }
 
-    /// The number of times two answers met.
+    /// Returns the number of times that an answer began while another answer was on the air.
     pub fn collisions(&self) -> u64 {
         self.collisions
     }
 
-    /// The number of answers that a foreign card began.
+    /// Returns the number of answers that a foreign card began.
     pub fn foreign_answers(&self) -> u64 {
         self.foreign_answers
     }
 
-    /// Takes the answers at the poller's antenna since the last call, as [`Air::take_heard`].
+    /// Returns the answers that reached the poller's antenna since the last call, as [`Air::take_heard`] does for
+    /// frames.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         self.air.take_heard()
     }
 
-    /// Takes the faults since the last call, as [`Air::take_injected`].
+    /// Returns the faults that were injected into answers since the last call, as [`Air::take_injected`] does for
+    /// frames.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         self.air.take_injected()
     }
 
-    /// Two answers meet at `at`: the one on the air breaks off.
+    /// Handles the collision of two answers at `at`: the answer on the air breaks off.
     fn collide(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         self.collisions += 1;
         self.air.sending_breaks_off(at, &mut frames(hears));
@@ -213,7 +219,7 @@ impl AnswerPath {
 
     fn foreign_begins(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if self.foreign_ends.is_some() {
-            // It is still answering an earlier frame.
+            // The foreign card is still answering an earlier frame.
             return;
         }
         self.foreign_answers += 1;

@@ -1,20 +1,20 @@
-//! Faults on the way from the poller to the listener, and the generator that decides when they occur.
+//! Faults on the way from the poller to the listener, and the functions that draw them at random.
 
 use crate::event::{Chunk, FrameStart, Technology};
 use crate::rng::SplitMix;
 
-/// Bits of an NFC-F sync: the receiver detects no frame if any of them is inverted.
+/// The number of bits in the sync of NFC-F. The receiver detects no frame if any of them is inverted.
 const SYNC_BITS: u32 = 16;
-/// The shortest burst, bits: it consists of its first and its last bit.
+/// The length of the shortest burst of errors, bits. It consists of a first and a last bit only.
 const SHORTEST_BURST: u32 = 2;
 
 /// The air's effect on the poller's frames. The default has no faults.
 ///
-/// Every probability lies between 0 (never) and 1 (always); a value outside is clamped. A range of times is (shortest,
-/// longest) in ns, both ends included and every instant equally likely; a longest below the shortest counts as the
-/// shortest.
+/// Every probability lies between 0 (never) and 1 (always); a value outside these limits is clamped. A range of times
+/// is (shortest, longest) in ns, both ends included and every time equally likely; a longest time below the shortest
+/// counts as the shortest.
 ///
-/// The fate of a frame is decided when its first bit leaves the poller.
+/// What happens to a frame is determined when its first bit leaves the poller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AirFaults {
     /// Probability that a bit, of the sync or of the data, is inverted, independently of the others. A frame with a
@@ -26,34 +26,37 @@ pub struct AirFaults {
     pub truncated: f64,
     /// Probability that a frame is hit by one burst of errors, anywhere from LEN to the end of the CRC-16.
     pub burst: f64,
-    /// The longest burst, bits. A burst is 2 to this many bits long, each length equally likely: its first and last bit
-    /// are inverted, those between them each with probability one half. A value below 2 counts as 2; a burst longer
-    /// than the frame is as long as the frame.
+    /// The length of the longest burst of errors, bits. Each burst has a random length from 2 to this value, every
+    /// length equally likely. Its first and last bits are inverted, and each bit between them is inverted with
+    /// probability one half. A value below 2 counts as 2; a burst longer than the frame is as long as the frame.
     pub burst_bits: u32,
     /// Probability that a frame that was received whole is received once more.
     pub repeated: f64,
-    /// The time from the end of a frame to the first bit of its repetition, ns.
+    /// The range of the time from the end of a frame to the first bit of its repetition, ns.
     pub repeat_after_ns: (u64, u64),
     /// Probability that a frame is received late, as through a store-and-forward repeater between the antennas.
     pub delayed: f64,
-    /// The delay of a delayed frame, first bit to first bit, ns.
+    /// The range of the time by which a delayed frame is late, ns, from the first bit that is sent to the first bit
+    /// that is received.
     pub delay_ns: (u64, u64),
-    /// Each frame is received with the bytes of the last whole one of its length from before this fault, as through a
-    /// hung repeater between the antennas.
+    /// Whether each frame is received with the bytes of an earlier frame, as through a hung repeater between the
+    /// antennas. The earlier frame is the last whole one of the same length before this fault.
     pub frozen: bool,
-    /// No frame reaches the listener, and it detects no carrier.
+    /// Whether the field is off at the listener: no frame reaches the listener, and the listener detects no carrier.
     pub field_off: bool,
-    /// The largest delay of the start of a frame that is not delayed otherwise, ns, each instant equally likely; its
-    /// bits keep their length. Beyond the gap between two frames it makes them collide.
+    /// The longest random delay of the start of each frame that [`AirFaults::delayed`] does not delay, ns, every delay
+    /// up to it equally likely. The frame's bits keep their length. A value longer than the gap between two frames can
+    /// make them collide.
     pub scatter_ns: u64,
 }
 
-/// Draws an instant in a range of times.
+/// Returns a random time from a range of times, ns.
 pub(super) fn within(rng: &mut SplitMix, (shortest, longest): (u64, u64)) -> u64 {
     shortest.saturating_add(rng.up_to(longest.saturating_sub(shortest)))
 }
 
-/// The inverted bits of a sync. There are none outside NFC-F, whose start of communication is a single symbol.
+/// Returns the number of inverted bits in a frame's sync. It is 0 outside NFC-F: NFC-A begins with a single symbol, its
+/// start of communication.
 pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameStart) -> u64 {
     if faults.bit_error <= 0.0 || frame.technology != Technology::NfcF {
         return 0;
@@ -61,8 +64,8 @@ pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameS
     (0..SYNC_BITS).map(|_| u64::from(rng.hit(faults.bit_error))).sum()
 }
 
-/// The data bits that a burst inverts, counted in the order of the air; empty when there is none. `bits` is the frame's
-/// length.
+/// Returns the positions of the data bits that a burst inverts, counted in the order of the air, or an empty list when
+/// there is no burst. `bits` is the number of data bits in the frame.
 pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u64> {
     if bits < u64::from(SHORTEST_BURST) || !rng.hit(faults.burst) {
         return vec![];
@@ -75,7 +78,8 @@ pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u6
     (first..=last).filter(|&bit| bit == first || bit == last || rng.hit(0.5)).collect()
 }
 
-/// The mask of data bit `bit` of the air in its byte: NFC-F sends the most significant bit first, NFC-A the least.
+/// Returns the mask of data bit `bit`, counted in the order of the air, in its byte: NFC-F sends the most significant
+/// bit of a byte first, NFC-A the least significant.
 fn mask(technology: Technology, bit: u64) -> u8 {
     match technology {
         Technology::NfcF => 0x80 >> (bit % 8),
@@ -83,8 +87,8 @@ fn mask(technology: Technology, bit: u64) -> u8 {
     }
 }
 
-/// Inverts bits of `chunk`, whose first byte is the frame's byte `first`: those of `burst`, and each with the
-/// probability of a bit error. Returns the bits of the latter kind, in the order of the air.
+/// Inverts bits of `chunk`, whose first byte is byte `first` of the frame: the bits listed in `burst`, and each bit
+/// with the probability of a bit error. Returns the positions of the bit errors, in the order of the air.
 pub(super) fn invert(
     rng: &mut SplitMix,
     faults: &AirFaults,

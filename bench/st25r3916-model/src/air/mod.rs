@@ -11,25 +11,27 @@
 //! | left out | why |
 //! |---|---|
 //! | propagation time | 1 ns at 30 cm |
-//! | answers, but for their number | a link that has them gives them a way of their own: [`AnswerPath`] |
+//! | answers; only their number is counted | a link that has answers carries them by an [`AnswerPath`] |
 //!
 //! # Frames that meet
 //!
 //! At most one frame is on the air at the listener's antenna.
 //!
-//! - A frame that is repeated or delayed never begins during another: if the air is occupied when it is due, it begins
-//!   0.3 ms after the other's end.
-//! - The poller is unaware of such frames. If one of its frames begins while another frame is on the air, both are
-//!   damaged: the one on the air breaks off at that instant, and the poller's is not received, because its sync is
-//!   masked. The same happens to two frames of the poller that [`AirFaults::scatter_ns`] moves onto each other.
-//! - Every frame travels on the poller's carrier. If there is none at the listener when a frame is due there, the frame
-//!   is lost; if it goes off during a frame, the frame breaks off.
+//! - A repeated or delayed frame never begins during another frame: if the air is occupied when it is due, it begins
+//!   0.3 ms after the end of the frame on the air.
+//! - The poller is unaware of repeated and delayed frames. If a frame of the poller begins while another frame is on
+//!   the air, both are damaged: the frame on the air breaks off at that instant, and the poller's new frame is not
+//!   received, because its sync is masked. The same happens to two frames of the poller that [`AirFaults::scatter_ns`]
+//!   moves onto each other.
+//! - Every frame travels on the poller's carrier. If the listener has no carrier when a frame is due there, the frame
+//!   is lost; if the carrier goes off during a frame, the frame breaks off.
 //!
 //! # Time
 //!
-//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time; the instants may lie
-//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Later events wait in the air: the owner of
-//! the time calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever waits.
+//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time. The instants may lie
+//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Events that are due later wait in the air,
+//! and the caller, which advances the time, calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever
+//! waits.
 
 mod account;
 mod answers;
@@ -47,8 +49,8 @@ use account::{Account, Fault, Outcome};
 use faults::{burst, invert, sync_errors, within};
 use flight::{Flight, Later, Sending, expected_bits};
 
-/// The time from the end of a frame to the start of one that waited for it, ns: the shortest gap that the link itself
-/// keeps between two frames.
+/// The time from the end of a frame to the start of another frame that waited for this end, ns. It is the shortest gap
+/// that the link itself keeps between two frames.
 const GAP_NS: u64 = 300_000;
 
 /// The air between one poller and one listener.
@@ -56,21 +58,21 @@ const GAP_NS: u64 = 300_000;
 pub struct Air {
     faults: AirFaults,
     rng: SplitMix,
-    /// The poller's carrier.
+    /// Whether the poller's carrier is on.
     field: bool,
     sending: Option<Sending>,
-    /// The frame at the listener's antenna, with its first bit there.
+    /// The frame at the listener's antenna, and when its first bit was there, ns.
     on_air: Option<(u64, Flight)>,
-    /// Frames that have not begun there, in the order of their planning.
+    /// The frames that have not begun at the listener's antenna, in the order in which they were planned.
     waiting: Vec<Flight>,
-    /// The last frame of each length that the poller sent whole while the air was not frozen: at most one per LEN.
+    /// For each LEN, the last frame that the poller sent whole while [`AirFaults::frozen`] was off.
     whole: Vec<Vec<u8>>,
     next_id: u64,
     account: Account,
 }
 
 impl Air {
-    /// The air with these faults from time 0 on, reproducible from `seed`.
+    /// Returns an air with `faults` from time 0 on, reproducible from `seed`.
     pub fn new(seed: u64, faults: AirFaults) -> Self {
         let mut air = Self {
             faults: AirFaults::default(),
@@ -87,8 +89,8 @@ impl Air {
         air
     }
 
-    /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps its fate, including its
-    /// repetitions and delays; but a field that goes off breaks off the frame that is on the air.
+    /// Changes the faults from `at` (virtual ns) on. The earlier faults still apply to a frame that the poller began
+    /// before, including its repetitions and delays; but a field that goes off breaks off the frame that is on the air.
     pub fn set_faults(&mut self, at: u64, faults: AirFaults, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         let was_off = std::mem::replace(&mut self.faults, faults).field_off;
@@ -103,8 +105,8 @@ impl Air {
         }
     }
 
-    /// Moves what each chip has emitted to the other until both are silent, and advances the air to the poller's time.
-    /// Call it when either [`has_air`](Chip::has_air), and at [`Air::next_event`].
+    /// Passes what each chip has emitted to the other until neither emits more, and advances the air to the poller's
+    /// time. Call this function when [`has_air`](Chip::has_air) is true for either chip, and at [`Air::next_event`].
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {
@@ -121,7 +123,8 @@ impl Air {
         }
     }
 
-    /// Takes what the poller emitted, for owners of separate chips: `hears` gets what the listener receives.
+    /// Takes an event that the poller emitted at `at`, virtual ns, for owners that do not call [`Air::carry`]. `hears`
+    /// gets what the listener receives.
     pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -140,21 +143,23 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // The air advances to `at` afterwards, because the events due there depend on the frame's end.
+            // The air advances to `at` only afterwards, because the events that are due at `at` depend on the frame's
+            // end.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
         self.advance(at, &mut hears);
     }
 
-    /// Takes what the listener emitted, for owners of separate chips; the poller receives it unchanged.
+    /// Takes an event that the listener emitted, for owners that do not call [`Air::carry`]. The poller receives the
+    /// event unchanged.
     pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
         if matches!(event, AirEvent::FrameStart(_)) {
             self.account.counters.answers += 1;
         }
     }
 
-    /// The instant of the air's next own event for the listener, virtual ns.
+    /// Returns the instant of the air's next own event for the listener, virtual ns; `None` when no event waits.
     pub fn next_event(&self) -> Option<u64> {
         let on_air = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
         let waiting = self.waiting.iter().filter_map(|flight| flight.due).min();
@@ -168,7 +173,7 @@ impl Air {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
-                // A frame that ends and one that begins at the same instant do not meet.
+                // A frame that ends and another that begins at the same instant do not collide.
                 (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
                 (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
                 _ => break,
@@ -177,32 +182,33 @@ impl Air {
         self.publish_marks(to);
     }
 
-    /// The counters so far.
+    /// Returns the counters of what the air has carried so far.
     pub fn counters(&self) -> Counters {
         self.account.counters
     }
 
-    /// The last frame of the poller that ended.
+    /// Returns the last frame of the poller that has ended.
     pub fn last_frame(&self) -> Option<LastFrame> {
         self.account.last
     }
 
-    /// Takes the frames that the poller sent since the last call, in the order of their ends.
+    /// Returns the frames that the poller sent since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentFrame> {
         std::mem::take(&mut self.account.sent)
     }
 
-    /// Takes the frames that reached the listener's antenna since the last call, in the order of their ends.
+    /// Returns the frames that reached the listener's antenna since the last call, in the order of their ends.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.account.heard)
     }
 
-    /// Takes the faults since the last call, in order of time: the instant (virtual ns) and the kind, one of "bit
-    /// error" (one entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off", "frozen".
+    /// Returns the faults that were injected since the last call, in order of time. Each entry has the instant (virtual
+    /// ns) and the kind, which is one of "bit error" (one entry for each bit), "burst", "lost", "cut", "repeated",
+    /// "delayed", "scatter", "field off" and "frozen".
     ///
-    /// The instant of an error is that of its first bit at the listener, of a cut the frame's end there, of a
-    /// repetition its first bit. For a lost, delayed or scattered frame, and for an error in the sync, it is the first
-    /// bit that the poller sent.
+    /// The instant of a bit error or a burst is when its first wrong bit reaches the listener; that of a cut is the
+    /// frame's end at the listener, and that of a repetition is its first bit. For a lost, delayed, scattered or frozen
+    /// frame, and for an error in the sync, the instant is when the poller sent the frame's first bit.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
     }
@@ -280,7 +286,8 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// Ends the poller's frame without its own end: the next one begins, or the carrier is gone.
+    /// Ends at `at` the frame that the poller is sending, without an end event of the poller, because the poller's next
+    /// frame begins or its carrier goes off.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -307,7 +314,7 @@ impl Air {
 
     // --- the listener's side ---
 
-    /// Begins a frame that is due at the listener.
+    /// Begins at the listener the waiting frame `index`, which is due there at `due`.
     fn begins(&mut self, due: u64, index: usize, hears: &mut impl FnMut(u64, &AirEvent)) {
         let straight = self.waiting[index].origin == Origin::Poller;
         if self.on_air.is_some() && !straight {
@@ -330,7 +337,7 @@ impl Air {
         self.on_air = Some((due, flight));
     }
 
-    /// Passes on the next event of the frame on the air.
+    /// Passes the next event of the frame on the air to the listener.
     fn goes_on(&mut self, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &mut self.on_air else { return };
         let Some((after, later)) = flight.later.pop_front() else { return };
@@ -348,7 +355,7 @@ impl Air {
         }
     }
 
-    /// Stops the frame on the air, if there is one, at `at`.
+    /// Breaks off the frame on the air, if there is one, at `at`.
     fn break_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &self.on_air else { return };
         let bits = flight.start.data_bits_in(at.saturating_sub(*began)).min(8 * flight.start.chunk.data.len() as u64);
@@ -357,7 +364,8 @@ impl Air {
         self.over(at, bits, false);
     }
 
-    /// Ends the frame on the air at `at`.
+    /// Ends the frame on the air at `at`: its outcome is counted, and its repetition is planned if the faults require
+    /// one.
     fn over(&mut self, at: u64, bits: u32, whole: bool) {
         self.publish_marks(at);
         let Some((began, flight)) = self.on_air.take() else { return };
@@ -374,7 +382,7 @@ impl Air {
         }
     }
 
-    /// Publishes the faults in the frame on the air up to `to`.
+    /// Adds to the account those faults of the frame on the air that occur up to `to`.
     fn publish_marks(&mut self, to: u64) {
         let Some((began, flight)) = &mut self.on_air else { return };
         while let Some((after, fault)) = flight.marks.pop_front_if(|(after, _)| began.saturating_add(*after) <= to) {
@@ -383,7 +391,7 @@ impl Air {
     }
 }
 
-/// Applies the air's damage to the bytes of `flight` from byte `first` on.
+/// Applies the bit errors and the burst of `flight` to `chunk`, whose first byte is byte `first` of the frame.
 fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chunk) {
     let before = chunk.clone();
     for bit in invert(rng, &flight.faults, flight.start.technology, &flight.burst, first, chunk) {
@@ -392,7 +400,7 @@ fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chu
     flight.changed |= *chunk != before;
 }
 
-/// The poller's frame `id`, unless it has ended at the listener.
+/// Returns the poller's frame with the number `id`, unless it has ended at the listener.
 fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
     let on_air = on_air.iter_mut().map(|(_, flight)| flight);
     on_air.chain(waiting).find(|flight| flight.id == id)

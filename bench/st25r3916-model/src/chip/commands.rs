@@ -1,4 +1,4 @@
-//! Direct commands.
+//! The chip's direct commands.
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -61,7 +61,8 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // reg_s (2C, bit 7) sets the voltage by hand, and the display shows that value.
+                // With reg_s (2C, bit 7) set, the driver chooses the regulated voltage, and the display shows that
+                // setting.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };
@@ -86,7 +87,7 @@ impl Chip {
         }
     }
 
-    /// Transmits: C4 with CRC, C5 without, C6 and C7 send REQA and WUPA.
+    /// Starts the transmission that a command requests: C4 with CRC, C5 without CRC, C6 a REQA, C7 a WUPA.
     fn transmit(&mut self, code: u8) {
         let core = &mut self.core;
         let frame = match code {
@@ -136,7 +137,7 @@ impl Chip {
         }
     }
 
-    /// Sets this register to the result of the command in progress after `ns`.
+    /// Starts a command that takes `ns` and then sets register `i` of `space` to its result, `value`.
     fn result(&mut self, space: Space, i: usize, value: u8, ns: u64) {
         self.measuring = Some((space, i as u8, value));
         self.core.plan_in(Due::CommandDone, ns);
@@ -146,9 +147,9 @@ impl Chip {
         self.result(Space::A, i, value, self.config().measurement_ns);
     }
 
-    /// Checks whether a target that is about to listen could answer by itself.
+    /// Reports a target that is about to listen and could answer by itself, without the controller.
     fn check_silence(&mut self) {
-        // The bits are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
+        // The bits that disable automatic answers are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
         let silent = self.core.a(reg::PASSIVE_TARGET) & 0x0D == 0x0D;
         if self.core.target() && !silent && self.core.load_modulator() {
             self.core.note(Kind::AutomaticAnswersEnabled);

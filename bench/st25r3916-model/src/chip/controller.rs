@@ -6,38 +6,38 @@
 use super::Chip;
 use crate::report::Kind;
 
-/// Clock polarity and phase.
+/// An SPI mode: the polarity and phase of the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpiMode {
-    /// Idle low, sampled on the first edge.
+    /// The clock is idle low, and bits are sampled on its first edge.
     Mode0,
-    /// Idle low, sampled on the second edge, which is the chip's own mode.
+    /// The clock is idle low, and bits are sampled on its second edge; this is the chip's own mode.
     Mode1,
-    /// Idle high, sampled on the first edge.
+    /// The clock is idle high, and bits are sampled on its first edge.
     Mode2,
-    /// Idle high, sampled on the second edge.
+    /// The clock is idle high, and bits are sampled on its second edge.
     Mode3,
 }
 
-/// Bits that a controller clocks without a pause.
+/// A frame of bits that an SPI controller clocks without a pause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpiFrame {
-    /// The first clock edge, virtual ns.
+    /// When the first clock edge of the frame occurs, virtual ns.
     pub begins_ns: u64,
-    /// The end of the last bit, virtual ns.
+    /// When the frame's last bit ends, virtual ns.
     pub ends_ns: u64,
     /// Polarity and phase of the clock.
     pub mode: SpiMode,
-    /// The number of bits, 1 to 32.
+    /// The number of bits in the frame, 1 to 32.
     pub bits: u8,
-    /// The bits on MOSI in their order: the first bit is the most significant of the `bits` low ones.
+    /// The bits on MOSI in the low `bits` bits of this value, the most significant of them first.
     pub mosi: u32,
 }
 
 impl Chip {
-    /// Clocks a frame. Returns the bits that the controller reads from MISO, in the order of [`SpiFrame::mosi`]; `each`
-    /// gets every whole byte: the instant at which its eighth clock ended (virtual ns), the chip's input, and its
-    /// output.
+    /// Clocks a frame. Returns the bits that the controller reads from MISO, in the order of [`SpiFrame::mosi`]. For
+    /// every whole byte, `each` is called with the chip, the instant at which the byte's eighth clock ended (virtual
+    /// ns), the byte that the chip received, and the byte that the chip sent.
     ///
     /// The frame sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
     pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {
@@ -60,7 +60,8 @@ impl Chip {
             let many = (bits - bit).min(8);
             let mut byte = 0_u8;
             for nth in bit..bit + many {
-                // In mode 3 data change on the edge on which the chip samples, so it reads the bit before.
+                // In mode 3 the controller changes MOSI on the edge on which the chip samples, so the chip reads the
+                // previous bit.
                 let seen = if mode == SpiMode::Mode3 { std::mem::replace(&mut last.0, sent(nth)) } else { sent(nth) };
                 byte = byte << 1 | u8::from(seen);
             }
@@ -77,8 +78,8 @@ impl Chip {
             each(self, at, byte, miso);
             for nth in (0..8).rev() {
                 let driven = miso >> nth & 1 != 0;
-                // The chip changes MISO on the rising edge. A controller that samples there (modes 0 and 3) reads the
-                // bit before, and so does one that samples the falling edge before it (mode 2).
+                // The chip changes MISO on the rising edge. A controller that samples on that edge (modes 0 and 3), or
+                // on the falling edge before it (mode 2), reads the previous bit.
                 let read = if mode == SpiMode::Mode1 { driven } else { std::mem::replace(&mut last.1, driven) };
                 answer = answer << 1 | u32::from(read);
             }

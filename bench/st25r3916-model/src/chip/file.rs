@@ -5,11 +5,12 @@
 //! | interrupt registers (1A to 1D), FIFO status (1E, 1F), timer and rate display (24), | 4.5 Registers |
 //! | auxiliary display (31), identity (3F) | |
 //! | operation control (02), mode (03), bit rate (04), I/O configuration (01), tuning, masks (16 to 19) | as above |
-//! | a bit of any register that flips by itself: the register then acts by its new value | a fault, no section |
+//! | an injected fault that flips a bit of a register, whose new value then takes effect | none, it is a fault |
 //!
 //! | left out | why |
 //! |---|---|
-//! | response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none: kept, and reported when set |
+//! | response field (03, nfc_ar), no_rx_par, nfc_f0, antcl (05) | the link uses none; set bits are stored and reported
+//! |
 //! | test registers | test register 04 is stored for the bring-up, the others are reported |
 
 use super::Chip;
@@ -20,7 +21,7 @@ use crate::schedule::Due;
 use crate::supply;
 
 impl Chip {
-    /// The value that a read of a register would return, without the read's side effects.
+    /// Returns the value that a read of a register would return, without the read's side effects.
     pub fn peek(&self, space: Space, address: u8) -> u8 {
         let core = &self.core;
         let stored = core.registers().get(space, address);
@@ -55,8 +56,8 @@ impl Chip {
 
     fn auxiliary_display(&self) -> u8 {
         let Self { core, field, receiver, .. } = self;
-        // In the recording the automatic detector reads en_peer with the own field off. With the field on, automatic
-        // means collision avoidance.
+        // With en_fd = 3 (automatic), the recording of silicon shows peer detection (en_peer) while the chip's own
+        // field is off. While that field is on, automatic means collision avoidance.
         let (peer, avoidance) = match core.a(reg::OPERATION) & EN_FD {
             1 => (false, true),
             2 => (true, false),
@@ -115,13 +116,13 @@ impl Chip {
         }
     }
 
-    /// The bits of a register that [`Chip::flip`] can flip, which are those that the part stores.
+    /// Returns the bits of a register that [`Chip::flip`] can flip, which are those that the part stores.
     pub fn flippable(&self, space: Space, address: u8) -> u8 {
         registers::flippable(self.core.config().variant, space, address)
     }
 
-    /// Flips a bit of a register at the time last advanced to. The register acts by its new value from now on. The call
-    /// has no effect on a bit that is not [`Chip::flippable`], or without a supply.
+    /// Flips bit `bit` of a register at the chip's present time. The register has the effects of its new value from
+    /// then on. The call has no effect on a bit that [`Chip::flippable`] does not contain, or without a supply.
     pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
         let bits = 1 << (bit & 7) & self.flippable(space, address);
         if bits == 0 || !self.core.powered() {
@@ -167,7 +168,7 @@ impl Chip {
         }
     }
 
-    /// Reports a write to 03 or 04 while a frame is being sent or received.
+    /// Reports a change of the mode (03) or of the bit rate (04) while a frame is being sent or received.
     fn changes_in_frame(&mut self, i: usize, value: u8) {
         let on_its_way = self.transmitter.busy() || self.receiver.busy();
         if on_its_way && self.core.a(i) != value {

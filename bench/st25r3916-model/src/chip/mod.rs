@@ -1,15 +1,16 @@
 //! The chip: its parts put together, and the order in which things happen.
 //!
-//! Everything the chip does by itself is a deadline in one small table; `advance` takes them in order of time. Between
-//! deadlines nothing is computed: a frame on its way through the FIFO is evaluated on access.
+//! Everything that the chip does without its controller is a deadline in one small table; `advance` carries out the
+//! deadlines in order of time. Between deadlines nothing is computed: the number of a frame's bytes in the FIFO is
+//! computed when the FIFO is accessed.
 //!
 //! | covered | DS13541 |
 //! |---|---|
 //! | power-up, oscillator start and I_osc | Power-on, Operating modes |
 //! | the parts' effects on each other: field and frames, sending and receiving, FIFO | the parts' own sections |
 //!
-//! The chip's children: `bus` (bytes over SPI), `controller` (the clock and bits of a controller), `commands`,
-//! `file` (the register file).
+//! The submodules are `bus` (bytes over SPI), `controller` (the clock and bits of a controller), `commands` and `file`
+//! (the register file).
 
 mod bus;
 mod commands;
@@ -36,7 +37,7 @@ pub use controller::{SpiFrame, SpiMode};
 
 /// One ST25R3916 or ST25R3916B on a virtual clock.
 ///
-/// All times are virtual ns and do not go back: an earlier instant than the last one counts as the last one.
+/// All times are virtual ns. Time does not go back: an instant before the latest one is treated as the latest one.
 #[derive(Clone, Debug)]
 pub struct Chip {
     core: Core,
@@ -45,18 +46,18 @@ pub struct Chip {
     transmitter: Transmitter,
     receiver: Receiver,
     spi: Spi,
-    /// Events of the air: when they take effect, and when they happened.
+    /// The events on the air that the chip has yet to process: when each takes effect, when it happened, and the event.
     inbox: VecDeque<(u64, u64, AirEvent)>,
-    /// The result register that a command in progress will set.
+    /// The register that a command in progress will set, and its new value.
     measuring: Option<(Space, u8, u8)>,
     /// The instants at which chip select rose after a transmit command.
     transmits: Vec<u64>,
-    /// The last bit on MOSI and on MISO, which a clock of another phase samples.
+    /// The last bits on MOSI and on MISO. With a wrong SPI mode, the chip or the controller samples the previous bit.
     last_bits: (bool, bool),
 }
 
 impl Chip {
-    /// A chip that is powered from time 0, its registers at their reset values.
+    /// Returns a chip that is powered from time 0, with its registers at their reset values.
     pub fn new(config: Config) -> Self {
         let mut chip = Self {
             core: Core::new(config),
@@ -74,17 +75,18 @@ impl Chip {
         chip
     }
 
-    /// Its configuration.
+    /// Returns the chip's configuration.
     pub fn config(&self) -> &Config {
         self.core.config()
     }
 
-    /// The virtual time it has been advanced to, ns.
+    /// Returns the virtual time to which the chip has been advanced, ns.
     pub fn now(&self) -> u64 {
         self.core.now()
     }
 
-    /// Switches the supply on: every register takes its reset value. Carriers and frames on the air are still there.
+    /// Switches the supply on: every register takes its reset value. Carriers and frames from outside that are on the
+    /// air remain there.
     pub fn power_on(&mut self, now: u64) {
         self.advance(now);
         if !self.core.powered() {
@@ -93,7 +95,8 @@ impl Chip {
         }
     }
 
-    /// Switches the supply off: own field, IRQ pin and MISO go low, registers are lost. A frame on the air breaks off.
+    /// Switches the supply off: the chip's own field goes off, the IRQ pin and MISO go low, and the register values are
+    /// lost. A frame that the chip is sending breaks off.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
@@ -103,27 +106,28 @@ impl Chip {
         }
     }
 
-    /// Whether the supply is on.
+    /// Whether the chip's supply is on.
     pub fn is_powered(&self) -> bool {
         self.core.powered()
     }
 
-    /// Whether its own carrier is on.
+    /// Whether the chip's own carrier is on.
     pub fn field_on(&self) -> bool {
         self.field.own()
     }
 
-    /// Whether a frame of its own is on the air.
+    /// Whether a frame that the chip sends is on the air.
     pub fn is_transmitting(&self) -> bool {
         self.transmitter.on_air()
     }
 
-    /// The instant at which the chip next does something by itself, ns; never before the time last advanced to.
+    /// Returns the instant of the chip's next internal event, ns; `None` when none is planned. The instant is never
+    /// before [`Chip::now`].
     pub fn next_event(&self) -> Option<u64> {
         self.core.next_due().map(|next| next.max(self.core.now()))
     }
 
-    /// Runs every internal event up to and including `now`.
+    /// Advances the chip to `now`, virtual ns, and carries out every internal event up to and including that instant.
     pub fn advance(&mut self, now: u64) {
         while let Some(what) = self.core.take_due(now) {
             self.fall_due(what);
@@ -136,13 +140,14 @@ impl Chip {
         self.core.has_air()
     }
 
-    /// Takes what the chip has emitted since the last call, in order of time.
+    /// Returns the events that the chip has put on the air since the last call, in order of time, each with its
+    /// instant.
     pub fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
         self.core.take_air()
     }
 
-    /// Takes an event on the air at `at`. It may lie ahead, and then waits; an earlier one takes effect now, but a
-    /// frame's bits keep their times.
+    /// Passes to the chip an event that happens on the air at `at`, virtual ns. An event ahead of the chip's time takes
+    /// effect at its instant. An event in the past takes effect now, but the bits of a frame keep their times.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -151,57 +156,58 @@ impl Chip {
         self.advance(self.core.now());
     }
 
-    /// Level of the IRQ pin at the time last advanced to: high while an unmasked interrupt bit is set.
+    /// Returns the level of the IRQ pin at the chip's present time: high while an unmasked interrupt bit is set.
     pub fn irq(&self) -> bool {
         self.core.irq()
     }
 
-    /// The instant since which the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies
-    /// within the byte read.
+    /// Returns the instant since which the IRQ pin has had its present level, virtual ns. If a register read made the
+    /// pin fall, this instant lies within the byte that was read.
     pub fn irq_since(&self) -> u64 {
         self.core.interrupts().since()
     }
 
-    /// The IRQ pin's level if it has changed since the last call; always at the first call.
+    /// Returns the IRQ pin's level if it has changed since the last call, and always at the first call.
     pub fn take_irq_change(&mut self) -> Option<bool> {
         self.core.interrupts_mut().take_change()
     }
 
-    /// Takes every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of
-    /// them. It includes a pulse shorter than a byte (the pin falls by a read and rises by the next event before the
-    /// byte ends), which two calls of [`Chip::irq`] would not show.
+    /// Returns the changes of the IRQ pin since the last call, at most the last 64, in order, each with its exact
+    /// instant. A pulse shorter than an SPI byte is included (the pin falls by a read and rises by the next event
+    /// before the byte ends); two calls of [`Chip::irq`] would not show it.
     pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.core.interrupts_mut().take_edges()
     }
 
-    /// Whether the pin changed since [`Chip::take_irq_edges`] was last called.
+    /// Whether the IRQ pin has changed since [`Chip::take_irq_edges`] was last called.
     #[must_use]
     pub fn has_irq_edges(&self) -> bool {
         self.core.interrupts().has_edges()
     }
 
-    /// The reports of everything that must not pass unnoticed.
+    /// Returns the findings so far: what the model does not cover, and what the data sheet does not allow.
     pub fn reports(&self) -> &[Report] {
         self.core.reports()
     }
 
-    /// Takes the [`Chip::reports`] since the last call: a kind that occurs again afterwards is reported again.
+    /// Removes and returns the findings of [`Chip::reports`]. A kind of finding that occurs again afterwards is
+    /// reported again.
     pub fn take_reports(&mut self) -> Vec<Report> {
         self.core.take_reports()
     }
 
-    /// Applies a fault of the chip that keeps these interrupts, and no others, from being raised from now on. Pending
-    /// ones stay, and the chip otherwise works as before.
+    /// Injects a fault of the chip that keeps `interrupts`, and no others, from being raised from now on. Interrupts
+    /// that are pending stay pending, and the chip otherwise works as before.
     pub fn withhold(&mut self, interrupts: Withheld) {
         self.core.withhold(interrupts.bits());
     }
 
-    /// The counters of the chip's activity.
+    /// Returns the counters of the chip's activity.
     pub fn statistics(&self) -> Statistics {
         self.core.statistics()
     }
 
-    // --- in order of time ---
+    // --- deadlines and events on the air ---
 
     fn plan_hearing(&mut self) {
         match self.inbox.front() {
@@ -278,7 +284,7 @@ impl Chip {
 
     // --- events that concern more than one part ---
 
-    /// Carries out Set default (C0, C1), which the supply's switching on and off includes.
+    /// Carries out Set default (C0, C1). Switching the supply on or off does the same.
     fn set_default(&mut self) {
         self.break_off();
         self.receiver.set_default(self.core.now());
@@ -292,7 +298,7 @@ impl Chip {
         self.core.pin_follows();
     }
 
-    /// Carries out a write of 02.
+    /// Carries out the effects of a new value in the operation control register (02).
     fn operation_changed(&mut self) {
         if !self.core.enabled() {
             self.core.set_oscillator(false);
@@ -318,7 +324,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Switches the own field: it is on when oscillator and transmitter are.
+    /// Switches the chip's own field on if the oscillator and the transmitter are on, and otherwise off.
     fn field_follows(&mut self) {
         let on = Field::wanted(&self.core);
         if on == self.field.own() {
@@ -336,8 +342,8 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// Sends a frame. The chip is half duplex: a frame being received is lost, and one that comes during the
-    /// transmission is not received.
+    /// Sends a frame. The chip is half duplex: a frame that is being received is lost, and a frame that arrives during
+    /// the transmission is not received.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -349,7 +355,7 @@ impl Chip {
         }
     }
 
-    /// Breaks off a frame on the air without an interrupt, as at Stop, field off and supply off.
+    /// Breaks off the frame that the chip is sending, without an interrupt, as at Stop, field off and supply off.
     fn break_off(&mut self) {
         self.transmitter.break_off(&mut self.core, &mut self.fifo);
     }
@@ -359,13 +365,13 @@ impl Chip {
         self.receiver.abort(&mut self.core, &mut self.fifo);
     }
 
-    /// Updates the FIFO: bytes that left for the air, bytes that arrived.
+    /// Updates the FIFO: removes the bytes that have left for the air, and adds the bytes that were received.
     fn settle(&mut self) {
         self.transmitter.settle(&self.core, &mut self.fifo);
         self.receiver.settle(&mut self.core, &mut self.fifo);
     }
 
-    /// The number of bytes in the FIFO now.
+    /// Returns the number of bytes that are in the FIFO now.
     fn fifo_level(&self) -> usize {
         let (leaving, arriving) = (self.transmitter.leaving(&self.core), self.receiver.arriving(&self.core));
         (self.fifo.len().saturating_sub(leaving) + arriving).min(CAPACITY)

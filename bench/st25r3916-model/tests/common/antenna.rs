@@ -1,20 +1,21 @@
-//! A poller reduced to instants and bytes, and a listener's antenna that records every event.
+//! A poller that is only instants and bytes, without a chip, and a listener's antenna that records every event.
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Heard, Technology};
 
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
-/// One bit at 424 kbit/s, attoseconds.
+/// The duration of one bit at 424 kbit/s, attoseconds.
 pub(crate) const BIT_AS: u64 = 2_359_882_005_899;
-/// Bits of preamble and sync.
+/// The number of bits in the preamble and sync of a frame.
 pub(crate) const HEADER: u64 = 64;
 
-/// The duration of `bits` bits at 424 kbit/s, ns.
+/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
 
-/// LEN, payload, CRC-16; the air does not check the CRC.
+/// Returns the bytes of a frame: LEN, a payload that depends on `seed`, and two bytes in place of the CRC-16, which the
+/// air does not check.
 pub(crate) fn frame(payload: usize, seed: u8) -> Vec<u8> {
     let mut bytes = vec![payload as u8 + 1];
     bytes.extend((0..payload + 2).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)));
@@ -28,14 +29,14 @@ pub(crate) fn start(technology: Technology, data: &[u8]) -> FrameStart {
     FrameStart { technology, bits_per_second, bit_as: BIT_AS, header_bits, byte_bits, load_modulation, chunk }
 }
 
-/// The air, and all events at the listener's antenna.
+/// An air, with all events that have reached the listener's antenna.
 pub(crate) struct Antenna {
     pub(crate) air: Air,
     pub(crate) told: Vec<(u64, AirEvent)>,
 }
 
 impl Antenna {
-    /// An antenna with the poller's field on from the start.
+    /// Returns an antenna with the poller's field on from the start.
     pub(crate) fn new(seed: u64, faults: AirFaults) -> Self {
         let mut antenna = Self { air: Air::new(seed, faults), told: vec![] };
         antenna.poller(0, AirEvent::FieldOn);
@@ -52,7 +53,7 @@ impl Antenna {
         self.air.set_faults(at, faults, |at, event| told.push((at, event.clone())));
     }
 
-    /// Advances the time from event to event.
+    /// Advances the air to the instant `to`, event by event.
     pub(crate) fn run_to(&mut self, to: u64) {
         let told = &mut self.told;
         while let Some(at) = self.air.next_event().filter(|at| *at <= to) {
@@ -62,7 +63,7 @@ impl Antenna {
         self.air.advance(to, |at, event| told.push((at, event.clone())));
     }
 
-    /// Sends a whole NFC-F frame from `at` on and returns its end.
+    /// Sends a whole NFC-F frame from `at` on and returns the instant of its end.
     pub(crate) fn send(&mut self, at: u64, bytes: &[u8]) -> u64 {
         self.run_to(at);
         self.poller(at, AirEvent::FrameStart(start(Technology::NfcF, bytes)));
@@ -88,7 +89,7 @@ impl Antenna {
     }
 }
 
-/// The bits in which two frames of one length differ, in NFC-F's order.
+/// Returns the positions of the bits in which two frames of the same length differ, in NFC-F's bit order.
 pub(crate) fn wrong_bits(a: &[u8], b: &[u8]) -> Vec<u64> {
     assert_eq!(a.len(), b.len());
     (0..8 * a.len() as u64)

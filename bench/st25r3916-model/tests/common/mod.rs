@@ -1,11 +1,12 @@
-//! A simple controller: transfers at 8 MHz, and the two bring-ups of the data sheet.
+//! A simple controller for these tests, with transfers at 8 MHz and the start sequences of the data sheet for a poller
+//! and a listener.
 
 pub(crate) mod antenna;
 pub(crate) mod two_way;
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart, Technology, Variant};
 
-/// One byte at 8 MHz, ns.
+/// The duration of one SPI byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
 
 /// A poller and a listener, the air between them, and one clock.
@@ -73,7 +74,8 @@ impl Pair {
         miso
     }
 
-    /// Runs until the side's IRQ pin is high; returns false after `ns`.
+    /// Runs until the IRQ pin of this side's chip is high and returns true; returns false if the pin is still low after
+    /// `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {
@@ -88,7 +90,7 @@ impl Pair {
         true
     }
 
-    /// Reads, and so clears, the four interrupt registers.
+    /// Returns the four interrupt registers of this side's chip. Reading clears them.
     pub(crate) fn irqs(&mut self, side: Side) -> [u8; 4] {
         let r = self.spi(side, &[0x5A, 0, 0, 0, 0]);
         [r[1], r[2], r[3], r[4]]
@@ -96,7 +98,7 @@ impl Pair {
 
     pub(crate) fn start(&mut self, side: Side) {
         self.spi(side, &[0xC1]);
-        // The board has 5 V and antenna tuning.
+        // The registers are set for a board with a 5 V supply and antenna tuning.
         self.spi(side, &[0x00, 0x07, 0x3C]);
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
@@ -120,7 +122,8 @@ impl Pair {
         self.spi(Side::Poller, &[0x02, 0x88]);
     }
 
-    /// Sets 12 % AM, by active wave shaping where the part has it, with the antenna in tune.
+    /// Sets the poller to amplitude modulation of 12 % depth, by active wave shaping where the part has it, and its
+    /// antenna in tune.
     pub(crate) fn modulate_nfc_f(&mut self) {
         let [a, b] = self.poller.config().tuning[0];
         self.spi(Side::Poller, &[0x26, a, b]);
@@ -147,13 +150,13 @@ impl Pair {
         self.arm();
     }
 
-    /// Sets the receive chain for NFC-F as public drivers do.
+    /// Sets this side's receive chain for NFC-F to the values that public drivers use.
     pub(crate) fn receive_nfc_f(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x13, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x54, 0x00]);
     }
 
-    /// Sets the receive chain for NFC-A as public drivers do.
+    /// Sets this side's receive chain for NFC-A to the values that public drivers use.
     pub(crate) fn receive_nfc_a(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x08, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x51, 0x00]);
@@ -164,7 +167,7 @@ impl Pair {
         self.spi(Side::Listener, &[0xD1]);
     }
 
-    /// A pair in which both chips have started and the field is detected.
+    /// Returns a pair in which both chips have started and the listener has detected the poller's field.
     pub(crate) fn started(poller: Config, listener: Config, air: Air) -> Self {
         let mut pair = Self::new(poller, listener, air);
         pair.start_listener();
@@ -174,7 +177,8 @@ impl Pair {
         pair
     }
 
-    /// Sends DB, the length and the FIFO bytes, without C4.
+    /// Prepares a frame of the poller without the transmit command: clears the FIFO (DB), sets the length and loads the
+    /// payload.
     pub(crate) fn load(&mut self, payload: &[u8]) {
         self.spi(Side::Poller, &[0xDB]);
         let bits = (payload.len() as u16) << 3;
@@ -189,7 +193,7 @@ impl Pair {
         self.spi(Side::Poller, &[0xC4]);
     }
 
-    /// FIFO status: bytes, and the flags of 1F.
+    /// Returns the FIFO status: the number of bytes, and the flags of register 1F.
     pub(crate) fn fifo(&mut self, side: Side) -> (usize, u8) {
         let r = self.spi(side, &[0x5E, 0, 0]);
         (usize::from(r[1]) | usize::from(r[2] >> 6) << 8, r[2] & 0x3F)
@@ -202,17 +206,17 @@ impl Pair {
     }
 }
 
-/// The duration of `bits` bits at 424 kbit/s, ns.
+/// Returns the duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns_424(bits: u64) -> u64 {
     antenna::bits_ns(bits)
 }
 
-/// A chip whose transmissions always start at the mean instant.
+/// Returns the configuration of a chip whose transmissions always start at the mean instant.
 pub(crate) fn exact() -> Config {
     Config { transmit_scatter_ns: 0, ..Config::default() }
 }
 
-/// Bytes whose sequence does not repeat over short distances.
+/// Returns `n` pseudo-random bytes that depend on `seed`.
 pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     (0..n)
@@ -225,22 +229,23 @@ pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
         .collect()
 }
 
-/// One bit at 106 kbit/s, attoseconds.
+/// The duration of one bit at 106 kbit/s, attoseconds.
 pub(crate) const BIT_106_AS: u64 = 9_439_528_023_598;
 
-/// A poller of NFC-A with its field and receiver on, and no other chip in it.
+/// Returns a pair whose poller is set to NFC-A, with its field and receiver on, and whose listener has not been
+/// started.
 pub(crate) fn nfc_a_poller(config: Config) -> Pair {
     let mut pair = Pair::new(config, Config::default(), Air::new(0, AirFaults::default()));
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
-    // These tests do not concern the answers' CRC.
+    // The poller does not check the CRC (no_crc_rx), because the answers in these tests have none.
     pair.spi(Side::Poller, &[0x0A, 0x80]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// Begins an answer of these bytes, of which the poller is notified in advance.
+/// Begins an NFC-A answer with the bytes `data`. The poller's chip gets the events of the whole answer in advance.
 pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     let now = pair.now;
     pair.poller.hear(
@@ -260,7 +265,7 @@ pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     pair.poller.hear(end, &AirEvent::FrameEnd { bits: 8 * data.len() as u32 });
 }
 
-/// Begins the same answer and runs until it has been received.
+/// Begins an NFC-A answer with the bytes `data` and runs until the poller has received the answer.
 pub(crate) fn nfc_a_answer(pair: &mut Pair, data: &[u8]) {
     nfc_a_answer_begins(pair, data);
     pair.run_for(200_000 + 90_000 * data.len() as u64);

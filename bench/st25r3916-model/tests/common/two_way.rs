@@ -1,4 +1,5 @@
-//! Two drivers, each on its own chip model and SPI of 8 MHz, with the air between them and the way back.
+//! Two drivers, each on its own chip model with an SPI of 8 MHz, and the paths of frames and answers between their
+//! chips.
 
 use st25r3916::executor::{Executor, Failed, Machine, Port};
 use st25r3916::{
@@ -8,10 +9,10 @@ use st25r3916_model::{Air, AirFaults, AnswerFaults, AnswerPath, Chip, Config};
 
 use super::{BYTE_NS, Side};
 
-/// What the processor needs from an interrupt to the next transfer, ns.
+/// The time that the processor needs from an interrupt to the next transfer, ns.
 const CODE_NS: u64 = 5_000;
 
-/// What a transfer does with what comes back.
+/// The kind of a transfer, which determines where the bytes on MISO go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     Short,
@@ -25,7 +26,7 @@ pub(crate) struct Wires {
     mosi: Vec<u8>,
     miso: Vec<u8>,
     purpose: Purpose,
-    /// The end of the next byte, ns, or of chip select after the last one; `None` without a transfer.
+    /// When the next byte ends, ns; `None` when no transfer is in progress.
     next_ns: Option<u64>,
     irq: bool,
     timer_ns: u64,
@@ -53,7 +54,7 @@ impl Wires {
         self.next_ns = Some(self.now + after_ns + BYTE_NS);
     }
 
-    /// Clocks the byte that is due.
+    /// Clocks the next byte of the transfer, if it is due.
     fn clock(&mut self, chip: &mut Chip) {
         let Some(at) = self.next_ns.filter(|at| *at <= self.now) else { return };
         if self.miso.is_empty() {
@@ -118,14 +119,14 @@ impl Port for Wires {
     }
 }
 
-/// A driver with its wires.
+/// A driver with its SPI, IRQ pin, timer and buffers.
 pub(crate) struct Node<M: Machine, E> {
     pub(crate) executor: Executor<M, Wires>,
-    /// The instant at which the owner gives the transmit command.
+    /// When the test gives the transmit command, ns.
     fire_at: Option<u64>,
-    /// Whether that command is under way.
+    /// Whether the transmit command is being transferred.
     firing: bool,
-    /// The instant at which the IRQ pin last rose.
+    /// When the IRQ pin last rose, ns.
     rose_ns: u64,
     pub(crate) events: Vec<(u64, E)>,
 }
@@ -148,7 +149,7 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
         port.next_ns.unwrap_or(u64::MAX).min(fire).min(timer)
     }
 
-    /// Goes on at `now`; returns an event.
+    /// Advances the driver to `now` and returns its next event, if there is one.
     fn advance(&mut self, now: u64, chip: &mut Chip) -> Option<E> {
         let irq = chip.irq();
         let port = self.executor.port();
@@ -173,7 +174,7 @@ impl<M: Machine<Event = E>, E: Copy> Node<M, E> {
     }
 }
 
-/// The hold's side and the DPR's.
+/// The hold (poller) and the DPR (listener), each with its driver and chip, and the paths between them.
 pub(crate) struct World {
     pub(crate) chips: [Chip; 2],
     pub(crate) air: Air,
@@ -181,15 +182,15 @@ pub(crate) struct World {
     pub(crate) hold: Node<Exchange, ExchangeEvent>,
     pub(crate) port: Node<Answerer, AnswererEvent>,
     pub(crate) now: u64,
-    /// The time from the end of a frame (I_rxe) to the answer's command, ns.
+    /// The time from the end of a frame (I_rxe) to the command that sends the answer, ns.
     pub(crate) answers_after_ns: u64,
     pub(crate) answer: Vec<u8>,
-    /// What each side received.
+    /// The payloads of the frames that the DPR received. `answers` has those of the answers that the hold received.
     pub(crate) frames: Vec<Vec<u8>>,
     pub(crate) answers: Vec<Vec<u8>>,
 }
 
-/// The chips of hold and DPR on these boards.
+/// Returns the chip configurations of hold and DPR, derived from these two configurations.
 pub(crate) fn configs(hold: Config, port: Config) -> [Config; 2] {
     [Config { seed: 1, ..hold }, Config { seed: 2, answers: true, ..port }]
 }
@@ -210,7 +211,7 @@ impl World {
         }
     }
 
-    /// Both sides brought up, the field detected.
+    /// Returns a world in which both sides have started and the DPR has detected the field.
     pub(crate) fn started(configs: [Config; 2]) -> Self {
         let mut world = Self::new(configs);
         assert!(world.hold.executor.resume().is_none() && world.port.executor.resume().is_none());
@@ -247,7 +248,7 @@ impl World {
         }
     }
 
-    /// Lets both sides act now; returns whether one did.
+    /// Lets the drivers of both sides act at the present time. Returns whether one of them did.
     fn turn(&mut self) -> bool {
         let mut acted = false;
         while let Some(event) = self.hold.advance(self.now, &mut self.chips[0]) {
@@ -306,7 +307,7 @@ impl World {
         }
     }
 
-    /// Begins an exchange of this frame now.
+    /// Begins an exchange now, whose frame carries `payload`.
     pub(crate) fn begin(&mut self, payload: &[u8]) {
         self.hold.events.clear();
         self.hold.executor.port().payload = payload.to_vec();
@@ -319,7 +320,7 @@ impl World {
         }
     }
 
-    /// Runs one cycle of 100 ms and returns how its exchange ended, and how long after the command.
+    /// Runs one cycle of 100 ms. Returns how its exchange ended, and how long after the transmit command, ns.
     pub(crate) fn cycle(&mut self, payload: &[u8]) -> Option<(ExchangeEvent, u64)> {
         let start = self.now;
         self.begin(payload);
@@ -330,7 +331,7 @@ impl World {
         Some((event, at - loaded - 50_000))
     }
 
-    /// The findings of both chips.
+    /// Returns the findings of both chips.
     pub(crate) fn findings(&self) -> Vec<String> {
         self.chips.iter().flat_map(|chip| chip.reports().iter().map(ToString::to_string)).collect()
     }

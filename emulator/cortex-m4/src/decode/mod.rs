@@ -57,7 +57,7 @@ fn op(what: Do, size: u8, block: Block) -> Op {
     Op { what, size, least, most, block }
 }
 
-/// How the operation `what` behaves in an IT block. 16-bit data processing is handled elsewhere.
+/// The behaviour of the operation `what` in an IT block. 16-bit data processing is handled elsewhere.
 fn block(what: Do) -> Block {
     match what {
         Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,

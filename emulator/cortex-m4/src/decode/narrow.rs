@@ -35,8 +35,8 @@ fn signed(h: u16, bits: u32) -> u32 {
     ((u32::from(h) << up) as i32 >> up) as u32
 }
 
-/// How a 16-bit instruction behaves in an IT block. The instructions of A5.2.1 and A5.2.2, except for the compares, set
-/// the flags outside of IT blocks only.
+/// The behaviour of a 16-bit instruction in an IT block. The instructions of A5.2.1 and A5.2.2, except for the
+/// compares, set the flags outside of IT blocks only.
 pub(super) fn block(h: u16, what: Do) -> Block {
     match what {
         Do::CmpImm { .. } | Do::CmpReg { .. } | Do::AluShift { alu: Alu::Tst | Alu::Cmn, .. } => Block::Same,

@@ -14,8 +14,8 @@ impl<C: Cost> Core<C> {
         self.push_word(bus, at.wrapping_add(64), self.fpscr, privileged)
     }
 
-    /// Records where the FP state is to be saved if a handler uses the FPU, and which faults could be taken now
-    /// (UpdateFPCCR, ARM ARM B1.5.7).
+    /// Records the address at which the FP state is to be saved if a handler uses the FPU, and the faults that could be
+    /// taken now (UpdateFPCCR, ARM ARM B1.5.7).
     pub(super) fn prepare_lazy_preservation(&mut self, frame: u32, privileged: bool) {
         let priority = self.execution_priority();
         let nvic = &self.system.nvic;

@@ -94,7 +94,8 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // Otherwise the step is not complete yet, see `debug_stepping`. For a core that hangs, the step is over.
+            // Otherwise the debugger's step is not complete yet (`debug_stepping`). For a core that hangs, the step is
+            // over.
             if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {

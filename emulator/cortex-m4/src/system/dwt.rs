@@ -32,7 +32,7 @@ impl Comparator {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Dwt {
     control: u32,
-    /// While CYCCNT counts, the cycle at which it was 0, modulo 2^32. Otherwise the value that CYCCNT holds.
+    /// The cycle at which CYCCNT was 0, modulo 2^32, while CYCCNT counts; otherwise the value that CYCCNT holds.
     count: u32,
     counting: bool,
     /// The bit DEMCR.TRCENA, which enables the DWT.

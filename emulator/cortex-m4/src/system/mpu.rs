@@ -130,8 +130,8 @@ impl Mpu {
         self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
     }
 
-    /// Computes the spans. A region, an eighth of a region or the default map may begin or end at certain addresses
-    /// only, and between two neighbours of these addresses every address has the same rights.
+    /// Computes the spans. Rights can change only at the addresses at which a region, an eighth of a region or an area
+    /// of the default map begins or ends. Between two neighbours of these addresses every address has the same rights.
     fn work_out(&mut self) {
         // The default map has eight areas. Each region adds its two ends and seven places between its eighths.
         let mut edges = [0_u32; 8 + 8 * 9];

@@ -38,7 +38,7 @@ pub(crate) struct Nvic {
     pub(crate) active: Set,
     /// The levels of the inputs when the core last checked them. NMI is bit 2.
     level: Set,
-    /// The bits of the implemented lines.
+    /// The implemented lines, as a set of exceptions.
     implemented: Set,
     /// The priorities, by exception number. Those of reset, NMI and HardFault are fixed and not in this table.
     priority: [u8; 256],

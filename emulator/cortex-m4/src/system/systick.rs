@@ -41,7 +41,7 @@ impl SysTick {
         if self.control & CLKSOURCE != 0 || self.reference == 0 { 1 } else { u64::from(self.reference) }
     }
 
-    /// Sets `at` to the last tick at or before `cycle`. The reference clock runs freely, so its ticks are at multiples
+    /// Moves `at` to the last tick at or before `cycle`. The reference clock runs freely, so its ticks are at multiples
     /// of its period.
     fn align(&mut self, cycle: u64) {
         self.at = cycle - cycle % self.step();

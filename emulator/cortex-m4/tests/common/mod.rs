@@ -8,9 +8,9 @@ use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Re
 
 /// The address of the device.
 pub(crate) const DEVICE: u32 = 0x4000_0000;
-/// Where RAM begins.
+/// The first address of RAM.
 pub(crate) const RAM: u32 = 0x2000_0000;
-/// Where a test's code begins.
+/// The first address of a test's code.
 pub(crate) const CODE: u32 = 0x100;
 
 /// The bus of a test: flash, RAM and a device that logs.

@@ -50,7 +50,8 @@ impl Serial {
         self.transaction.is_some()
     }
 
-    /// The number of bytes that may be clocked before an event. ENDRX comes with the last byte that fits RXD.
+    /// The number of bytes that may be clocked before the SPIS raises an event. ENDRX comes with the last byte that
+    /// fits RXD.
     pub(crate) fn quiet(&self) -> usize {
         match &self.transaction {
             Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {

@@ -35,7 +35,7 @@ const ERASE_ALL: u64 = cycles(169_000_000);
 /// The identification of CTRL-AP: Nordic's JEP106 number 0x144 in bank 2, no class (PS 4.8.1).
 const IDR: u32 = 0x0288_0000;
 
-/// The request of a write to CTRL-AP to the owner of part and core.
+/// What a write to CTRL-AP requests of the caller, which owns the part and its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CtrlRequest {
     /// The write requests nothing.

@@ -69,10 +69,11 @@ pub(crate) struct Soc {
     pub(crate) signals: Signals,
     /// The instances that were called since their interrupt lines and next cycles were last taken over.
     touched: u64,
-    /// The instances that have a next cycle. The next field is the next cycle of each, [`NEVER`] for none.
+    /// The instances that have an event due. The next field is the cycle of each instance's next event, [`NEVER`] if
+    /// there is none.
     scheduled: u64,
     nexts: [Cycle; 64],
-    /// The earliest of all next cycles.
+    /// The earliest cycle at which any instance has an event due.
     pub(crate) next: Cycle,
     /// The instances for which EasyDMA moves data now.
     pub(crate) moving: u64,

@@ -162,7 +162,7 @@ impl Rig {
         }
     }
 
-    /// The next cycle at which something is due in the models.
+    /// The next cycle at which an event is due in the models.
     pub(crate) fn deadline(&mut self) -> Cycle {
         self.part.due()
     }
@@ -224,7 +224,7 @@ impl Rig {
         self.part.reset(self.now, cause, &mut self.world);
     }
 
-    /// How often the part requested a restart.
+    /// The number of restarts that the part requested.
     pub(crate) fn restarts(&self) -> u32 {
         self.restarts
     }

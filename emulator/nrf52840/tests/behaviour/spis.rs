@@ -238,7 +238,7 @@ fn the_semaphore_goes_from_hand_to_hand_as_specified() {
         assert_eq!(rig.read(SPIS1 + 0x400), from);
         rig.write(SPIS1 + task, 1);
         assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (to, acquired), "from {from} by {task:#x}");
-        // The row must also hold when a transaction under way ends.
+        // When the transaction under way ends, the state must follow from the row's next state.
         rig.run_for(10 * US);
         rig.deselect(CSN);
         let after = if to == pending {
@@ -305,7 +305,7 @@ fn a_free_spis_taken_by_a_timer_answers_the_default_character() {
     }
     assert_eq!(rig.read(SPIS1 + 0x440), 0, "a transaction that is not answered reads past nothing");
     assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (2, 2), "as the last one answered left them");
-    // The value of DEF comes from its register and is not a constant of the part.
+    // The test changes DEF, because its value must come from the register and must not be a constant of the part.
     rig.write(SPIS1 + 0x55C, 0x3C);
     assert_eq!(transact(&mut rig, &[0]), [Some(0x3C)]);
     rig.assert_clean();

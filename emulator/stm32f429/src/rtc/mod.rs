@@ -79,7 +79,7 @@ pub(crate) struct Rtc {
     calibr: u32,
     tafcr: u32,
     backup: [u32; 20],
-    /// The number of steps of the key that were written to WPR; 2 unlocks.
+    /// The number of bytes of the key that software has written to WPR in order; two bytes unlock the registers.
     key: u8,
     /// The value of TR that a read has locked, and the value of DR.
     locked: (Option<u32>, Option<u32>),

@@ -94,7 +94,8 @@ pub(crate) struct Spi {
     pclk: u32,
     /// Whether the CRC that CRCNEXT requests has been sent.
     crc_done: bool,
-    /// The first steps of the clearing sequences: DR was read (for OVR), and SR was read (for MODF).
+    /// Whether DR was read, the first step to clear OVR. The next field is whether SR was read, the first step to clear
+    /// MODF.
     overrun_read: bool,
     fault_read: bool,
 }

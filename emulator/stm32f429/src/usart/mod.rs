@@ -107,7 +107,7 @@ pub(crate) struct Usart {
     rdr: u16,
     /// The flags that the last read of SR returned. The next read or write of DR clears these.
     shown: u32,
-    /// The core cycles of a PCLK cycle. The next field is those of a bit; it is 0 if BRR gives no baud rate.
+    /// The core cycles of a PCLK cycle. The next field is the core cycles of a bit, 0 if BRR gives no baud rate.
     pclk: u32,
     bit: u64,
     /// The length of a bit in picoseconds, 0 while it is not known.

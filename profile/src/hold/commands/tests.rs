@@ -1,4 +1,4 @@
-//! Tests the rule for each boundary, and by draws from a seed under loss, repetition and reordering.
+//! Tests the hold's rule for commands at each boundary, and at random under loss, repetition and reordering.
 extern crate std;
 use std::{vec, vec::Vec};
 
@@ -38,7 +38,7 @@ fn answer<W: WritesUplink>(timestamp: u32, payload: [u8; Uplink::PAYLOAD]) -> An
 /// The highest set-point that the hold accepts.
 const LIMIT: f32 = 500.0;
 
-/// A hold that remembers what it executed.
+/// A hold that records which commands it executed.
 #[derive(Default)]
 struct Hold {
     commands: Commands,
@@ -57,14 +57,14 @@ impl Hold {
         self.commands.acknowledged()
     }
 
-    /// A hold that has seen an uplink of the base station without a command, with timestamp 1000, at 0 ms.
+    /// A hold that has taken one uplink of the base station, without a command, with timestamp 1000, at 0 ms.
     fn started() -> Self {
         let mut hold = Self::default();
         assert_eq!(hold.take(&answer::<BaseStation>(1_000, payload(0, 0, 0.0, 0)), 0), [NONE; 2]);
         hold
     }
 
-    /// Takes a command of the base station, and returns its acknowledgement.
+    /// Passes a command of the base station to the hold, and returns the acknowledgement of its last command.
     fn base(&mut self, timestamp: u32, number: u16, word: u16, now_ms: u64) -> Acknowledged {
         let [acknowledged, other] = self.take(&answer::<BaseStation>(timestamp, payload(number, word, 4.5, 0)), now_ms);
         assert_eq!(other, NONE);
@@ -150,7 +150,7 @@ fn the_first_uplink_waits_for_a_later_timestamp_of_its_writer() {
 
 #[test]
 fn a_timestamp_is_too_old_after_more_than_1000_ms() {
-    // A fresh one, in which a new number appears late, and the first one after the start.
+    // First a fresh timestamp, with which a new number appears late; then the first timestamp after the hold's start.
     for (mut hold, timestamp, at_limit) in
         [(Hold::started(), 1_001, Acknowledged::new(1, Outcome::Done)), (Hold::default(), 1_001, NONE)]
     {
@@ -232,16 +232,16 @@ fn a_damaged_or_misplaced_uplink_changes_nothing() {
     assert_eq!(hold.take(Answer::read(&good).expect("128 bytes"), 100)[0], Acknowledged::new(1, Outcome::Done));
 }
 
-/// One period of a link that loses, repeats and exchanges.
+/// One period of a link between writer and hold that loses, repeats and reorders objects.
 #[derive(Clone, Copy, Debug)]
 struct Period {
-    /// How many uplinks ago the one was written that the DPR hands on; `None` if the answer is lost.
+    /// The number of uplinks written since the one that the DPR hands on; `None` if the answer is lost.
     uplink: Option<usize>,
-    /// How many periods ago the hold sealed the object that the writer reads; `None` if it reads none.
+    /// The number of periods since the hold sealed the object that the writer reads; `None` if it reads none.
     object: Option<usize>,
     /// Whether the writer writes a new uplink.
     writes: bool,
-    /// Whether the writer gives up.
+    /// Whether the writer gives its waiting command up.
     gives_up: bool,
     /// Whether the hold restarts, with its acknowledgements kept.
     restarts: bool,
@@ -255,7 +255,7 @@ fn periods() -> impl Strategy<Value = Vec<Period>> {
     prop::collection::vec(period, 1..120)
 }
 
-/// A base station that sends one command after another, and what became of them.
+/// A base station that sends one command after another, with the hold and the results of the commands.
 struct Flight {
     hold: Hold,
     /// The period in which the hold started.
@@ -263,7 +263,7 @@ struct Flight {
     sender: Sender<BaseStation>,
     uplinks: Vec<Answer>,
     objects: Vec<HoldStatus>,
-    /// The commands that were sent, by number.
+    /// The commands that were sent, with their numbers.
     sent: Vec<(u16, HoldCommand)>,
     answered: Vec<(u16, Outcome)>,
 }
@@ -309,7 +309,7 @@ impl Flight {
         if period.gives_up {
             self.sender.give_up();
         }
-        // Each command differs, and every third is one that the hold refuses.
+        // Each command differs from the others, and the hold refuses every third.
         let count = u16::try_from(self.sent.len()).expect("few");
         let command = HoldCommand::SetPoint(f32::from(if count.is_multiple_of(3) { 1_000 + count } else { count }));
         if let Some(number) = self.sender.send(&command) {
@@ -317,7 +317,7 @@ impl Flight {
         }
     }
 
-    /// Each command was executed at most once, in order, and its answer is the truth.
+    /// Checks that each command was executed at most once, in order, and that its acknowledgement is true.
     fn check(&self) {
         let executed: Vec<_> = self.hold.executed.iter().map(|(_, command)| *command).collect();
         let mut sent = self.sent.iter();

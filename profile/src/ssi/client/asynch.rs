@@ -8,31 +8,31 @@ use embedded_hal_async::spi::{Operation, SpiDevice};
 use super::{Client, Failed, MAX_MAP, Report, View};
 use crate::ssi::timing::{CSN_HOLD_NS, CSN_SETUP_NS};
 
-/// A DPR on an SPI device.
+/// A DPR that is read through an SPI device.
 #[derive(Debug)]
 pub struct Dpr<Spi> {
     spi: Spi,
     client: Client,
     buffer: [u8; MAX_MAP],
-    /// The number of bytes of the last transaction.
+    /// The number of bytes that the last transaction read.
     brought: usize,
 }
 
 impl<Spi: SpiDevice> Dpr<Spi> {
-    /// A DPR that has not been read yet.
+    /// A client for the DPR on this SPI device. The DPR has not been read yet.
     #[must_use]
     pub const fn new(spi: Spi, client: Client) -> Self {
         Self { spi, client, buffer: [0; MAX_MAP], brought: 0 }
     }
 
     /// Makes one transaction. If the future is dropped before its end, the bus decides which bytes reach the DPR; the
-    /// next call sends the same again. `now_us` is the present on the flight controller's monotonic clock, `fresh_us`
-    /// the instant of the last edge of FRESH, if the line is wired; both µs.
+    /// next call sends the same bytes again. `now_us` is the present instant on the flight controller's monotonic
+    /// clock, `fresh_us` the instant of the last edge of FRESH, if that line is wired; both µs.
     ///
     /// # Errors
     ///
-    /// The bus's error. The report is then that of a transaction without data, and ages the displayed position:
-    /// [`Failed::report`].
+    /// The error of the bus. The report in [`Failed::report`] is that of a transaction without data: the displayed
+    /// position becomes older.
     pub async fn read(&mut self, now_us: u64, fresh_us: Option<u64>) -> Result<Report, Failed<Spi::Error>> {
         self.brought = 0;
         // The buffer has room for the longest transaction of any configuration.
@@ -55,14 +55,14 @@ impl<Spi: SpiDevice> Dpr<Spi> {
         }
     }
 
-    /// The objects of the last transaction.
+    /// The objects that the last transaction read.
     #[must_use]
     pub fn view(&self) -> View<'_> {
         let (brought, _) = self.buffer.split_at(self.brought);
         self.client.view(brought)
     }
 
-    /// The client, for requesting a window or writing an object.
+    /// The client, through which a window is requested or an object is written.
     pub const fn client(&mut self) -> &mut Client {
         &mut self.client
     }

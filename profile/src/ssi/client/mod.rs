@@ -3,38 +3,38 @@
 //! # Design
 //!
 //! [`Client`] is a state machine without input or output of its own: [`Client::begin`] returns the bytes to send in the
-//! next transaction, [`Client::end`] takes the answer and returns a [`Report`]. It has no bus and no clock and
-//! allocates nothing. Every byte that was read is checked and every CRC computed, whatever they are; a handful of
+//! next transaction, [`Client::end`] takes the answer and returns a [`Report`]. The client has no bus and no clock and
+//! allocates nothing. It checks every byte that was read and computes every CRC, whatever the bytes are; a handful of
 //! comparisons follows. `blocking` (feature `embedded-hal`) and `asynch` (feature `embedded-hal-async`) run it on an
 //! SPI device. `profile/c/horus_dpr.h` is the same client in C11; both give the same report for the same bytes.
 //!
-//! **One transaction in each control cycle** reads Link-Status and Reported-Position, 96 bytes. Other objects (a
-//! receiver's, Port-Status) are requested with [`Client::ask`] in one transaction, shown in the next, and found with
-//! [`Client::view`].
+//! **One transaction in each control cycle** reads Link-Status and Reported-Position, 96 bytes. [`Client::ask`]
+//! requests other objects (a receiver's, Port-Status) in one transaction; the next transaction reads them, and
+//! [`Client::view`] returns them.
 //!
-//! **Age.** Link-Status has the age of the sample when its image was published. The time since the publication is
-//! added; the client has two upper bounds for it and takes the smaller: the time since the last edge of FRESH, if that
-//! line is wired, and the time since the reading before, which still showed another image. It is never more than
+//! **Age.** Link-Status has the age of the sample at the instant at which its image was published. The client adds the
+//! time since then, for which it has two upper bounds, and takes the smaller: the time since the last edge of FRESH, if
+//! that line is wired, and the time since the last reading that showed another image. The added time is never more than
 //! [`EXPIRY_US`], after which the DPR stops showing an image. So [`Report::age_us`] is never less than the true age,
-//! and without FRESH exceeds it by up to one more control cycle.
+//! and without FRESH it exceeds the true age by up to one more control cycle.
 //!
 //! **Sequence.** A CRC does not prove that data are new. The client follows HORUS's timestamps on the flight
-//! controller's own clock, whatever the DPR reports: each new sample must be a whole number of cycles after the one
-//! before, at most [`MAX_MISSED`] of them missing, and come at the time of its timestamp, within [`TOLERANCE_US`] and
-//! [2 %](TOLERANCE_SHARE) of the step. It is compared with the earliest instant that the samples before it allow, so a
-//! delay that grows step by step is detected as well as one that comes at once. After any other step nothing is shown
-//! until [`SEARCH_CYCLES`] samples in a row are in sequence; so it is at the start.
+//! controller's own clock, whatever the DPR reports. Each new sample must be a whole number of cycles after the one
+//! before, with at most [`MAX_MISSED`] missing, and come at the time of its timestamp, within [`TOLERANCE_US`] and [2
+//! %](TOLERANCE_SHARE) of the step. That time is counted from the earliest instant that the samples before it allow, so
+//! a delay that grows step by step is detected like a sudden one. At the start, and after any other step, no sample is
+//! shown until [`SEARCH_CYCLES`] samples in a row are in sequence.
 //!
 //! **Output.** [`Report::position`] is the last sample if it is in sequence, if HORUS marks its position as valid, if
 //! it is plausible ([`range`](crate::range)), and while its age does not exceed [`Config::age_limit_us`].
 //! [`Report::status`] is HORUS's status in that sample, whether its position is valid or not: a HORUS that has fired
-//! the emergency measure may no longer have a position. A transaction without data (busy, damaged, empty) lets both
-//! age; a sample that must not be shown removes them at once. Values that are not valid by themselves are NaN, and
-//! their status bit is clear.
+//! the emergency measure may no longer have a position. A transaction without data (busy, damaged, empty) keeps both,
+//! and they become older; a sample that must not be shown removes both at once. Single values that are not valid are
+//! NaN, and their status bit is clear.
 //!
-//! **Hold.** A reader of a DPR with an active [hold](crate::hold) has a layout [with one](Layout::with_hold), reads or
-//! requests the map's end, and gives each [`View`] to a [`HoldTrack`], beside the client: it says whether there is a
-//! Hold-Status, and how old it is. A [`Sender`](crate::hold::Sender) puts commands into its uplinks.
+//! **Hold.** A reader of a DPR with an active [hold](crate::hold) uses a layout [with a hold](Layout::with_hold), reads
+//! or requests the map's end, and passes each [`View`] to a [`HoldTrack`], which reports whether there is a
+//! Hold-Status, and its age. A [`Sender`](crate::hold::Sender) puts commands to the hold into the uplinks.
 //!
 //! # Example
 //!
@@ -83,7 +83,7 @@ const _: () = assert!(image::GPS == 96);
 /// The size of the longest map, that of five receivers with a hold, bytes.
 pub const MAX_MAP: usize = Map::<MAX_RECEIVERS>::LEN_WITH_HOLD;
 
-/// The longest meaningful MOSI, bytes: a request, and an object after it.
+/// The longest MOSI data that the DPR evaluates, bytes: a request, and an object after it.
 pub const MAX_WRITE: usize = REQUEST_SIZE + Uplink::SIZE;
 
 /// The settings of the client's reads, and its limits.
@@ -107,26 +107,26 @@ impl Config {
     /// The default of [`Config::silence_us`]: the DPR stops showing an image after 25 ms, plus a control cycle of 5 ms.
     pub const SILENCE_US: u32 = 30_000;
 
-    /// The default: 96 bytes in each transaction, a position of at most 100 ms.
+    /// The default settings: 96 bytes in each transaction, and a position that is at most 100 ms old.
     #[must_use]
     pub const fn new(layout: Layout) -> Self {
         Self { layout, read_bytes: PREFIX_BYTES, age_limit_us: Self::AGE_LIMIT_US, silence_us: Self::SILENCE_US }
     }
 }
 
-/// The flight controller's client. See the [module](self).
+/// The flight controller's client for reading the DPR. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Client {
     config: Config,
-    /// The window of the next or the present transaction: one that has reached the DPR, or the default.
+    /// The window of the next or the present transaction; `None` is the default, and no request has reached the DPR.
     window: Option<Request>,
-    /// The window of the last transaction.
+    /// The window that the last transaction read.
     shown: Request,
     /// The window to request in the next transaction.
     asked: Option<Request>,
     /// The object to write in the next transaction, until it is known to have reached the DPR.
     object: Option<[u8; Uplink::SIZE]>,
-    /// Whether the present transaction writes it.
+    /// Whether the present transaction writes the object that waits in `object`.
     object_under_way: bool,
     /// The request of the present transaction, until it is known to have reached the DPR.
     sent: Option<Request>,
@@ -156,18 +156,18 @@ impl Client {
         })
     }
 
-    /// Its configuration.
+    /// The configuration of the client.
     #[must_use]
     pub const fn config(&self) -> &Config {
         &self.config
     }
 
-    /// Requests a window in the next transaction; the one after it reads that window. A later call before
-    /// [`Client::begin`] replaces it. A request that met a busy DPR is repeated.
+    /// Requests a window in the next transaction; the transaction after it reads that window. A later call before
+    /// [`Client::begin`] replaces the request. A request that met a busy DPR is repeated.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Window`] if it is empty or does not lie in the map; no request is made then.
+    /// [`Rejection::Window`] if the window is empty or does not lie in the map; no request is made then.
     pub const fn ask(&mut self, window: Request) -> Result<(), Rejection> {
         if !window.is_inside(self.config.layout.map_len()) {
             return Err(Rejection::Window);
@@ -176,9 +176,9 @@ impl Client {
         Ok(())
     }
 
-    /// Writes an object in the next transaction. A later call before [`Client::begin`] replaces it. An object that met
-    /// a busy DPR is written again in the next transaction; one that was received is not, and Port-Status has its
-    /// outcome.
+    /// Writes an object in the next transaction. A later call before [`Client::begin`] replaces the object. An object
+    /// that met a busy DPR is written again in the next transaction. An object that the DPR received is not written
+    /// again; Port-Status has the outcome.
     ///
     /// ```
     /// use profile::criticality::{FlightController, Writer};
@@ -205,11 +205,11 @@ impl Client {
     }
 
     /// Fills the beginning of `mosi` for the next transaction and returns the number of bytes, all of which must be
-    /// clocked. It is at most [`Client::capacity`].
+    /// clocked. The number is at most [`Client::capacity`].
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `mosi` is shorter than that; nothing is changed then.
+    /// [`Rejection::Length`] if `mosi` is shorter than this number; nothing is changed then.
     pub fn begin(&mut self, mosi: &mut [u8]) -> Result<usize, Rejection> {
         let asked = self.asked.or(self.sent);
         let object = self.object;
@@ -231,15 +231,15 @@ impl Client {
         Ok(bytes)
     }
 
-    /// Ends the transaction. `miso` is the answer, as many bytes as were clocked; empty if the bus failed. `began_us`
-    /// is the instant at which chip select fell, `fresh_us` that of the last edge of FRESH before it, if the line is
-    /// wired: both in µs on the flight controller's monotonic clock.
+    /// Ends the transaction. `miso` is the answer, as many bytes as were clocked, or empty if the bus failed.
+    /// `began_us` is the instant at which chip select fell, `fresh_us` that of the last edge of FRESH before it, if
+    /// that line is wired: both in µs on the flight controller's monotonic clock.
     pub fn end(&mut self, miso: &[u8], began_us: u64, fresh_us: Option<u64>) -> Report {
         self.shown = self.window();
         let view = self.view(miso);
         let (busy, prefix) = (view.is_busy(), view.prefix());
         if !busy {
-            // The DPR has received the request. A busy one has not, and still shows the earlier window.
+            // The DPR has received the request. A busy DPR has not, and still shows the earlier window.
             self.window = mem::take(&mut self.sent);
             self.object = self.object.filter(|_| !self.object_under_way);
             self.object_under_way = false;
@@ -255,13 +255,13 @@ impl Client {
         self.window.unwrap_or(self.default_window())
     }
 
-    /// The objects in `miso`, the answer of the last transaction.
+    /// The objects in `miso`, which must be the answer of the last transaction.
     #[must_use]
     pub fn view<'a>(&self, miso: &'a [u8]) -> View<'a> {
         View::new(self.config.layout, self.shown, miso)
     }
 
-    /// The size of the longest transaction of this configuration, bytes.
+    /// The size of the longest transaction with this client's configuration, bytes.
     #[must_use]
     pub const fn capacity(&self) -> usize {
         self.config.layout.map_len()

@@ -5,19 +5,19 @@ use crate::criticality::{BaseStation, FlightController, WritesUplink};
 use crate::ssi::Request;
 use crate::{HoldStatus, Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
 
-/// The content of an object's place.
+/// The content of the place of an object in the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown<T> {
     /// The object, intact.
     Intact(T),
     /// The place is vacant: every byte is 0x00 or 0xFF, as after a scrub.
     Vacant,
-    /// The place holds other bytes, with the reason why they are not the object.
+    /// The place holds other bytes; the value is the reason why they are not the object.
     Damaged(Rejection),
 }
 
 impl<T> Shown<T> {
-    /// The object, if it is intact.
+    /// The object in the place, if it is intact.
     pub fn intact(self) -> Option<T> {
         match self {
             Self::Intact(object) => Some(object),
@@ -25,7 +25,7 @@ impl<T> Shown<T> {
         }
     }
 
-    /// Combines `verified` with the bytes; all of them are read, whatever they are.
+    /// The content of a place: `bytes` are its bytes, `verified` is the result of verifying them. All bytes are read.
     fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
         let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
         match verified {
@@ -36,12 +36,12 @@ impl<T> Shown<T> {
     }
 }
 
-/// Whether each of `bytes` is `value`; true of an empty slice.
+/// Whether each of `bytes` is `value`; true for no bytes.
 fn is_throughout(bytes: &[u8], value: u8) -> bool {
     bytes.iter().fold(0, |difference, byte| difference | (byte ^ value)) == 0
 }
 
-/// The contents of a transaction, object by object. Each is verified on access.
+/// The contents of a transaction, object by object. An object is verified when it is accessed.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     layout: Layout,
@@ -49,7 +49,7 @@ pub struct View<'a> {
     bytes: &'a [u8],
 }
 
-/// The first 96 bytes of the map.
+/// The objects in the first 96 bytes of the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prefix<'a> {
     pub(super) link: Result<&'a LinkStatus, Rejection>,
@@ -57,7 +57,7 @@ pub(super) struct Prefix<'a> {
 }
 
 impl<'a> View<'a> {
-    /// The contents of a transaction that read `window` of the map and brought `miso`. Bytes beyond the window are
+    /// The contents of a transaction that read `window` of the map and returned `miso`. Bytes beyond the window are
     /// ignored.
     #[must_use]
     pub fn new(layout: Layout, window: Request, miso: &'a [u8]) -> Self {
@@ -65,7 +65,7 @@ impl<'a> View<'a> {
         Self { layout, window, bytes }
     }
 
-    /// The range of the map that it shows.
+    /// The window of the map that the transaction read.
     #[must_use]
     pub const fn window(&self) -> Request {
         self.window
@@ -83,7 +83,7 @@ impl<'a> View<'a> {
         is_throughout(self.bytes, 0xFF)
     }
 
-    /// These bytes of the map; `None` if they were not all read.
+    /// The bytes at the given range of the map; `None` if they were not all read.
     #[must_use]
     pub fn find(&self, place: Range<usize>) -> Option<&'a [u8]> {
         let start = place.start.checked_sub(usize::from(self.window.offset))?;
@@ -127,7 +127,7 @@ impl<'a> View<'a> {
         Some(Shown::new(bytes, HoldStatus::verify(bytes)))
     }
 
-    /// Whether any object in it is intact; all of them are checked.
+    /// Whether any object in the window is intact; all objects are checked.
     pub(super) fn is_any_intact(&self) -> bool {
         let profile = (0..self.layout.objects()).filter_map(|index| self.object(index)?.intact()).count();
         let link = self.link().and_then(Shown::intact).is_some();

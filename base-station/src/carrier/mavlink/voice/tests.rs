@@ -25,10 +25,10 @@ struct Scene {
     voice: Voice,
     forwarder: Forwarder,
     inbound: Inbound,
-    /// The uplink that the DPR has stored, and the instant until which the DPR shows it.
+    /// The uplink that the DPR has stored, and the instant, µs, until which the DPR shows it.
     stored: Option<(Uplink, u64)>,
     port: PortValues,
-    /// The uplinks that were written over the SSI, and the instants from which on the DPR shows them.
+    /// The uplinks that were written over the SSI, and for each the instant, µs, from which on the DPR shows it.
     writes: Vec<(Uplink, u64)>,
     /// The percentage of messages that are lost in each direction.
     loss: u64,
@@ -88,7 +88,7 @@ impl Scene {
 
     fn step(&mut self) {
         let ms = ((self.now - NOW) / 1_000) as u32 + 50_000;
-        // The DPR stores the written uplink, and shows it in the image after next.
+        // The DPR stores an uplink that was written, and shows it in the image after the next one.
         for (uplink, at) in std::mem::take(&mut self.writes) {
             if at > self.now {
                 self.writes.push((uplink, at));

@@ -1,12 +1,14 @@
 //! Judges whether the state that HORUS reports agrees with the pins from which HORUS reads it.
 //!
-//! This module is written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
-//! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position.
-//! HORUS accepts a reading of a pair when three samples in a row have it; ten samples without three equal ones in a row
-//! are a contradiction. HORUS's state is that of the most severe input that is not inactive.
+//! This module is written from decision 18. HORUS has three inputs, each of which is a pair of pins that HORUS samples
+//! once per cycle, within [`bounds::SAMPLED_AFTER_TICK`] after the tick. The samples of a cycle determine the state
+//! that HORUS reports in the Reported-Position of the next cycle. HORUS accepts a reading of a pair when three samples
+//! in a row have that reading. Ten samples without three equal ones in a row are a contradiction. The state that HORUS
+//! reports is that of the most severe input that is not inactive.
 //!
 //! If a pair changes while HORUS may be sampling it, every outcome is allowed. After an irregular tick it is not known
-//! how often HORUS sampled, and the judge then requires nothing of a pair until it has settled.
+//! how often HORUS has sampled, so the judge requires nothing of a pair until enough later samples determine
+//! the reading of that pair.
 
 use std::collections::VecDeque;
 
@@ -16,8 +18,8 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples from which HORUS's reading of an input follows: ten, and two more, because the tenth may
-/// complete a row of three that the two samples before the ten began.
+/// The number of samples of an input on which the reading that HORUS accepts can depend: the last ten, and two before
+/// them, because the first of the ten may complete a row of three equal samples that the two samples before it began.
 const SAMPLES: usize = 12;
 /// The number of samples of uncertain value beyond which there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
@@ -34,9 +36,9 @@ enum Says {
 struct Pair {
     /// The present reading of the pair of pins.
     now: Says,
-    /// The pair's reading at the last tick and each later one, with the instant from which it holds, ns.
+    /// The reading of the pair at the last tick and each later reading, each with the instant from which it holds, ns.
     since_tick: Vec<(u64, Says)>,
-    /// For each of the last [`SAMPLES`] samples, the readings that HORUS may have sampled.
+    /// For each of the last [`SAMPLES`] samples, the readings of the pair that HORUS may have obtained.
     samples: VecDeque<Vec<Says>>,
 }
 
@@ -57,8 +59,8 @@ impl Inputs {
         Self { pairs: std::array::from_fn(pair), tick: None, from_start: true }
     }
 
-    /// Records the levels of an input's pins from `at` on: the pin that is high while the input is active, and the
-    /// other one.
+    /// Records that from the instant `at` on, ns, the pins of an input have these levels: `active` is the level of the
+    /// pin that is high while the input is active, and `inactive` that of the other pin.
     pub(super) fn levels(&mut self, at: u64, input: usize, active: bool, inactive: bool) {
         let Some(pair) = self.pairs.get_mut(input) else { return };
         pair.now = match (active, inactive) {
@@ -69,7 +71,7 @@ impl Inputs {
         pair.since_tick.push((at, pair.now));
     }
 
-    /// Discards all samples, because HORUS starts anew.
+    /// Discards all samples of the inputs, because HORUS starts anew.
     pub(super) fn forget(&mut self) {
         for pair in &mut self.pairs {
             pair.since_tick.clear();
@@ -78,7 +80,8 @@ impl Inputs {
         (self.tick, self.from_start) = (None, true);
     }
 
-    /// Records a tick of HORUS. Unless the tick is irregular, the tick before it was one cycle ago, or there was none.
+    /// Records a tick of HORUS. If the tick is not irregular, it is the first one, or the tick before it was one cycle
+    /// ago.
     pub(super) fn tick(&mut self, at: u64, irregular: bool) {
         for pair in &mut self.pairs {
             if irregular {
@@ -102,8 +105,8 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Returns whether HORUS has certainly accepted a reading of each pair of pins at the tick. If so, it reports that
-    /// it monitors once it has a position.
+    /// Returns whether HORUS has certainly accepted a reading of each pair of pins at the tick. Only then must HORUS
+    /// report the state `Monitoring` once it has a position.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }
@@ -146,8 +149,8 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
 }
 
 impl Pair {
-    /// Returns the readings of the pair that HORUS may have accepted, with `None` among them if it may not have
-    /// accepted one yet. Returns `None` if that is not known.
+    /// Returns the readings of the pair that HORUS may have accepted; `None` among them means that HORUS may not have
+    /// accepted a reading yet. Returns `None` in place of a list if the readings are not known.
     fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
         if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
             return None;

@@ -23,10 +23,11 @@ pub(super) struct Itself {
     hit: bool,
     /// Whether HORUS has reported a memory fault since its start.
     said: bool,
-    /// When HORUS last started, ns.
+    /// The instant, ns, at which HORUS last started.
     since: u64,
-    /// Whether HORUS's external oscillator works now, and whether it worked when HORUS last started.
+    /// Whether HORUS's external oscillator works now.
     crystal: bool,
+    /// Whether HORUS's external oscillator worked when HORUS last started.
     started_with: bool,
     /// Whether the oscillator failed, or recovered, while HORUS was starting, so that HORUS may have started with or
     /// without it.
@@ -34,7 +35,7 @@ pub(super) struct Itself {
 }
 
 impl Itself {
-    /// Returns the state when HORUS's supply has come on.
+    /// Returns what is known of HORUS just after its supply has come on.
     pub(super) const fn new() -> Self {
         Self {
             reason: Some(ResetReason::PowerOn),
@@ -100,7 +101,8 @@ impl Itself {
     }
 }
 
-/// Returns the reason that HORUS states for a restart; `None` for a cause that its part does not have.
+/// Returns the reason that HORUS must state for a restart; `None` for a cause that HORUS's microcontroller cannot
+/// report.
 const fn reason(cause: Cause) -> Option<ResetReason> {
     Some(match cause {
         Cause::PowerOn => ResetReason::PowerOn,

@@ -2,13 +2,14 @@
 //!
 //! # How it is judged
 //!
-//! The judge finds the messages of each receiver in the bytes of its line, with the instant at which the last byte of
-//! each message had crossed. For each kind of message, a GPS object of a tick's cycle shows the newest message that had
-//! arrived [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived later, up to [`bounds::SAMPLED_AFTER_TICK`]
-//! after the tick. The object's values and status are compared bit by bit. `track` determines which status bits a
-//! message of a certain age may have at a tick, with the bands in which both values of a bit are right. A message that
-//! HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message inside a false start) may
-//! be the newest or not.
+//! The judge finds the messages of each receiver in the bytes of its line, and for each message the instant at which
+//! its last byte had crossed the line. For each kind of message, a GPS object must show the newest message that had
+//! arrived [`bounds::MESSAGE_TAKEN`] before the tick of the object's cycle, or a message that arrived later, up to
+//! [`bounds::SAMPLED_AFTER_TICK`] after that tick. The object's values and status are compared bit by bit. `track`
+//! determines which status bits a message of a certain age may have at a tick; close to a limit both values of a bit
+//! are right. HORUS may have missed a message that was on a disturbed line, whose bytes came before the first tick
+//! since HORUS's start, or that lies within bytes which look like the beginning of another message. Such a message may
+//! count as the newest or not.
 //!
 //! # What is not judged
 //!
@@ -16,17 +17,18 @@
 //!   a timestamp.
 //! - Ages are not judged for two seconds after a missing or irregular tick, or after a timestamp that jumped, because
 //!   HORUS counts its time in ticks.
-//! - Nothing that HORUS states about its receivers, its vote and its inputs is judged while [`Excuse::Content`] holds.
+//! - What HORUS states about its receivers, its vote and its inputs is not judged while [`Excuse::Content`] holds.
 //! - Reported-Position is not judged in a cycle in which a GPS object was blamed or is missing, and in the cycle after
 //!   it. Otherwise `vote` determines what Reported-Position and the bits *excluded* must be. HORUS's state is judged in
 //!   every cycle (`inputs`), and so are the reason of its last reset and the faults of its memory (`itself`).
 //!
-//! The dynamic model by which a receiver navigates is in no message that HORUS receives: `models` judges it by the
-//! receiver's own settings.
+//! No message that HORUS receives states the dynamic model by which a receiver navigates. `models` judges the model by
+//! the settings that the receiver itself reports in the log.
 //!
-//! One object is reported at most once for its values and once for its status. If both disagree with every message, the
-//! status is blamed where the values are those of a message that the status calls valid, or are absent and the status
-//! calls no message valid. Otherwise the content is blamed.
+//! One object is reported at most once for its values and once for its status. If no message agrees with the values and
+//! none agrees with the status, the judge reports the status as wrong in two cases: the values are those of a message
+//! that the status calls valid, or the values are absent and the status calls no message valid. Otherwise it reports
+//! the values as wrong.
 
 mod inputs;
 mod itself;
@@ -52,35 +54,36 @@ use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Ram, Seen, Vote};
 
-/// The status bit that marks the receiver as heard.
+/// The status bit which says that a message from the receiver arrived within the last 250 ms.
 const HEARD: u16 = 1 << 7;
 /// The status bit by which the voter marks a receiver as excluded; `vote` judges it.
 const EXCLUDED: u16 = 1 << 9;
 /// The first of the status bits that state the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// The time after an irregular tick for which the ages of solutions are not known, ns: more than the longest time for
+/// How long the ages of solutions are not known after an irregular tick, ns. This is longer than the longest time for
 /// which a solution stays valid.
 const UNTIMED: u64 = 2_000_000_000;
 
-/// The line of one receiver, and the messages on it.
+/// The line of one receiver, and the receiver's messages.
 #[derive(Clone, Debug)]
 struct Line {
     reader: Reader,
     /// The messages that HORUS may not have taken yet, in order of arrival.
     arriving: VecDeque<Message>,
     tracks: [Track; 3],
-    /// When the last message arrived that HORUS has certainly taken, and the last one that it may have taken, ns.
+    /// The instant, ns, at which the last message arrived that HORUS has certainly taken.
     heard: Option<u64>,
+    /// The latest instant, ns, at which HORUS may have found the last message that it may have taken.
     may_have_heard: Option<u64>,
-    /// When the last valid position arrived, and when the valid positions that are still crossing the line will arrive,
-    /// ns.
+    /// The instant, ns, at which the last valid position arrived.
     solution: Option<u64>,
+    /// The instants, ns, at which the valid positions arrive that are still crossing the line.
     solutions: VecDeque<u64>,
-    /// The number of bytes that wait in the receiver, if it is on a bus.
+    /// The number of bytes that the receiver has not sent yet, if it is on a bus.
     waiting: u64,
-    /// Until when HORUS may drop bytes that it reads, ns, and whether it may also drop the first bytes that it reads
-    /// after that.
+    /// The instant, ns, until which HORUS may drop the bytes that it reads.
     doubtful: u64,
+    /// Whether HORUS may also drop the first bytes that it reads after that instant.
     unproven: bool,
 }
 
@@ -100,13 +103,13 @@ impl Line {
         }
     }
 
-    /// Records that HORUS may treat as old, and drop, the bytes that it reads by `until`, ns, and the first bytes that
-    /// it reads after that.
+    /// Records that HORUS may take the bytes that it reads up to the instant `until`, ns, for old ones and drop them,
+    /// and also the first bytes that it reads after that instant.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
 
-    /// Records that a receiver on a bus has further bytes to send.
+    /// Records that a receiver on a bus has further bytes that HORUS can read.
     fn offered(&mut self, at: u64, bytes: &[u8]) {
         self.waiting += bytes.len() as u64;
         if self.waiting > bounds::READ_AT_ONCE {
@@ -114,9 +117,9 @@ impl Line {
         }
     }
 
-    /// Records that HORUS reads `bytes` bytes of a receiver on a bus from `at` to `end`, which have waited since
-    /// `since`, ns. Returns whether HORUS must use them (`true`) or may use them (`false`); `None` if it must not use
-    /// them.
+    /// Records that HORUS reads `bytes` bytes of a receiver on a bus from the instant `at` to `end`, ns, and that these
+    /// bytes have waited in the receiver since `since`, ns. Returns `Some(true)` if HORUS must use the bytes,
+    /// `Some(false)` if it may use them, and `None` if it must not.
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;
@@ -147,7 +150,7 @@ impl Line {
         }
     }
 
-    /// Discards the messages that HORUS had taken, because it restarts at `at`.
+    /// Discards the messages that HORUS had taken before, because HORUS restarts at the instant `at`.
     fn forget(&mut self, at: u64) {
         self.arriving.retain(|message| message.arrived > at);
         self.tracks.iter_mut().for_each(Track::clear);
@@ -156,8 +159,8 @@ impl Line {
         self.unproven = true;
     }
 
-    /// Returns whether two messages of one kind may have arrived between the objects of one cycle and those of the
-    /// next.
+    /// Returns whether the receiver may have sent two messages of one kind between the GPS object of one cycle and that
+    /// of the next.
     fn hurried(&self, tick: u64) -> bool {
         let by = tick + bounds::SAMPLED_AFTER_TICK;
         let newest = |kind: Kind| {
@@ -168,15 +171,16 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Returns whether the line may have brought HORUS, by `at`, a position that the objects of `tick` need not show.
+    /// Returns whether HORUS may have received, by the instant `at`, a position that the GPS objects of `tick` need not
+    /// show.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Settles each message that had arrived by `by`: HORUS has taken it, or has missed it for good. HORUS's lines have
-    /// been up since before `first_tick`.
+    /// Determines for each message that had arrived by the instant `by` whether HORUS has certainly taken it, or may
+    /// have missed it for good. A message is certain only if it began at `first_tick` or later.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -260,7 +264,7 @@ impl Line {
     }
 }
 
-/// Returns the numbers in a GPS object that come from this kind of message, as bits.
+/// Returns the numbers in a GPS object that come from a message of this kind, as bits.
 fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
     match kind {
         Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
@@ -277,13 +281,13 @@ struct Ticks {
     first: Option<u64>,
     last: Option<u64>,
     before: Option<u64>,
-    /// Until when the ages of solutions are not known, ns.
+    /// The instant, ns, until which the ages of solutions are not known.
     untimed: u64,
-    /// The number of ms by which HORUS's timestamps are ahead of 10 ms for each tick.
+    /// The number of ms by which HORUS's timestamps are ahead of a clock that counts 10 ms for each tick.
     ahead: u32,
 }
 
-/// The objects that HORUS sent in the cycle of a tick, and what was wrong with them.
+/// The objects that HORUS sent in the cycle of a tick, and what the judge found wrong in them.
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
@@ -307,7 +311,7 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
-    /// Whether, at some time since HORUS's last start, its vote need not have followed from its receivers' messages.
+    /// Whether a disturbance since HORUS's last start may have made HORUS's vote differ from its receivers' messages.
     unjudged: bool,
 }
 
@@ -371,7 +375,8 @@ impl Rule for Content {
             What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
-                // The frames of a tick end less than two cycles after it, so older messages are settled.
+                // The frames of a tick end less than two cycles after the tick, so no object still to come depends on
+                // whether an older message had arrived.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
                 let taken = match since {
                     None => Some(*clean),
@@ -438,7 +443,7 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
-                    // The profile of the last tick shows the inputs that were sampled at the tick before.
+                    // The profile of the last tick shows the inputs that were sampled at the tick before that one.
                     if last == Some(tick)
                         && let Some(what) = inputs.wrong(values.status.state())
                     {

@@ -1,4 +1,4 @@
-//! Judges by which dynamic model each receiver navigates that gives HORUS a valid position.
+//! Judges whether each receiver that gives HORUS a valid position navigates by the right dynamic model.
 //!
 //! A receiver itself states its model ([`What::Settings`]). A receiver whose position HORUS shows as valid has to
 //! navigate by [`bounds::DYNAMIC_MODEL`] once [`bounds::SETTINGS_TOLD`] has passed since HORUS's start or since the
@@ -8,13 +8,13 @@
 use crate::disturbance::Excuse;
 use crate::{Disturbances, What, bounds};
 
-/// The models by which the receivers navigate.
+/// The dynamic models by which the receivers navigate.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
-    /// The model by which each receiver navigates, if it is known.
+    /// The dynamic model by which each receiver navigates; `None` if the receiver has not stated one.
     known: Vec<Option<u8>>,
-    /// Since when each receiver has had a wrong model, ns; `None` if its model is right, or if the wrong model has been
-    /// reported.
+    /// The instant, ns, since which each receiver has had a wrong dynamic model; `None` if its model is right, or if
+    /// the wrong model has been reported.
     other: Vec<Option<u64>>,
 }
 
@@ -34,8 +34,8 @@ impl Models {
         }
     }
 
-    /// Returns the wrong model by which a receiver (from 0) navigates at `at`, ns, although HORUS has run since `since`
-    /// and should have set the model by now. A wrong model is returned once.
+    /// Returns the wrong dynamic model by which a receiver (counted from 0) navigates at the instant `at`, ns, if HORUS
+    /// has run since `since`, ns, and should have set the right model by now. A wrong model is returned once.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;

@@ -7,14 +7,14 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of a receiver's time of week that determine the period of its messages. The period lies between
-/// the shortest and the longest of these steps, so that a lost message, or one that comes too soon, changes it only for
-/// a while.
+/// The number of steps of a receiver's time of week from which HORUS determines the period of the receiver's messages.
+/// The period lies between the shortest and the longest of these steps, so a message that is lost or comes too soon
+/// affects the period only for a while.
 const STEPS: usize = 4;
-/// The most, ns, by which HORUS may have found a message late in the bytes of its line.
+/// The longest time after a message's arrival, ns, at which HORUS may still find that message in the bytes of its line.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The greatest number of messages that are kept because each may be the last one that HORUS has taken; beyond it the
-/// oldest is dropped.
+/// The greatest number of messages that are kept because each may be the last one that HORUS has taken. If there are
+/// more, the oldest is dropped.
 const MOST_CANDIDATES: usize = 64;
 
 /// The period of a receiver's messages, as HORUS determines it (docs/design.md#validity).
@@ -26,7 +26,7 @@ struct Pace {
 }
 
 impl Pace {
-    /// Returns the period that counts before a receiver's first two messages, which is the longest one allowed.
+    /// Returns the period before the receiver's first two messages: the longest one that is allowed.
     fn new() -> Self {
         Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
@@ -35,7 +35,7 @@ impl Pace {
     fn taken(&mut self, time_of_week: u32) {
         let Some(before) = self.time_of_week.replace(time_of_week) else { return };
         let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
-        // A time of week that is repeated, comes too soon or steps back says nothing about the period.
+        // A time of week that is repeated, that follows too soon or that steps back does not count for the period.
         if (bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
@@ -44,8 +44,8 @@ impl Pace {
         }
     }
 
-    /// Records a message that HORUS may have taken or not. The period may then be any, until as many steps are certain
-    /// again as determine it.
+    /// Records a message that HORUS may have taken or not. The period may then be any allowed one, until [`STEPS`]
+    /// further steps are certain.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
@@ -63,10 +63,10 @@ impl Pace {
 struct Candidate {
     said: MessageContent,
     time_of_week: u32,
-    /// The two instants between which the message's content became new, ns. A message that repeats a time of week is as
-    /// old as the first message with that time of week.
+    /// The earliest and the latest instant, ns, at which the content of this message may have been new. A message that
+    /// repeats a time of week is as old as the first message with that time of week.
     born: (u64, u64),
-    /// The two instants between which the message itself arrived, ns.
+    /// The earliest and the latest instant, ns, at which HORUS may have received this message.
     arrived: (u64, u64),
 }
 
@@ -79,31 +79,31 @@ pub(super) struct Age {
 
 impl Age {
     /// Returns the age at `tick` of a message that arrived between the two instants of `born`. HORUS's clock may be off
-    /// by 2 % without its crystal, counts whole milliseconds, and counts from the instant at which HORUS takes the
-    /// message.
+    /// by 2 % while HORUS has no crystal. HORUS counts the age in whole milliseconds, from the instant at which it
+    /// takes the message.
     pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
     }
 
-    /// Returns the age of the message or position `by` ns later.
+    /// Returns this age at an instant that is `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Returns whether the age may be at most a limit that itself lies between `least` and `most`, and whether it may
-    /// be greater than that limit.
+    /// Compares the age with a limit that itself lies between `least` and `most`, ns. Returns whether the age may be at
+    /// most that limit, and whether it may be greater.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
 }
 
-/// A message whose position a GPS object shows, seen at a tick.
+/// A message whose position a GPS object shows, as it is at a tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
     pub(super) motion: Motion,
-    /// The time from the message's arrival to the tick.
+    /// The age of the message at the tick.
     pub(super) age: Age,
     /// The time from the message's time of week to the tick, modulo a week, ns. The judge's clock begins at an
     /// arbitrary instant, so only differences between receivers are meaningful.
@@ -114,13 +114,13 @@ pub(super) struct Held {
 pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
 
 impl Held {
-    /// Returns the message, seen at a tick `by` ns later.
+    /// Returns the same message as it is at a tick `by` ns later.
     pub(super) fn later(self, by: u64) -> Self {
         Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
     }
 }
 
-/// Whether an object's values and status bits agree with the messages that the object may show.
+/// Which parts of a GPS object agree with the messages that the object may show.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
     /// Whether the values and the status bits agree with one message.
@@ -129,7 +129,7 @@ pub(super) struct Agreement {
     pub(super) values: bool,
     /// Whether the object's status bits agree with a message, perhaps with other values.
     pub(super) status: bool,
-    /// Whether the object's values are the numbers of a message, valid or not.
+    /// Whether the object's values are the numbers of a message, even of a message that is not valid.
     pub(super) raw: bool,
 }
 
@@ -138,7 +138,7 @@ pub(super) struct Agreement {
 pub(super) struct Track {
     kind: Kind,
     candidates: Vec<Candidate>,
-    /// Whether HORUS may have taken no message, or none for so long that the last one makes no difference.
+    /// Whether HORUS may hold no message: it has taken none, or the last one is too old to matter.
     none: bool,
     pace: Pace,
 }
@@ -155,7 +155,7 @@ impl Track {
         self.pace = Pace::new();
     }
 
-    /// Records a message that HORUS has certainly taken, since it arrived long enough ago.
+    /// Records a message that HORUS has certainly taken, because it arrived long enough ago.
     pub(super) fn taken(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         let born = self.born(time_of_week, (arrived, arrived));
         self.candidates.clear();
@@ -164,14 +164,14 @@ impl Track {
         self.pace.taken(time_of_week);
     }
 
-    /// Records a message that HORUS may have taken; if it has not, it has missed the message for good.
+    /// Records a message that HORUS may have taken, and will not take any more if it has not.
     pub(super) fn doubted(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
         self.pace.doubted();
     }
 
     /// Records a message that HORUS may have taken by now. The message does not count for the period until it is
-    /// certain whether HORUS took it.
+    /// certain whether HORUS has taken it.
     pub(super) fn arriving(&mut self, time_of_week: u32, said: MessageContent, arrived: u64) {
         self.possible(time_of_week, said, (arrived, arrived));
     }
@@ -191,8 +191,8 @@ impl Track {
         self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
-    /// Returns the two instants between which the content of a message became new that arrived between the two instants
-    /// of `arrived`.
+    /// Returns the earliest and the latest instant, ns, at which the content of a message was new. The message arrived
+    /// between the two instants of `arrived`.
     fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
         let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
         let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
@@ -208,8 +208,9 @@ impl Track {
         self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
-    /// Returns, for each message that has these values, the motion and the age of the position in a GPS object of
-    /// `tick`. HORUS may count the age of a message that repeats a time of week from either of the two messages.
+    /// Returns the motion and the age of the position in a GPS object of `tick`, once for each message that has these
+    /// values. If a message repeats a time of week, HORUS may count the age from the first message with that time of
+    /// week or from the repeated one.
     pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
         self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
@@ -234,8 +235,8 @@ impl Track {
         })
     }
 
-    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. Unless HORUS's ticks were
-    /// regular (`timed`), the judge can only tell whether there was a solution.
+    /// Returns whether a GPS object of `tick` may state `code` as the age of its solution. If HORUS's ticks were not
+    /// regular (`timed` is not set), only whether there is a solution is judged.
     pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
         let is_of = |candidate: &Candidate| {
             let age = Age::at(tick, candidate.born);
@@ -245,8 +246,8 @@ impl Track {
         (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
     }
 
-    /// Compares the values and the status of a GPS object of `tick` with the messages that the object may show. Unless
-    /// HORUS's ticks were regular (`timed`), the ages of the messages are not known.
+    /// Compares the values and the status of a GPS object of `tick` with the messages that the object may show. If
+    /// HORUS's ticks were not regular (`timed` is not set), the ages of the messages are not known.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
         let status = status & self.kind.mask();
         let mut agreement = Agreement::default();

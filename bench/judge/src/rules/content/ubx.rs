@@ -14,12 +14,12 @@ use crate::bounds;
 /// The longest message, in bytes, that HORUS certainly receives. HORUS's buffer has 256 bytes.
 const LONGEST: usize = 256;
 
-/// The content of one kind of message: three numbers, as their bits, and the status bits that follow from the message.
+/// The content of one message: its three numbers, as their bits, and the status bits that follow from the message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MessageContent {
-    /// The status bits of the object while the message is young enough.
+    /// The status bits that a GPS object must show while this message is young enough.
     pub(super) status: u16,
-    /// The numbers of the object while the message is young enough; NaN for a number that is not valid.
+    /// The numbers that a GPS object must show while this message is young enough; NaN for a number that is not valid.
     pub(super) values: [u64; 3],
     /// The numbers that the message states, whether they are valid or not.
     pub(super) raw: [u64; 3],
@@ -27,7 +27,7 @@ pub(super) struct MessageContent {
     pub(super) motion: Option<Motion>,
 }
 
-/// What a NAV-PVT message with a valid position states beside the position.
+/// The velocity and the accuracies in a NAV-PVT message with a valid position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Motion {
     /// The receiver's velocity north, east and down, mm/s.
@@ -76,7 +76,7 @@ impl Kind {
         }
     }
 
-    /// Returns the status bit that calls the values of this kind of message valid.
+    /// Returns the status bit of a GPS object which says that the values from this kind of message are valid.
     pub(super) const fn valid(self) -> u16 {
         match self {
             Self::Position => 1 << 4,
@@ -85,7 +85,7 @@ impl Kind {
         }
     }
 
-    /// Returns the bits of the NaN that stands for a number that is not known.
+    /// Returns the bits of the NaN that stands in place of an unknown number of this kind of message.
     pub(super) const fn absent(self) -> u64 {
         match self {
             Self::Position => ABSENT_F64.to_bits(),
@@ -94,15 +94,15 @@ impl Kind {
     }
 }
 
-/// The status bit of a solution that is older than its receiver's period allows.
+/// The status bit which says that the solution is older than the receiver's period allows.
 pub(super) const STALE: u16 = 1 << 8;
 
 /// A message with a right checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Message {
-    /// When the message's first byte began, ns.
+    /// The instant, ns, at which the message's first byte began to cross the line.
     pub(super) begun: u64,
-    /// When the message's last byte had crossed the line, ns.
+    /// The instant, ns, at which the message's last byte had crossed the line.
     pub(super) arrived: u64,
     /// Whether HORUS must have read the message: none of its bytes was disturbed, and no earlier bytes look like a
     /// longer message.
@@ -113,9 +113,9 @@ pub(super) struct Message {
 
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// When the byte began to cross the line, ns.
+    /// The instant, ns, at which the byte began to cross the line.
     from: u64,
-    /// When the byte had crossed the line, ns.
+    /// The instant, ns, at which the byte had crossed the line.
     to: u64,
     clean: bool,
 }
@@ -123,19 +123,19 @@ struct Crossing {
 /// Finds messages in the bytes of one line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reader {
-    /// The bytes from the first one on that may begin a message which is not complete.
+    /// The bytes that have crossed the line, from the first one that may begin an incomplete message.
     bytes: Vec<u8>,
     crossings: Vec<Crossing>,
-    /// When the last byte had crossed the line, ns.
+    /// The instant, ns, at which the last byte had crossed the line.
     last: Option<u64>,
-    /// The number of bytes, from the first one on, that may belong to an earlier message which never ends with a right
-    /// checksum. HORUS may find messages within these bytes later, or never.
+    /// The number of bytes at the beginning of `bytes` that may belong to an earlier message whose checksum never
+    /// becomes right. HORUS may find the messages within these bytes late, or never.
     doubtful: usize,
 }
 
 impl Reader {
-    /// Feeds `bytes`, which the line carries from `at` on, each for `byte_ns`; `clean` says whether they are
-    /// undisturbed. Passes each message that ends within these bytes to `found`.
+    /// Processes `bytes`, which begin to cross the line at `at`, ns, and take `byte_ns` each; `clean` is set if they
+    /// are undisturbed. Passes each message that ends within these bytes to `found`.
     pub(super) fn feed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool, mut found: impl FnMut(Message)) {
         if self.last.is_some_and(|last| at > last + bounds::SILENCE_ENDS) {
             self.bytes.clear();
@@ -149,8 +149,8 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // HORUS may wait in vain for bytes up to these two positions: the end of the messages whose checksum is wrong
-        // (`doubtful`), and the end of the messages that are not complete (`waiting`).
+        // HORUS may wait in vain for bytes up to two positions: the end that a message with a wrong checksum claims
+        // (`doubtful`), and the end of an incomplete message (`waiting`).
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {
@@ -189,16 +189,16 @@ impl Reader {
     }
 }
 
-/// The message, if any, that begins with the first byte of a string of bytes.
+/// The result of reading a string of bytes as the beginning of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Claim {
     /// The bytes begin no message.
     None,
-    /// The bytes begin a message that is not complete. The message has this many bytes, or more if its length field is
-    /// not there yet.
+    /// The bytes begin an incomplete message. The message has this many bytes, or more if its length field has not
+    /// arrived.
     Open(usize),
     /// The bytes begin a message that is too long for HORUS, or whose checksum is wrong. HORUS waits until this many
-    /// bytes have come.
+    /// bytes have arrived.
     Wrong(usize),
     /// The bytes begin with a complete message of this many bytes.
     Right(usize),
@@ -214,7 +214,7 @@ impl Claim {
                 match bytes.get(SYNC.len()..length) {
                     _ if length > LONGEST => Self::Wrong(LONGEST),
                     None => Self::Open(length),
-                    // Zeros alone have the checksum zero, but they are no message, because there is no class 0.
+                    // Zeros alone have the checksum zero, but they are not a message, because no message has class 0.
                     Some(checked) => match checked.split_last_chunk::<2>() {
                         Some((covered, sum)) if checksum(covered) == *sum && checked[0] != 0 => Self::Right(length),
                         _ => Self::Wrong(length),

@@ -1,4 +1,4 @@
-//! Defines a series of which only the least and greatest values count, and judges the jitter of one start of HORUS.
+//! Defines a series of values by its extremes, and judges the jitter between two starts of HORUS.
 
 use profile::Layout;
 
@@ -33,12 +33,12 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the span of the series and the instant of its extreme value that lies farther from the mean, if the
-    /// series spreads by more than `bound`, peak to peak.
+    /// Returns the series' span and the instant of the extreme value that is farther from the mean. Returns `None` if
+    /// the series does not spread by more than `bound`, peak to peak.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
-        // The comparison of mean - min with max - mean is made in whole numbers.
+        // This compares mean - min with max - mean in whole numbers.
         let low = 2 * self.sum > u128::from(self.count) * u128::from(min.value + max.value);
         Some(Outlier { span, at: if low { min.at } else { max.at }, bound })
     }
@@ -52,8 +52,8 @@ struct Outlier {
     bound: u64,
 }
 
-/// The times that may vary only a little between one start of HORUS and the next. Frames are told apart by their number
-/// in the cycle, of which there are at most two.
+/// The times that may vary only a little while HORUS runs. The two numbers that a frame may have in its cycle have a
+/// series each.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
     /// The times between two ticks, ns.
@@ -73,11 +73,11 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Judges the jitter of a start of HORUS, because HORUS restarts or the run is over.
+    /// Judges the jitter since HORUS's last start, because HORUS restarts or the run is over.
     ///
-    /// A transmit command that scatters makes its frame scatter, so only the first of tick, command and air whose bound
-    /// is exceeded is reported. The time between cycles is not judged, since it can be no more constant than ticks and
-    /// frames are.
+    /// If the transmit command scatters, its frame scatters, too. Therefore only the first of tick, command and air
+    /// that exceeds its bound is reported. The time between cycles is not judged, since it scatters at least as much as
+    /// ticks and frames do.
     pub(super) fn start_over(&mut self, jitter: &Jitter, layout: Layout, context: &Context) {
         let command = if context.worst_case() {
             bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC
@@ -111,7 +111,7 @@ impl Worst {
     }
 }
 
-/// Keeps the greater of two outliers in `worst`. Returns whether there is a `new` one.
+/// Keeps the greater of two outliers in `worst`. Returns whether there is an outlier in `new`.
 fn note(worst: &mut Option<Outlier>, new: Option<Outlier>) -> bool {
     if let Some(new) = new
         && worst.is_none_or(|worst| worst.span.width() < new.span.width())

@@ -5,23 +5,25 @@ use std::collections::VecDeque;
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The time within which the DPR must notice, ns, that HORUS's clock has become implausible or plausible: two windows,
-/// each at most a second and one step long.
+/// The longest time, ns, after which the DPR must have noticed that HORUS's clock has become implausible or plausible:
+/// two intervals of comparison, each at most a second and one step long.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
 
-/// The cycles in sequence over which HORUS's clock is compared with the DPR's: those of the last window and one step.
+/// The cycles in sequence over which HORUS's clock is compared with the DPR's: those of about the last second.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
-    /// The timestamp, ms, of each cycle and the instant at which its sample was taken, ns.
+    /// For each cycle, its timestamp, ms, and the instant, ns, at which its sample was taken.
     samples: VecDeque<(u32, u64)>,
-    /// The last cycle that ended a window in which the clocks of HORUS and the DPR did not certainly agree, ns.
+    /// The instant, ns, of the last cycle at the end of a second in which the clocks of HORUS and the DPR may have
+    /// disagreed.
     disagreed: Option<u64>,
-    /// The last cycle that ended a window in which the clocks of HORUS and the DPR did not certainly disagree, ns.
+    /// The instant, ns, of the last cycle at the end of a second in which the clocks of HORUS and the DPR may have
+    /// agreed.
     agreed: u64,
 }
 
 impl Clocks {
-    /// Returns whether Link-Status calls HORUS's clock implausible after this frame.
+    /// Returns whether Link-Status must, may or must not call HORUS's clock implausible after this frame.
     pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
         let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
         let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);
@@ -32,7 +34,7 @@ impl Clocks {
             self.samples.push_back((timestamp, frame.sampled));
             self.compare();
         } else if frame.received == Certainty::Must {
-            // The sequence is lost or not found, so Link-Status does not call HORUS's clock implausible.
+            // The DPR does not hold a sequence, so Link-Status does not call HORUS's clock implausible.
             *self = Self::default();
         }
         if frame.shown < Certainty::Must {
@@ -41,7 +43,7 @@ impl Clocks {
         self.said(frame.sampled)
     }
 
-    /// Compares the clocks of HORUS and the DPR over the window that ends with the last sample.
+    /// Compares the clocks of HORUS and the DPR over the second that ends with the last cycle.
     fn compare(&mut self) {
         let Some(&(now, at)) = self.samples.back() else { return };
         let full = |sample: Option<&(u32, u64)>| {

@@ -6,17 +6,18 @@ use profile::{Layout, LinkValues};
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// The number of frames that the DPR must count as missed, if it received exactly the frames that are passed to this
-/// counter.
+/// The number of frames that the DPR must count as missed if it received exactly the frames that were recorded here.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
-    /// The last frame: the instant of its sample, ns, its end, ns, and its number.
+    /// The last frame that was certainly received: the instant of its sample, ns, its end, ns, and its number in the
+    /// cycle.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// The number of further missed frames if the DPR received the frames that it may have received since the last
-    /// certain one, and the sample and number of the last such frame.
+    /// The greatest number of further missed frames if the DPR received some of the frames that it may have received
+    /// since the last certain one.
     perhaps: u64,
+    /// The last frame that may have been received: the instant of its sample, ns, and its number in the cycle.
     maybe: Option<(u64, u64)>,
 }
 
@@ -25,9 +26,9 @@ impl Missed {
         Self { frames: layout.frames() as u64, last: None, total: 0, perhaps: 0, maybe: None }
     }
 
-    /// Returns how many frames have become overdue between the last frame and `at`, ns. A frame of the next cycle is
-    /// overdue [`bounds::FRAME_DEADLINE`] after the last frame, and the second frame of the same cycle after
-    /// [`bounds::SECOND_FRAME`].
+    /// Returns the number of frames that have become overdue between the last certain frame and the instant `at`, ns.
+    /// The frames of the next cycle are overdue [`bounds::FRAME_DEADLINE`] after the last frame, and the second frame
+    /// of the same cycle is overdue after [`bounds::SECOND_FRAME`].
     fn overdue(&self, at: u64) -> u64 {
         let Some((_, ended, number)) = self.last else { return 0 };
         let passed = at.saturating_sub(ended);
@@ -38,8 +39,8 @@ impl Missed {
         }
     }
 
-    /// Returns how many frames were due between the last frame and this one, if the samples of the two frames are
-    /// `more` ns farther apart than they seem.
+    /// Returns the number of frames that were due between the last certain frame and `frame`, if the samples of these
+    /// two are `more` ns farther apart than recorded.
     fn between(&self, frame: &Delivery, more: i64) -> u64 {
         self.last.map_or(0, |(sampled, _, number)| self.due((sampled, number), frame, more))
     }
@@ -50,14 +51,14 @@ impl Missed {
         (cycles * self.frames + frame.number as u64).saturating_sub(number + 1)
     }
 
-    /// Returns the greatest number of frames that were due before this frame, whichever of the frames before it were
-    /// received.
+    /// Returns the greatest number of frames that may have been missed before `frame`, whichever of the uncertain
+    /// frames before it were received.
     fn at_most(&self, frame: &Delivery, more: i64) -> u64 {
         let since_maybe = self.maybe.map_or(0, |maybe| self.perhaps + self.due(maybe, frame, more));
         self.between(frame, more).max(since_maybe).max(self.perhaps)
     }
 
-    /// Records a frame that was received.
+    /// Records a frame that was certainly received.
     fn frame(&mut self, frame: &Delivery, band: i64) {
         let overdue = self.overdue(frame.ended.saturating_add_signed(band));
         self.total += self.at_most(frame, band).max(overdue);
@@ -82,11 +83,11 @@ pub(super) struct Counters {
     missed: [Missed; 2],
     /// Whether the DPR has certainly received a frame.
     sure: bool,
-    /// The number of times that it was not certain what the DPR counted.
+    /// How often it was not certain what the DPR counted.
     doubts: u64,
 }
 
-/// The contents of an image with which the counters of later images are compared.
+/// An image's counters, and the possible values at its instant. The counters of later images are compared with these.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Baseline {
     values: LinkValues,
@@ -130,16 +131,16 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Returns the least and the greatest number of missed frames in an image that was published at `at`, ns, up to
-    /// `publication` after the frame or deadline that caused it.
+    /// Returns the least and the greatest number of missed frames that an image may state. The image was published at
+    /// `at`, ns, up to `publication` after the frame or deadline that caused it.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether the counters in `values` are possible in an image of `at`. `next` has the counters with the next
-    /// frame, if that frame may be counted in the image.
+    /// Returns whether the counters in `values` are possible in an image that was published at `at`, ns. If the image
+    /// may also include the next frame, `next` has the counters after that frame.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -153,22 +154,22 @@ impl Counters {
         [least, next.map_or(most, |next| most.max(next.missed(at, publication)[1]))]
     }
 
-    /// Returns whether every object of every frame was either accepted or rejected.
+    /// Returns whether the objects accepted and rejected add up to the number of objects in the frames received.
     pub(super) fn add_up(&self, values: &LinkValues) -> bool {
         let places = self.layout.frame(0).map_or(0, Place::count) as u64;
         u64::from(values.objects_accepted) + u64::from(values.objects_rejected)
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns the contents of this image, published at `at`, with which later images can be compared, if no frame is
-    /// overdue then.
+    /// Returns the counters of this image, which was published at `at`, ns, for comparison with those of later images;
+    /// `None` if a frame was overdue at that instant.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether the counters in `values` have advanced since an earlier image as the frames since then require;
-    /// true if it was not certain what the DPR counted.
+    /// Returns whether the counters in `values` have advanced since the earlier image `before` as the frames since then
+    /// require. Returns true if it was not certain what the DPR counted.
     pub(super) fn follow(
         &self,
         before: &Baseline,

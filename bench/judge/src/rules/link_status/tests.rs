@@ -7,7 +7,7 @@ use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
-/// Returns a function that changes the images published within `times`.
+/// Returns an edit that changes the Link-Status of the images published within `times`.
 fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     move |images| {
         let mut changed = 0;
@@ -19,7 +19,7 @@ fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl
     }
 }
 
-/// Returns a function that changes only the image of this cycle.
+/// Returns an edit that changes the Link-Status of only the image of this cycle.
 fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
     within(run.end(cycle)..run.end(cycle) + MS, change)
 }
@@ -68,7 +68,7 @@ fn the_age_is_saturated_until_an_object_is_accepted() {
 
 #[test]
 fn the_age_counts_from_the_tick_and_not_from_the_frame() {
-    // HORUS keeps its slot, but this tick came 1 ms earlier than the tick that follows from its frame.
+    // HORUS keeps its slot, but in the log this tick is 1 ms earlier than the tick that follows from its frame.
     let run = Run::new(3);
     let mut log = run.log(|_| {});
     for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
@@ -110,7 +110,7 @@ fn each_counter_that_is_off_by_one_is_a_violation() {
 #[test]
 fn counters_that_go_on_wrongly_together_are_wrong() {
     for n in RECEIVERS {
-        // Each wrong Link-Status here counts a damaged object as accepted, or a received frame as missed.
+        // Each Link-Status here counts a damaged object as accepted, or a received frame as missed, which is wrong.
         let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
         let change = |values: &mut LinkValues| {
             values.objects_accepted += 1;
@@ -192,7 +192,7 @@ fn the_flags_of_a_damaged_cycle_say_so() {
 
 #[test]
 fn what_an_image_lacks_is_not_also_a_wrong_flag() {
-    // The flags of an image that lacks its objects may describe what the DPR received or what the image shows.
+    // If an image lacks its objects, its flags may describe what the DPR received or what the image shows.
     for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
         let run = Run::new(3);
         let broken = run.broken(|images| {
@@ -318,7 +318,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(of(&run, 20, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        // In the first image, too, the time must be that since the start, within the time that a start takes.
+        // In the first image, too, the time must be that since the start, but may lack the time that a start takes.
         for (by, wrong) in [(3_i32, true), (-4, false)] {
             let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
             let broken = run.broken(within(0..u64::MAX, change));
@@ -354,7 +354,7 @@ fn an_image_that_fresh_has_not_announced_is_not_asked() {
     let run = Run::new(3);
     let wrong = of(&run, 20, |values| values.age_100us += 50);
     let mut log = run.log(&wrong);
-    // The FRESH wire is stuck at its level.
+    // From this instant on the FRESH wire is stuck at its level.
     log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
     assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
@@ -366,8 +366,8 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each rise of FRESH announces an image, here a number. The rise is repeated 3 ms later with the same image or with
-    // another one.
+    // Each rise of FRESH announces an image, which is a number in this test. FRESH rises again 3 ms later, for the same
+    // image or for another.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];
@@ -427,8 +427,8 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
 }
 
 /// Returns whether a flag is wrong in a run whose last frame is that of cycle 20. The first image that is published
-/// more than 260 ms after that cycle's sample is published `after` the sample, ns, and says that the sequence is held,
-/// or that it is not.
+/// more than 260 ms after that cycle's sample is published `after` ns after the sample. That image says that the
+/// sequence is held, or that it is not, as `held` says.
 fn published_late(after: u64, held: bool) -> bool {
     let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
     let sampled = run.tick(20) + 3 * US;
@@ -442,8 +442,8 @@ fn published_late(after: u64, held: bool) -> bool {
 
 #[test]
 fn the_sequence_is_held_for_26_cycles_plus_the_clock_tolerance() {
-    // The limit is 260 + 2.5 + 5.2 ms, with 0.3 ms to either side. The DPR takes the values of Link-Status up to 0.2 ms
-    // before they can be read.
+    // The limit is 260 + 2.5 + 5.2 ms. Within 0.3 ms of it either value is right. The DPR takes the values of
+    // Link-Status up to 0.2 ms before they can be read.
     assert!(published_late(267_400_000, false));
     assert!(!published_late(267_400_001, false));
     assert!(!published_late(267_400_001, true));
@@ -495,8 +495,8 @@ fn any_number_of_samples_may_follow_the_last_certain_one() {
     snapshot.accept(sample(10), true);
     (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
     let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
-    // The sample that was certainly accepted is 900 ms old, and the newest one 10 ms. Only the oldest samples are
-    // merged, so that a time between two of them is possible.
+    // The sample that was certainly accepted is 900 ms old, and the newest sample is 10 ms old. Only the oldest two
+    // samples are merged, so only between these two any age is possible.
     for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
         assert_eq!(fits(&snapshot, told), fit, "{told}");
     }

@@ -1,5 +1,5 @@
-//! Judges what Port-Status says of the DPR's own health: its clock, its passes over the flash, the faults that these
-//! passes and the scrubs have found, and why the DPR last stopped.
+//! Judges what Port-Status reports about the DPR's own health: its clock, its passes over the flash, the faults that
+//! these passes and the scrubs have found, and the reason for the DPR's last safe state.
 //!
 //! | field | right value |
 //! |---|---|
@@ -17,30 +17,30 @@ use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 
-/// What is known of the DPR by which the health fields of Port-Status are judged.
+/// What the judge needs for judging the health fields of Port-Status.
 #[derive(Clone, Debug)]
 pub(super) struct HealthFields {
-    /// When the DPR last started, ns.
+    /// The instant, ns, at which the DPR last started.
     since: u64,
     /// Whether the DPR may have entered its safe state before its last start.
     stopped: bool,
-    /// Whether the flight controller has used more of the DPR's processor time than it may.
+    /// Whether the flight controller has used more than its share of the DPR's processor time.
     slow: bool,
     last: Option<PortValues>,
 }
 
 impl HealthFields {
-    /// Returns the state after the DPR's supply has come on at `at`, ns.
+    /// Returns the state just after the DPR's supply has come on at the instant `at`, ns.
     pub(super) const fn powered(at: u64) -> Self {
         Self { since: at, stopped: false, slow: false, last: None }
     }
 
-    /// Returns the state after the DPR starts anew at `at` (ns), or loses its supply.
+    /// Returns the state just after the DPR has restarted, or has lost its supply, at the instant `at`, ns.
     pub(super) const fn again(at: u64) -> Self {
         Self { stopped: true, ..Self::powered(at) }
     }
 
-    /// Records that the flight controller uses more of the DPR's processor time than it may.
+    /// Records that the flight controller uses more than its share of the DPR's processor time.
     pub(super) fn slowed(&mut self) {
         self.slow = true;
     }
@@ -54,7 +54,7 @@ impl HealthFields {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        // A Port-Status that was made within the first millisecond has no values yet.
+        // A Port-Status that was made within the first millisecond after the start has no values yet.
         let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];

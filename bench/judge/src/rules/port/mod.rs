@@ -1,15 +1,17 @@
 //! Compares Port-Status, and the uplinks that are read back, with what the flight controller has written.
 //!
-//! The judge works out from the log alone which state each transaction leaves a correct DPR in (`model`). An image that
-//! is published after a transaction's end shows its effect from the second such image on at the latest, and no earlier
-//! image shows it; therefore Port-Status has to follow from one of these transactions. Where something is not certain
-//! (how long a self-test takes), several states are possible, and what is read afterwards shows which of them it was.
+//! From the log alone the judge determines in which state each transaction leaves a correct DPR (`model`). The first
+//! image that is published after a transaction may show the effect of that transaction, the second must show it, and no
+//! image before them shows it. Therefore Port-Status has to follow from one of these transactions. Where the state is
+//! not certain (the duration of a self-test varies), several states are possible, and what is read afterwards
+//! determines which of them it was.
 //!
 //! # What is not required
 //!
-//! - This rule requires nothing while [`Excuse::Service`] holds: how many of the written bytes the DPR received depends
-//!   on its budget and on the clocks with which bits are sampled. Afterwards the judge accepts Port-Status once, while
-//!   no written object is pending, if the number of transactions can have led to it, and compares later values with it.
+//! - This rule requires nothing while [`Excuse::Service`] holds, because the number of written bytes that the DPR
+//!   received then depends on its budget and on the flight controller's clock. After that the judge accepts the values
+//!   of Port-Status once, when no written object is pending, if that number of transactions can have led to them. It
+//!   compares later values with these.
 //! - While [`Excuse::UnsoundImage`] holds, the only requirement is that an object that is not intact is not valid.
 //! - This rule requires nothing of a map that FRESH has not announced in time, because that is another violation.
 
@@ -32,15 +34,15 @@ use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, Wh
 use health::HealthFields;
 use model::{Model, Place, status_in, writes};
 
-/// The number of rises of FRESH that are kept. It is large because a transaction may be long.
+/// The number of rises of FRESH that are kept. It is large because a transaction may be long and span many of them.
 const REMEMBERED: usize = 64;
 
-/// The number of written objects that are kept because Port-Status may not show them yet: more than can be written
-/// between two images.
+/// The number of written objects that are kept because Port-Status may not show their effect yet. It is greater than
+/// the number that can be written between two images.
 const WRITTEN: usize = 128;
 
-/// The longest time, ns, from the making of Port-Status until its publication. An uplink's age is that at the instant
-/// at which Port-Status was made.
+/// The longest time, ns, from the instant at which the DPR makes Port-Status until that Port-Status is published. The
+/// age of an uplink in Port-Status is that at the former instant.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
 /// The longest time from a transaction's end until the DPR has judged what the transaction wrote, with the error of the
@@ -53,7 +55,7 @@ const MS: u64 = 1_000_000;
 /// The states that a correct DPR may have after a transaction.
 #[derive(Clone, Debug)]
 struct Entry {
-    /// When the transaction ended, ns.
+    /// The instant, ns, at which the transaction ended.
     at: u64,
     mosi: Vec<u8>,
     models: Vec<Model>,
@@ -64,19 +66,20 @@ struct Entry {
 pub struct PortRule {
     layout: Layout,
     publication: u64,
-    /// The entries for the transactions, the oldest first; empty if, and only if, the DPR's state is not known.
+    /// The possible states after each transaction, the oldest first; empty if, and only if, the DPR's state is not
+    /// known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// When the last transaction ended that may have changed what Port-Status counts, ns: one that wrote an object, or
-    /// any transaction while the flight controller misused the SSI.
+    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status. This is a
+    /// transaction that wrote an object or, while the flight controller misuses the SSI, any transaction.
     written: u64,
-    /// The values of Port-Status when it was last read, and the number of transactions since then.
+    /// The values of Port-Status when it was last read, and the number of transactions since that reading.
     known: (PortValues, u32),
-    /// The number of access violations in Link-Status and in Port-Status, and the last command's timestamp, as they
-    /// were when no written object was pending; `None` once Port-Status was wrong, which is another violation.
+    /// The number of access violations in Link-Status, that in Port-Status, and the timestamp of the last command, as
+    /// they were when no written object was pending. `None` after a wrong Port-Status, which is another violation.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
-    /// Whether Port-Status has said that its last self-test failed.
+    /// Whether Port-Status has reported that the last self-test failed.
     failed: bool,
 }
 
@@ -124,8 +127,8 @@ impl Rule for PortRule {
 }
 
 impl PortRule {
-    /// Resets the state because the DPR starts and has received nothing yet. `known` says whether it is known what the
-    /// DPR will receive.
+    /// Resets the state because the DPR starts and has received nothing yet. `known` is set if the judge can tell what
+    /// the DPR receives from then on.
     fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
@@ -196,8 +199,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No write is pending, so Port-Status must show the last one, unless an image was replaced by one with the
-            // same content.
+            // No write is pending, so Port-Status must show the last write, unless an image was replaced by an image
+            // with the same content.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -212,8 +215,8 @@ impl PortRule {
             }
             return;
         }
-        // An object that was written before the last but one rise of FRESH must show; one that was written before the
-        // last rise may show.
+        // An object that was written before the last rise of FRESH but one must have its effect on Port-Status. An
+        // object that was written before the last rise may have it.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -224,7 +227,7 @@ impl PortRule {
                 let expected = self.entries[last].models.first();
                 format!("{values:?} instead of {expected:?}")
             });
-            // The violation is reported once, and later values are compared with the Port-Status that was read.
+            // The violation is reported once: from now on the judge compares with the Port-Status that was read.
             self.entries.clear();
             self.counted = None;
             self.known = (values, 0);
@@ -242,8 +245,8 @@ impl PortRule {
     }
 
     /// Judges the number of access violations in Link-Status. Link-Status counts the violations of all kinds together
-    /// since the DPR's start, so its count must grow as the counts in Port-Status do, as long as no command clears
-    /// those.
+    /// since the DPR's start. Therefore its count must grow by as much as the counts in Port-Status, as long as no
+    /// command clears those counts.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -257,8 +260,8 @@ impl PortRule {
         }
     }
 
-    /// Records that the objects written up to entry number `place` show, because nothing else is possible with these
-    /// values.
+    /// Records that Port-Status shows the effect of the objects written up to entry number `place`, because no other
+    /// entry allows these values.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries[place].models.iter_mut().for_each(|model| model.told(values));
@@ -270,7 +273,7 @@ impl PortRule {
         }
     }
 
-    /// Compares both uplinks' bytes in the image, their status bits and their ages with what was written.
+    /// Compares both uplinks in the image (bytes, status bits and ages) with what the flight controller has written.
     fn uplinks(
         &self,
         places: std::ops::RangeInclusive<usize>,
@@ -301,15 +304,15 @@ impl PortRule {
     }
 }
 
-/// Returns whether Port-Status may change from `before` to `now` after `transactions` transactions, if it is not known
-/// what the DPR received of them. Each transaction adds at most one to each counter, and at most two to that of
-/// transactions that are too many. Transactions that were made before Port-Status was `before` may show only later;
-/// there are at most [`bounds::SSI_BUDGET`] of them for each of two images.
+/// Returns whether Port-Status may change from `before` to `now` in `transactions` transactions, if it is not known
+/// what the DPR received in them. Each transaction adds at most one to each counter, except that it adds at most two to
+/// the counter of transactions beyond the budget. In addition, the effect of some transactions may not have been in
+/// `before` yet: at most [`bounds::SSI_BUDGET`] for each of two images.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If the number of commands is equal and the last command differs, a command has cleared the counters, and that
-    // command is counted itself.
+    // If the number of commands is equal and the last command differs, that command has cleared the counters and was
+    // counted after that.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
@@ -335,8 +338,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether a writer's status bit, the age of its uplink (ms) and, if they were read, the bytes of the uplink
-/// may have these values in an image of `published`, ns.
+/// Returns whether Port-Status may state the status bit and the age (ms) of a writer's uplink, in an image that was
+/// published at `published`, ns. The bytes of the uplink are compared as well if they were read.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

@@ -1,5 +1,6 @@
-//! Models what a correct DPR does with the bytes that the flight controller writes: parts of a transaction, kinds of
-//! violation, timestamps, stored uplinks (`profile::port_status`, `profile::uplink`, `profile::command`).
+//! Models what a correct DPR does with the bytes that the flight controller writes. The model covers how a transaction
+//! is divided, which kinds of violation there are, which timestamps are accepted, and which uplinks are stored
+//! (`profile::port_status`, `profile::uplink`, `profile::command`).
 
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Violations};
@@ -8,20 +9,20 @@ use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
 use crate::rules::is_later;
 
-/// The number of bytes that the DPR receives of a transaction: a request, an object, and eight bytes more, which show
-/// whether more than an object was written.
+/// The number of bytes of a transaction that the DPR receives: a request, an object, and eight bytes more. If any of
+/// those eight were written, the transaction wrote too much.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
-/// The number of newer timestamps in a row after which the DPR accepts a writer that restarted.
+/// The number of consecutive newer timestamps after which the DPR accepts a writer whose timestamps had stepped back.
 const ROW: u8 = 3;
 
-/// Returns whether a transaction with this MOSI can change anything that Port-Status or the stored uplinks show.
+/// Returns whether a transaction with these MOSI bytes can change anything in Port-Status or in the stored uplinks.
 pub(super) fn writes(mosi: &[u8]) -> bool {
     let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
     !is_vacant(taken_in)
 }
 
-/// What is known of one writer's timestamps.
+/// What is known of the timestamps of one writer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Timestamps {
     last: Option<u32>,
@@ -43,18 +44,18 @@ impl Timestamps {
     }
 }
 
-/// The uplink that the DPR has stored of one writer.
+/// What the DPR has stored as the uplink of one writer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// It is not known what the DPR has stored.
+    /// It is not known what the DPR has stored for this writer.
     Unknown,
-    /// The DPR has stored nothing.
+    /// The DPR has stored no uplink of this writer.
     Empty,
     /// The DPR has stored these bytes, from a transaction that ended at this instant, ns.
     Stored(Vec<u8>, u64),
 }
 
-/// A state that a correct DPR can be in.
+/// A possible state of a correct DPR.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Model {
     uplinks_accepted: u32,
@@ -74,7 +75,7 @@ pub(super) struct Model {
 enum Test {
     /// No self-test is under way, and the last one ended with this result.
     Idle { passed: bool, failed: bool },
-    /// A self-test was begun at this instant, ns, and may have ended.
+    /// A self-test was begun at this instant, ns, and may have ended since.
     Begun(u64),
 }
 
@@ -83,8 +84,8 @@ impl Test {
         Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
     }
 
-    /// Returns whether the self-test bits of Port-Status may have these values in an image of `at`, ns. A self-test
-    /// that has ended has either passed or failed.
+    /// Returns whether an image that was made at the instant `at`, ns, may have these self-test bits in Port-Status. A
+    /// self-test that has ended has either passed or failed.
     fn fits(self, values: &PortValues, at: u64) -> bool {
         let status = values.status;
         match self {
@@ -96,7 +97,7 @@ impl Test {
 }
 
 impl Model {
-    /// Returns the state that the DPR has at its start.
+    /// Returns the state of the DPR at its start.
     pub(super) fn at_start() -> Self {
         Self {
             uplinks_accepted: 0,
@@ -110,7 +111,7 @@ impl Model {
         }
     }
 
-    /// Returns the state of a DPR of which nothing is known but these values, in an image of `at`, ns.
+    /// Returns the state of a DPR of which only these values of Port-Status are known, from an image made at `at`, ns.
     pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,
@@ -124,7 +125,7 @@ impl Model {
         }
     }
 
-    /// Returns whether Port-Status may have these values in an image of `at`, ns.
+    /// Returns whether Port-Status may have these values in an image that was made at the instant `at`, ns.
     pub(super) fn fits(&self, values: &PortValues, at: u64) -> bool {
         self.uplinks_accepted == values.uplinks_accepted
             && self.commands_carried_out == values.commands_carried_out
@@ -134,15 +135,16 @@ impl Model {
             && self.test.fits(values, at)
     }
 
-    /// Updates the state with the values that Port-Status had. A self-test that Port-Status does not report as running
-    /// has ended.
+    /// Updates the state with the values that Port-Status had. If Port-Status does not report that a self-test is
+    /// running, the self-test has ended.
     pub(super) fn told(&mut self, values: &PortValues) {
         if !values.status.self_test_running() {
             self.test = Test::told(values);
         }
     }
 
-    /// Returns the states that a transaction which ended at `at` (ns) may lead to, for a map of `map_len` bytes.
+    /// Returns the states that are possible after a transaction that ended at `at`, ns, if the DPR's map has `map_len`
+    /// bytes.
     pub(super) fn after(&self, mosi: &[u8], at: u64, map_len: usize) -> Vec<Self> {
         let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
@@ -161,8 +163,8 @@ impl Model {
         states
     }
 
-    /// Returns the states after an object that is not idle was received: an uplink or a command, as docs/design.md#ssi
-    /// and `profile::port_status` describe them.
+    /// Returns the states that are possible after the DPR received an uplink or a command, as docs/design.md#ssi and
+    /// `profile::port_status` describe them. `object` is not idle.
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];
@@ -191,8 +193,8 @@ impl Model {
         })
     }
 
-    /// Returns the states that `then` gives if the timestamp is newer than those before it, and else the state in which
-    /// it is refused; both if the earlier timestamps are not known.
+    /// If the timestamp is newer than those before it, returns the states that `then` returns. Otherwise returns the
+    /// state in which the object was refused. Returns all of these if the earlier timestamps are not known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);
@@ -227,7 +229,7 @@ impl Model {
                 vec![done(cleared)]
             }
             (_, Test::Idle { .. }) => vec![done(Self { test: Test::Begun(at), ..self })],
-            // The self-test that was begun may have ended or not.
+            // The self-test that was begun earlier may have ended or not.
             (_, Test::Begun(_)) => {
                 let refused = self.clone().refused(Violation::CommandBusy);
                 vec![done(Self { test: Test::Begun(at), ..self }), refused]

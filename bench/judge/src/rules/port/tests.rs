@@ -8,7 +8,7 @@ use crate::disturbance::Memory;
 use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
 use crate::{Bytes, Disturbance, Header};
 
-/// The flight controller reads every 4 ms, and FRESH rises every 10 ms.
+/// The time between two transactions of the flight controller. FRESH rises every 10 ms.
 const READS: u64 = 4 * MS;
 
 fn uplink(timestamp: u32, byte: u8) -> Vec<u8> {
@@ -27,8 +27,8 @@ struct Shown {
     stored: Option<(Vec<u8>, u64)>,
 }
 
-/// Returns a log in which each object of `written` is sent at its instant, and the image of each instant 10 ms · n has
-/// the map that `shown` returns for that instant.
+/// Returns a log in which the flight controller sends each object of `written` at its instant, and in which the image
+/// that is published at each multiple of 10 ms has the map that `shown` returns for that instant.
 fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
     let header: Header = header(3);
     let layout = Layout::for_receivers(3).unwrap();
@@ -68,15 +68,15 @@ fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
-/// Returns when the transaction ends, ns, that sends an object written at `at`.
+/// Returns the instant, ns, at which the transaction ends that sends an object written at `at`.
 fn ends(at: u64) -> u64 {
     (at - MS) / READS * READS + MS + MS / 2
 }
 
 const AT: u64 = 101 * MS;
 
-/// Returns the violations that are found for one uplink written at [`AT`]. The images from number `shown_after` after
-/// the end of its transaction show the uplink as `change` changes it.
+/// Returns the violations that are found if one uplink is written at [`AT`]. The uplink shows, changed by `change`, in
+/// the images from number `shown_after` on after the end of the uplink's transaction.
 fn one(shown_after: u64, change: impl Fn(&mut Shown)) -> Vec<(Violation, u64)> {
     let written = [(AT, uplink(1_000, 7))];
     broken(&log(&written, |published| {
@@ -196,7 +196,7 @@ fn every_kind_of_violation_and_every_command_is_followed() {
 #[test]
 fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
     const CLEARED: u64 = 201 * MS;
-    // Link-Status has these counts before and after the command that clears Port-Status's counters.
+    // Link-Status has these two counts, before and after the command that clears the counters of Port-Status.
     let told = |before: u16, after: u16| {
         let clears = command(2_000, Command::ClearCounters);
         let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
@@ -249,7 +249,8 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // Transactions are excused until 220 ms. The last of them ends at 217.5 ms, and shows from 230 ms on at the latest.
+    // Transactions are excused until 220 ms. The last excused one ends at 217.5 ms, and its effect shows from 230 ms on
+    // at the latest.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
@@ -328,7 +329,7 @@ fn insert(log: &mut crate::Log, at: u64, what: What) {
     log.events.insert(place, Event { at, what });
 }
 
-/// Returns the bytes that the transaction read whose chip select fell at `at`.
+/// Returns the bytes that a transaction read; chip select fell for it at `at`.
 fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
         What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
@@ -337,7 +338,7 @@ fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
     read.next().expect("a transaction")
 }
 
-/// Returns the log of one uplink at [`AT`], which each image from `from` on shows.
+/// Returns a log in which one uplink is written at [`AT`], and each image from `from` on shows it.
 fn uplink_shown_from(from: u64) -> crate::Log {
     log(&[(AT, uplink(1_000, 7))], |published| {
         let mut shown = Shown::default();
@@ -349,12 +350,12 @@ fn uplink_shown_from(from: u64) -> crate::Log {
     })
 }
 
-/// When chip select falls for a transaction in which nothing is written, ns.
+/// The instant, ns, at which chip select falls for a transaction that writes nothing.
 const READ: u64 = 205 * MS;
 
 #[test]
 fn each_start_of_the_dpr_clears_what_it_has_accepted() {
-    // At the first start of the DPR, nothing has been received.
+    // At the DPR's first start the DPR has received nothing, so any counter above zero is wrong.
     let counted = |accepted| {
         broken(&log(&[], |_| {
             let mut shown = Shown::default();
@@ -496,7 +497,8 @@ fn a_map_without_a_timely_rise_of_fresh_is_not_judged() {
     }
 }
 
-/// Returns the log of [`uplink_shown_from`] with a rise of FRESH at the instant at which the uplink's transaction ends.
+/// Returns the log of [`uplink_shown_from`], with a further rise of FRESH at the instant at which the uplink's
+/// transaction ends.
 fn ends_as_fresh_rises(from: u64) -> crate::Log {
     let mut log = uplink_shown_from(from);
     for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
@@ -553,8 +555,8 @@ fn the_limits_of_an_uplinks_age() {
     let bytes = uplink(1, 1);
     let zeros = vec![0; Uplink::SIZE];
     let expiry = u64::from(Uplink::EXPIRY_MS);
-    // The check is made for an uplink whose transaction ended `ago` ms before the publication and that is stated to be
-    // `age` ms old.
+    // The uplink's transaction ended `ago` ms before the publication, and the image states that the uplink is `age` ms
+    // old.
     let may = |ago: u64, age: u64| {
         let fresh = age < expiry;
         let read = if fresh { &bytes } else { &zeros };
@@ -570,8 +572,9 @@ fn the_limits_of_an_uplinks_age() {
         );
         shows(&place, (fresh, age), Some(read), PUBLISHED)
     };
-    // Port-Status is made up to four cycles before its publication, and an uplink is judged up to 2 ms after its
-    // transaction's end, so the stated age may be 42 ms less. It may be 1 ms more for the millisecond that has begun.
+    // Port-Status is made up to four cycles before its publication, and the DPR judges an uplink up to 2 ms after its
+    // transaction's end. Therefore the stated age may be 42 ms less than the true age. It may be 1 ms more, because a
+    // millisecond that has begun may count.
     for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
         for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
             assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
@@ -582,7 +585,7 @@ fn the_limits_of_an_uplinks_age() {
     assert!(may(66_000, 65_535));
     assert!(may(65_534, 65_535));
     assert!(!may(65_533, 65_535));
-    // Where the DPR has stored nothing, the uplink is empty in the map; where it is not known what it has stored, the
+    // If the DPR has stored nothing, the uplink is empty in the map. If it is not known what the DPR has stored, the
     // uplink may be anything.
     let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
     assert!(empty((false, u16::MAX), None));
@@ -594,8 +597,8 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have these values if the objects `sent` were sent to the DPR since its start, each
-/// in a transaction of its own.
+/// Returns whether Port-Status may have the values that `change` makes, if the objects `sent` were sent to the DPR
+/// since its start, each in one transaction.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
@@ -604,7 +607,7 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     models.iter().any(|model| model.fits(&values, 0))
 }
 
-/// Returns a transaction that requests nothing and writes this object.
+/// Returns the MOSI bytes of a transaction that requests nothing and writes this object.
 fn writing(object: &[u8]) -> Vec<u8> {
     [&[0; 8], object].concat()
 }
@@ -621,7 +624,8 @@ fn an_uplink_must_be_newer_or_third_of_a_rising_row() {
         (&[1_000, 1, 2], 1, true),
         (&[1_000, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 3, 4], 3, false),
-        // A timestamp that is not newer than the one before it begins a new row of newer timestamps.
+        // If a timestamp is not newer than the one before it, the count of consecutive newer timestamps begins again
+        // with it.
         (&[1_000, 1, 1, 2], 1, true),
         (&[1_000, 1, 1, 2, 3], 2, false),
         (&[1_000, 1, 2, 2_000, 3, 4], 2, true),

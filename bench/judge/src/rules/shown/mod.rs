@@ -1,4 +1,5 @@
-//! Compares the objects that transactions read with those that reached the DPR's antenna: absence, sequence, age.
+//! Compares the objects that transactions read with those that reached the DPR's antenna: are objects missing, out of
+//! sequence or too old?
 //!
 //! An object, or a cycle, is *shown* if a transaction reads it as valid. What is shown is compared with two records:
 //! what HORUS put on the air ([`crate::truth`]), and which part of that reached the DPR's antenna, after loss, damage,
@@ -11,35 +12,35 @@
 //! | the object | violation |
 //! |---|---|
 //! | HORUS never sent these bytes as this object | `ShownNeverSent` |
-//! | no frame that may be shown brought it: out of sequence, or not at the antenna | `ShownOutOfSequence` |
+//! | no frame that may be shown brought it: it was out of sequence, or not at the antenna | `ShownOutOfSequence` |
 //! | its image has expired | `ShownExpired` |
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data that stay in the image become expired data. That is one cause, so stale data are reported only when they
-//! are gone without having expired.
+//! Stale data that stay in the image later become expired data. Both have one cause, so stale data are reported only if
+//! they disappear before they have expired.
 //!
-//! `NotShown` is a cycle that must be shown and is in no transaction; `Vacant` is an object that is missing where
-//! others of its cycle are shown. Both concern only transactions that began after the image had to be readable and
-//! before the next image could be. They do not apply where the bytes of the object are another violation: one of the
-//! table above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged here, because rule `ssi`
-//! judges whether it may do so.
+//! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
+//! while others of its cycle are shown. Both apply only to transactions that began after the cycle's image had to be
+//! readable and before the next image could be readable. They do not apply where the bytes of the object are another
+//! violation: one of the table above, or damage (rule `ssi`). A transaction that reads 0xFF throughout is not judged
+//! here, because rule `ssi` judges whether it may do so.
 //!
 //! # A DPR that hangs
 //!
-//! From the instant at which the bench has the DPR hang until the DPR's next start, nothing new must be shown. Data
+//! From the instant at which the bench stops the DPR's core until the DPR's next start, nothing new must be shown. Data
 //! that the DPR's processor would have removed may stay: they are not stale if the deadline had not passed by that
-//! instant. An expired image must not be read even then, since expiry takes no processor. A DPR with a dead task is
-//! judged in the same way, except that the rest of its firmware may show what it receives.
+//! instant. An expired image must not be read even then, because its expiry needs no processor. A DPR with a dead task
+//! is judged in the same way, except that the rest of its firmware may show what it receives.
 //!
 //! # Limits
 //!
-//! - An image may stay although the next frame was received and brought nothing that may be shown. The violation is
-//!   then found only when the image's deadline or its 25 ms have passed.
+//! - After a frame that the DPR received but that brought nothing that may be shown, the image before it may stay. Such
+//!   an image is reported only when its deadline or its 25 ms have passed.
 //! - A transaction that takes longer than a second is not judged, because the frames from which its bytes may have come
 //!   are not kept for so long.
 //! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that reached the antenna may be shown. When
-//!   an [`Excuse::Withdrawal`] begins, a cycle that no transaction had to show before need not be shown any more.
+//!   an [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
 
 mod recovery;
 #[cfg(test)]
@@ -59,24 +60,24 @@ use crate::read::{Placed, Reading, State, Values};
 use crate::truth::KEPT;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
-/// The number of cycles that are kept while a transaction that may show them does not end.
+/// The greatest number of cycles that are kept because a transaction that may show them has not ended.
 const WAITING: usize = 16;
 
 /// A cycle that must be shown.
 #[derive(Clone, Debug)]
 struct Due {
-    /// The cycle's frame; if the cycle has two frames, the last one.
+    /// The last frame of the cycle.
     frame: Delivery,
     timestamp: u32,
     /// The objects of the cycle that must be shown: bit n stands for object n.
     objects: u8,
-    /// The instant from which on a transaction must show the cycle, ns.
+    /// The instant, ns, from which on a transaction has to show the cycle.
     from: u64,
-    /// The instant until which a transaction must show the cycle, ns.
+    /// The instant, ns, before which a transaction has to show the cycle.
     until: u64,
-    /// When chip select fell for the first transaction that had to show the cycle but did not, ns.
+    /// The instant, ns, at which chip select fell for the first transaction that had to show the cycle but did not.
     asked: Option<u64>,
-    /// Whether a transaction showed the cycle, or showed in place of it data that are another violation.
+    /// Whether a transaction showed the cycle, or showed data in its place that are another violation.
     answered: bool,
 }
 
@@ -84,7 +85,7 @@ struct Due {
 #[derive(Clone, Debug)]
 struct LastShown {
     bytes: Vec<u8>,
-    /// The instant from which on the object has expired, ns.
+    /// The instant, ns, after which the object has expired.
     expired: u64,
 }
 
@@ -105,7 +106,7 @@ pub struct Shown {
     deliveries: VecDeque<Delivery>,
     due: VecDeque<Due>,
     known: Vec<Option<LastShown>>,
-    /// For each object, the serial number of the latest frame from which it was shown.
+    /// For each object, the serial number of the latest frame whose object was shown.
     youngest: Vec<u64>,
     stale: Option<Stale>,
     selected: Option<u64>,
@@ -119,13 +120,13 @@ pub struct Shown {
 enum Fate {
     /// The object may be shown.
     Right {
-        /// The serial number of the frame that the object is from.
+        /// The serial number of the frame that brought the object.
         serial: u64,
-        /// When the first preamble bit of the frame that the object is from began, ns.
+        /// The instant, ns, at which the first preamble bit of that frame began.
         started: u64,
     },
-    /// The object must not be shown: the violation, the serial number of the frame that the object is from, and the
-    /// violation in words.
+    /// The object must not be shown. The fields are the violation, the serial number of the frame that brought the
+    /// object, and the violation in words.
     Wrong(Violation, u64, String),
 }
 
@@ -159,8 +160,8 @@ impl Rule for Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
-            // If the image of a frame did not have to be readable when the DPR began to hang, that image may never
-            // become readable.
+            // The image of a frame that did not have to be readable when the DPR began to hang may never become
+            // readable.
             What::Hung { board: Board::Dpr } => {
                 self.due.retain(|due| due.from <= event.at);
                 let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
@@ -171,11 +172,11 @@ impl Rule for Shown {
                     }
                 }
             }
-            // The DPR removes an image in which the disturbed bit is, and may do so before anybody has read it.
+            // The DPR removes the image that contains the disturbed bit, possibly before any transaction has read it.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
-            // A frame that the DPR's front end had not handed over when the disturbance began is lost.
+            // A frame is lost if the DPR's front end had not handed it over when the disturbance began.
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
@@ -217,7 +218,7 @@ impl Shown {
         let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
         let mut timestamp = delivery.timestamp;
         if let Some(before) = self.due.back_mut() {
-            // A new image may follow this frame, whatever the frame brings.
+            // Whatever this frame brings, the DPR may publish a new image after it.
             before.until = before.until.min(ended);
             if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
                 objects |= before.objects;
@@ -234,9 +235,9 @@ impl Shown {
         self.deliveries.push_back(delivery);
     }
 
-    /// Judges each cycle whose time to be shown is over at `now`, or with `all` every cycle.
+    /// Judges each cycle that no later transaction has to show after `now`; with `all`, judges every cycle.
     fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
-        // A transaction that began in time and has not ended may still show the cycle.
+        // A transaction that began before the end of that time, and has not ended, may still show the cycle.
         let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
         while let Some(due) = self.due.front() {
             let over = now > due.until && !open(due, self.selected);
@@ -293,7 +294,8 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data when they are not shown any more, unless they have expired by then.
+    /// Reports stale data when they are no longer shown, unless they have expired by then. `now` is the stale data that
+    /// the present transaction shows, if any.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -304,7 +306,7 @@ impl Shown {
         }
     }
 
-    /// Judges whether a transaction that began at `selected` may show a valid object.
+    /// Judges whether a transaction that began at `selected` may show the valid object `placed`.
     fn judge(&mut self, placed: &Placed, selected: u64, context: &Context) -> Fate {
         let dpr = context.running(Board::Dpr);
         let hung = dpr.hung.or(dpr.dead);
@@ -333,7 +335,8 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns when the image expires that may show an object at `selected`, ns; `None` if no image may show it.
+    /// Returns the instant, ns, at which the image expires that shows this object to a transaction that began at
+    /// `selected`; `None` if no image may show the object.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -346,18 +349,20 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // A later frame brought the object again, and its image must have replaced the earlier one.
+            // A later frame brought the object again and was rejected, so its image must have replaced the earlier
+            // image.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
         }
-        // The object was rightly shown before and is still in the image, although its frame is no longer kept.
+        // The object was shown before, as it had to be, and is still in the image, although its frame is no longer
+        // kept.
         let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
         known.map(|known| known.expired)
     }
 
-    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, what the transaction shows is
-    /// another violation.
+    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, the transaction has another
+    /// violation, and no cycle is missing because of it.
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {
@@ -387,7 +392,7 @@ impl Shown {
         }
     }
 
-    /// Records whether a transaction brought a valid position.
+    /// Records whether a transaction read a valid position.
     fn position(&mut self, reading: &Reading) {
         let Some(reported) = reading.objects.iter().find(|placed| placed.index == 0) else { return };
         match &reported.state {
@@ -403,12 +408,12 @@ impl Shown {
     }
 }
 
-/// Returns how long the image of a frame waits for the second frame of its cycle, ns.
+/// Returns how long the DPR waits after this frame for the second frame of its cycle, ns.
 fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
     if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }
 
-/// Returns the longest time from the frame or deadline that causes an image until the image is readable, ns.
+/// Returns the longest time, ns, from the frame or deadline that causes an image until the image is readable.
 #[must_use]
 pub fn publication(worst_case: bool) -> u64 {
     if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }

@@ -1,32 +1,38 @@
 //! Judges how long it takes from the end of a disturbance until the flight controller reads an object that HORUS sent
 //! after it.
 //!
-//! A disturbance is here: an injected fault that goes away again, a restart of either board, a supply that goes off or
-//! on, a frame that reaches the DPR's antenna otherwise than HORUS sent it, and a hang that the bench brought about. A
-//! hang ends when the board restarts, by its watchdog or otherwise. After the end of each disturbance the link has a
-//! number of cycles to recover: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be
-//! brought up again. If disturbances overlap, or follow each other before the link has recovered, their last end
-//! counts, and the link has until the latest instant that any of them allows.
+//! In this module a disturbance is one of these:
 //!
-//! A late recovery is a violation only if since the beginning of the disturbance no violation was found that keeps
-//! HORUS's samples from being read ([`keeps_from_reading`]): one cause is reported once.
+//! - an injected fault that ends,
+//! - a restart of either board,
+//! - a supply that goes off or on,
+//! - a frame that reaches the DPR's antenna otherwise than HORUS sent it,
+//! - a hang that the bench causes; it ends when the board restarts, by its watchdog or otherwise.
+//!
+//! After the end of a disturbance the link must recover within [`bounds::RECOVERY_CYCLES`] cycles, or within
+//! [`bounds::BRING_UP_CYCLES`] cycles where a front end has to be brought up again. If disturbances overlap, or follow
+//! each other before the link has recovered, the recovery is measured from the end of the last one, and the link has
+//! until the latest instant that any of them allows.
+//!
+//! A late recovery is not reported if a violation that keeps HORUS's samples from being read ([`keeps_from_reading`])
+//! was found since the beginning of the disturbance, because one cause is reported once.
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// The time before the end of the run, ns, in which the end of a disturbance is not measured. It is longer than any
+/// How long before the end of the run the ends of disturbances are no longer measured, ns. This is longer than any
 /// recovery may take, and longer than a watchdog takes to bite.
 const TAIL: u64 = 400_000_000;
 
-/// Disturbances from which the link has not recovered yet, or from which it has recovered together.
+/// Disturbances that count as one, because the link did not recover between them.
 #[derive(Clone, Copy, Debug)]
 struct Causes {
-    /// The end of the last disturbance, ns.
+    /// The instant, ns, at which the last of the disturbances ended.
     since: u64,
-    /// The instant by which the link must have recovered, ns.
+    /// The instant, ns, by which the link must have recovered.
     due: u64,
     /// Whether a front end must be brought up again after one of the disturbances.
     bring_up: bool,
-    /// The number of violations that explain a late recovery, as found when the first of the disturbances began.
+    /// The number of violations that explain a late recovery, as counted when the first of the disturbances began.
     told: u64,
 }
 
@@ -40,20 +46,21 @@ pub(super) struct Longest {
     pub(super) without_bring_up: Option<u64>,
 }
 
-/// The disturbances from which the link recovers, and how long it took after each.
+/// The disturbances from which the link has to recover, and how long the recoveries took.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
-    /// The disturbances after which nothing that HORUS sent later has been read yet.
+    /// The disturbances from which the link has not recovered: no object that HORUS sent after them has been read.
     causes: Option<Causes>,
-    /// Whether the recovery from the present disturbances has been reported as late.
+    /// Whether the recovery that is awaited now has been reported as late.
     late: bool,
-    /// Whether each board is without a supply, so that the disturbance has not ended yet.
+    /// Whether HORUS and the DPR are without a supply, so that a disturbance has not ended yet.
     off: [bool; 2],
-    /// Whether each board hangs, so that the disturbance has not ended yet.
+    /// Whether HORUS and the DPR hang, so that a disturbance has not ended yet.
     hung: [bool; 2],
-    /// The disturbances of the last [`TAIL`], each with the instant at which an object sent after it was read, ns.
+    /// The disturbances that ended within the last [`TAIL`] and from which the link has recovered, each with the
+    /// instant, ns, at which the transaction began that read an object sent after it.
     recent: Vec<(Causes, u64)>,
-    /// The last frame that HORUS sent: when its first bit began, ns, and its bytes.
+    /// The last frame that HORUS sent: the instant, ns, at which its first bit began, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
     longest: Longest,
 }
@@ -63,7 +70,7 @@ impl Recovery {
     pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
         self.settle(event.at, findings);
         match &event.what {
-            // A fault that never goes away is no disturbance here, because the link cannot recover from it.
+            // A fault that never ends is not a disturbance in this module, because the link cannot recover from it.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
                 let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
@@ -76,7 +83,7 @@ impl Recovery {
                 self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
-            // The power-on of both boards at the beginning of the run is no disturbance.
+            // The power-on of both boards at the beginning of the run is not a disturbance.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
                 self.hung[*board as usize] = false;
@@ -111,7 +118,7 @@ impl Recovery {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// Records that a transaction that began at `selected` showed an object of a frame whose first bit was at
+    /// Records that a transaction which began at `selected`, ns, showed an object of a frame whose first bit was at
     /// `started`, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
@@ -122,7 +129,7 @@ impl Recovery {
         }
     }
 
-    /// Counts the disturbances that lie far enough back in the run to be measured.
+    /// Measures the recovery from each disturbance that ended long enough before `now`.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
         if let Some(causes) = self.causes
@@ -146,7 +153,8 @@ impl Recovery {
         });
     }
 
-    /// Returns the longest recoveries. For one that is not complete at `end`, the time until then counts.
+    /// Returns the longest recoveries. For a recovery that is not complete at `end`, the end of the run, the time until
+    /// `end` counts.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
         let open = self.is_open();
@@ -174,8 +182,7 @@ fn told(findings: &Findings) -> u64 {
     findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
 
-/// Returns whether a violation means that something is missing between HORUS's tick and the flight controller's
-/// reading.
+/// Returns whether a violation means that a sample may be lost on the way from HORUS's tick to the flight controller.
 const fn keeps_from_reading(violation: Violation) -> bool {
     matches!(
         violation,
@@ -201,7 +208,8 @@ const fn keeps_from_reading(violation: Violation) -> bool {
     )
 }
 
-/// Reports that the link recovered late, unless a violation that was found since the disturbance explains it.
+/// Reports that the link recovered late, unless a violation that was found since the beginning of the disturbance
+/// explains it.
 fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     if told(findings) > causes.told {
         return;
@@ -217,7 +225,7 @@ fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     });
 }
 
-/// Returns the number of cycles of 10 ms that begin in `from..to`, at least one.
+/// Returns the number of cycles of 10 ms that begin in the time `from..to`, but at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
 }

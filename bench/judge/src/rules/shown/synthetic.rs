@@ -1,8 +1,8 @@
-//! Makes a log of a HORUS, an air and a DPR that follow the design, for the tests of the rules `shown` and
-//! `link_status`.
+//! Makes the log of a synthetic run, in which HORUS, the air and the DPR follow the design. The tests of the rules
+//! `shown` and `link_status` use it.
 //!
-//! The DPR is a small model of its own. It shows what `profile::sequence` says, which the firmware uses and the judge
-//! does not, and its deadlines are events, one after the other.
+//! The DPR is a small model. It shows what `profile::sequence` permits, which the firmware uses and the judge does not.
+//! The model's deadlines are events that it processes one after the other.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub(crate) const MS: u64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) enum Air {
     Lost,
-    /// These objects of the profile are damaged by the air.
+    /// The air damages these objects of the profile.
     Hit(Vec<usize>),
     /// The frame arrives late by this time, ns.
     Delayed(u64),
@@ -35,10 +35,10 @@ pub(crate) enum Air {
 /// An image as the DPR publishes it.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
-    /// When FRESH rises, ns.
+    /// The instant, ns, at which FRESH rises.
     pub(crate) at: u64,
     pub(crate) link: LinkValues,
-    /// The bytes of each object in the image; zeros where there is no object.
+    /// The bytes of each object in the image; zeros where the image has no object.
     pub(crate) places: Vec<Vec<u8>>,
     /// The instant until which the image can be read, ns.
     pub(crate) expires: u64,
@@ -51,12 +51,13 @@ impl Image {
     }
 }
 
-/// The description of a run, from which a log is made.
+/// The description of a run, from which its log is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub(crate) n: usize,
     pub(crate) cycles: u32,
-    /// The effects of the air, each with the number of its cycle, from 1, and of its frame in the cycle, from 0.
+    /// The effects of the air. The key is the number of the cycle, from 1, and the number of the frame in that cycle,
+    /// from 0.
     pub(crate) hits: BTreeMap<(u32, usize), Air>,
     /// The cycles before which HORUS restarts: its timestamps begin anew, and its ticks move.
     pub(crate) horus_starts: Vec<u32>,
@@ -64,13 +65,15 @@ pub(crate) struct Run {
     pub(crate) frozen: Vec<u32>,
     /// The length of HORUS's cycle, ns.
     pub(crate) period: u64,
-    /// When the DPR restarts, ns, and why.
+    /// The instant, ns, at which the DPR restarts, the cause, and the reason that it states.
     pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
-    /// The flight controller's cycle, ns, and the number of bytes that it reads.
+    /// The length of the flight controller's cycle, ns.
     pub(crate) control: u64,
+    /// The number of bytes that each transaction reads.
     pub(crate) length: usize,
-    /// The instant of the only transaction, ns; `None` if there is one in each cycle of the flight controller.
+    /// The instant, ns, at which the only transaction begins; `None` if there is one in each cycle of the flight
+    /// controller.
     pub(crate) only: Option<u64>,
     pub(crate) clock: &'static str,
 }
@@ -112,13 +115,13 @@ impl Run {
         Layout::for_receivers(self.n).unwrap()
     }
 
-    /// Returns when the cycle's tick comes, ns.
+    /// Returns the instant, ns, of the cycle's tick.
     pub(crate) fn tick(&self, cycle: u32) -> u64 {
         let starts = self.horus_starts.iter().filter(|start| **start <= cycle).count() as u64;
         20 * MS + u64::from(cycle) * self.period + starts * 63_700 * US
     }
 
-    /// Returns when the last frame of the cycle ends as HORUS sends it, ns.
+    /// Returns the instant, ns, at which the last frame of the cycle ends as HORUS sends it.
     pub(crate) fn end(&self, cycle: u32) -> u64 {
         self.tick(cycle) + age_at_end(self.layout(), air::frames(self.n) - 1) + 3 * US
     }
@@ -268,7 +271,8 @@ const OWN: [Violation; 11] = [
     Violation::LinkTime,
 ];
 
-/// Returns only the violations of the rules `shown` and `link_status`, because the log lacks what other rules need.
+/// Returns the violations of the rules `shown` and `link_status` alone, because the log lacks what the other rules
+/// need.
 pub(crate) fn kinds(verdict: &Verdict) -> Vec<Violation> {
     verdict.kinds().filter(|kind| OWN.contains(kind)).collect()
 }
@@ -281,23 +285,24 @@ enum Due {
     Cycle,
 }
 
-/// A DPR that follows the design. Its clock counts µs from its start.
+/// The model of a DPR that follows the design. Its clock counts µs from its start.
 #[derive(Clone, Debug)]
 struct Dpr {
     layout: Layout,
     since: u64,
     reason: ResetReason,
     sequence: Sequence,
-    /// The state of the sequence after the last frame of which an image has been published.
+    /// The state of the sequence after the last frame whose image has been published.
     told: Sequence,
-    /// The frames of the current cycle that have arrived, as bits, and whether the cycle is shown.
+    /// The frames of the current cycle that have arrived, as bits.
     seen: u8,
+    /// Whether the current cycle is in sequence, and so is shown.
     in_sequence: bool,
     frozen: bool,
     restarted: Option<u64>,
     reported: Option<u64>,
     counts: [u32; 4],
-    /// The last frame that arrived: the instant of its sample, and its number.
+    /// The last frame that arrived: the instant of its sample, ns, and its number in the cycle.
     last: Option<(u64, usize)>,
     counted: u32,
     due: Due,
@@ -337,8 +342,8 @@ impl Dpr {
         (at - self.since) / US
     }
 
-    /// Runs the model until `end` with the frames `heard`; those that arrive within 30 ms after its start are not
-    /// received.
+    /// Runs the model until `end`. The frames in `heard` reach its antenna; those that arrive within 30 ms after its
+    /// start are not received.
     fn run(mut self, heard: &[(u64, Vec<u8>, bool)], end: u64, images: &mut Vec<Image>) {
         let listens = self.since + 30 * MS..end;
         for (at, payload, _) in heard.iter().filter(|(at, ..)| listens.contains(at)) {

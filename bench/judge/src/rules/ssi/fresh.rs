@@ -2,19 +2,19 @@
 //!
 //! # What FRESH announces
 //!
-//! From the rise of FRESH on, a transaction brings the new image, or 0xFF throughout while that image is being put in,
-//! but never an older one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
+//! After a rise of FRESH, a transaction reads the new image, or 0xFF throughout while the DPR is putting that image in,
+//! but never an older image (docs/design.md#publication, `dpr_fw::publish`). The DPR raises FRESH
 //!
-//! - before the processor gives the SSI's buffers back, so that no image is readable without FRESH;
-//! - at once if a transaction is under way, which still brings the image before.
+//! - before the processor gives the SSI's buffers back, so that no image is readable before FRESH has announced it;
+//! - at once if a transaction is under way, which still reads the image before.
 //!
-//! Therefore the bytes that a transaction would read may not be known at the rise itself. Then the first evidence after
-//! the rise counts: the bytes that could be read when FRESH falls, or those of a transaction that began after the rise.
-//! Whether the image becomes readable in time depends on how long the processor holds the buffers. FRESH rises for each
-//! publication, including that of an image without objects at the missed-frame deadline.
+//! Therefore it may not be known at the rise which bytes a transaction would read. The first evidence after the rise
+//! counts: the bytes that a transaction would have read when FRESH falls, or the bytes of a transaction that began
+//! after the rise. Whether the image becomes readable in time depends on how long the processor holds the buffers.
+//! FRESH rises for each publication, including that of the image without objects that follows a missed frame.
 //!
-//! The image that a transaction brings must have been announced before its chip select fell. An image for which FRESH
-//! rises later is put in only after the transaction's end.
+//! The image that a transaction reads must have been announced before chip select fell for that transaction. An image
+//! for which FRESH rises later becomes readable only after the transaction's end.
 
 use std::collections::VecDeque;
 
@@ -26,11 +26,11 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// The number of rises of FRESH that are kept: more than there are during a transaction, unless the flight controller
-/// hangs for long.
+/// The number of rises of FRESH that are kept. It is greater than their number within a transaction, unless the flight
+/// controller hangs for long.
 const REMEMBERED: usize = 64;
 
-/// The features of an image by which it is told apart from others.
+/// The features by which one image is distinguished from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mark {
     link: Option<LinkValues>,
@@ -39,15 +39,16 @@ struct Mark {
 }
 
 impl Mark {
-    /// Returns the features of the image that a transaction read; `None` if too little of it was read.
+    /// Returns the features of the image that a transaction read; `None` if the transaction read too little of the
+    /// image.
     fn of(reading: &Reading) -> Option<Self> {
         let mark = Self { link: reading.link.and_then(Result::ok), stamp: reading.timestamp() };
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Returns whether the image was made after the image of `before`. If both have the same time and counts, the one
-    /// with the greater age is newer. If their status differs, the order cannot be determined. An image without objects
-    /// may withdraw the objects of the other image within a millisecond.
+    /// Returns whether this image was made after the image `before`. If the two have the same time and the same
+    /// counters, the one with the greater age is newer. If their status differs, the order cannot be determined. An
+    /// image without objects may follow an image with objects within the same millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
@@ -64,8 +65,8 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether these are features of the same image; `None` if that is not known. A cycle is shown by one
-    /// image, but its timestamp recurs after a restart of HORUS.
+    /// Returns whether the two sets of features may be those of one image; `None` if that is not known. Each cycle is
+    /// shown by one image, but the cycle's timestamp recurs after a restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -75,9 +76,9 @@ impl Mark {
         }
     }
 
-    /// Returns whether these are certainly features of the same image. Two images may be made within one millisecond,
-    /// but then their counts differ. Without Link-Status it is not certain, since timestamps recur after a restart of
-    /// HORUS.
+    /// Returns whether the two sets of features certainly are those of one image. Two images may be made within one
+    /// millisecond, but then their counters differ. Without Link-Status it is never certain, since timestamps recur
+    /// after a restart of HORUS.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links
@@ -88,12 +89,12 @@ impl Mark {
 #[derive(Clone, Copy, Debug)]
 struct Claim {
     rose: u64,
-    /// The features of the image that the rise of FRESH announces, once they are known.
+    /// The features of the image that this rise announces; `None` as long as they are not known.
     mark: Option<Mark>,
-    /// Whether it has been reported that the rise of FRESH was not justified.
+    /// Whether this rise has been reported as not justified.
     told: bool,
-    /// Whether it has been reported that an image was read that differs from the announced one, so that no rise of
-    /// FRESH announced it.
+    /// Whether an image that differs from the one that this rise announces has been read and reported, because no rise
+    /// of FRESH announced it.
     unannounced: bool,
 }
 
@@ -103,19 +104,19 @@ impl Claim {
     }
 }
 
-/// The rises of FRESH, and what has been read.
+/// The rises of FRESH, and the newest data that transactions have read.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claims {
     /// The rises of FRESH, in order of time.
     claims: VecDeque<Claim>,
-    /// The bytes that FRESH announced last, if they are unsound; empty otherwise.
+    /// The bytes that FRESH announced last, if they are an unsound image; empty otherwise.
     condemned: Vec<u8>,
-    /// The newest timestamp that a transaction read, ms.
+    /// The newest timestamp, ms, that a transaction has read.
     newest: Option<u32>,
 }
 
 impl Claims {
-    /// Records a rise of FRESH. `excused` says whether there is a reason that no transaction could begin.
+    /// Records a rise of FRESH. `excused` is set if there is a reason why no transaction could begin.
     pub(super) fn rise(
         &mut self,
         rose: u64,
@@ -153,8 +154,8 @@ impl Claims {
         }
     }
 
-    /// Judges the image `offered`, which could be read at or after the last rise of FRESH and which that rise
-    /// announced.
+    /// Judges the image `offered`, which the last rise of FRESH announced, and which was readable at that rise or after
+    /// it.
     fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
@@ -165,7 +166,7 @@ impl Claims {
         }
         claim.mark = Mark::of(offered);
         let Some(mark) = claim.mark else { return };
-        // If an image was read before FRESH rose for it, FRESH may still rise late.
+        // If an image was read before FRESH rose for it, that rise may still follow late.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
         let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
@@ -191,7 +192,7 @@ impl Claims {
             && marks().any(|mark| mark.stamp != Some(stamp) && mark.link == Some(link))
     }
 
-    /// Judges a transaction that brought a sound image.
+    /// Judges a transaction that read a sound image.
     pub(super) fn transaction(
         &mut self,
         reading: &Reading,
@@ -201,7 +202,7 @@ impl Claims {
     ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
-        // Objects that are older than objects read before are judged by another rule.
+        // Another rule reports objects that are older than objects read before.
         let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
         let announced = self.claims.partition_point(|claim| claim.rose <= selected);
         if announced == 0 && self.claims.len() == REMEMBERED {
@@ -236,7 +237,7 @@ impl Claims {
                 }
             }
             Some(_) => {
-                // From now on the image that was read counts as the present one.
+                // The judge reports this once: from now on the image that was read counts as the announced one.
                 (claim.mark, claim.unannounced) = (Some(mark), true);
                 if regressed {
                     return;
@@ -297,7 +298,8 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
-        // Two sets of features may be of one image if neither its time nor the timestamp of its objects differs.
+        // If neither their times nor the timestamps of their objects differ, two sets of features may be those of one
+        // image.
         let times = Mark { link: Some(link), stamp: None };
         let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
         let next = Mark { stamp: Some(100), ..whole };

@@ -1,5 +1,5 @@
-//! Measures how soon after its tick and its last bit a cycle is readable, and keeps the objects that HORUS sent in the
-//! last cycles.
+//! Measures the time from a cycle's tick, and from its last bit, until the cycle is readable. Keeps the objects that
+//! HORUS sent in the last cycles.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -10,40 +10,41 @@ use crate::bounds;
 use crate::read::Frame;
 use crate::{Findings, Max, Quantiles, Violation};
 
-/// The number of cycles that are kept. They span far more than the age of any image.
+/// The number of cycles that are kept. Together they last much longer than an image is readable.
 const REMEMBERED: usize = 100;
 
-/// The number of ticks that are kept. A few are enough, because a frame is sent within its cycle.
+/// The number of ticks that are kept. A few are enough, because each frame is sent within its cycle.
 const TICKS: usize = 4;
 
-/// A cycle of HORUS, and how its objects became readable.
+/// A cycle of HORUS, and what is known about when it became readable.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
     stamp: u32,
-    /// When the cycle's sample was taken, ns, if there was a tick before its first frame.
+    /// The instant, ns, at which the cycle's sample was taken; `None` if there was no tick before its first frame.
     tick: Option<u64>,
-    /// When the cycle's frames began, ns.
+    /// The instants, ns, at which the cycle's frames began.
     started: [Option<u64>; 2],
-    /// When the last bit of the cycle's last frame reached the DPR's antenna, ns, if the frame was not delayed. If the
-    /// DPR may have missed the frame and the frame came again, its last arrival counts.
+    /// The instant, ns, at which the last bit of the cycle's last frame reached the DPR's antenna; `None` if the frame
+    /// was delayed. If the DPR may have missed the frame and the frame came again, this is its last arrival.
     last_bit: Option<u64>,
     /// Whether the DPR may have missed the cycle's last frame.
     may_be_missed: bool,
-    /// The longer time, ns, within which the cycle must be readable after its last bit, if one applies. It applies if
-    /// the LEN of the frame was damaged on the air, or may be damaged in the DPR's buffer, because then the DPR cannot
-    /// read the objects while they arrive, nor recognise the second frame of its cycle. It also applies if the DPR may
-    /// have missed the second of two frames, because the first one alone is shown when the second is overdue.
+    /// The longer time, ns, within which the cycle must be readable after its last bit; `None` if the usual time
+    /// applies. The longer time applies in two cases. In the first, the LEN of the frame was damaged on the air, or may
+    /// be damaged in the DPR's buffer, so the DPR cannot read the objects while they arrive, nor recognise the second
+    /// frame of the cycle. In the second, the DPR may have missed the second of two frames, so it shows the first one
+    /// alone when the second is overdue.
     longer: Option<u64>,
     /// Whether the cycle has become readable.
     readable: bool,
     /// Whether the cycle became readable too late.
     late: bool,
-    /// The objects that were sent in the cycle; bit 0 is Reported-Position.
+    /// The objects that HORUS sent in the cycle: bit 0 is Reported-Position, bit n is GPSn.
     objects: u8,
     profile: Vec<u8>,
 }
 
-/// The last cycles of HORUS, and the figures of how soon they were readable.
+/// The last cycles of HORUS, and the measured times until they were readable.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cycles {
     cycles: VecDeque<Cycle>,
@@ -89,8 +90,9 @@ impl Cycles {
         }
     }
 
-    /// Records that the DPR's front end fails at `at`, ns. A frame that the front end has not handed over by then is
-    /// lost. If it is the second of two, the first one alone is shown when the second is overdue.
+    /// Records that the DPR's front end fails at the instant `at`, ns. A frame that the front end has not handed over
+    /// by then is lost. If that frame is the second of two, the DPR shows the first one alone when the second is
+    /// overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -98,8 +100,8 @@ impl Cycles {
         }
     }
 
-    /// Records a whole frame that reached the DPR's antenna with its last bit at `ended`. `len` is its LEN if the DPR
-    /// knows it. `may_be_missed` says whether the DPR may miss the frame.
+    /// Records a whole frame whose last bit reached the DPR's antenna at `ended`. `len` is the frame's LEN, if the DPR
+    /// can read it. `may_be_missed` is set if the DPR may miss the frame.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
@@ -127,7 +129,7 @@ impl Cycles {
         self.cycles.iter_mut().rev().find(|cycle| cycle.stamp == stamp)
     }
 
-    /// Records that FRESH, which rose at `rose`, announced the cycle of `stamp`.
+    /// Records that FRESH rose at the instant `rose` and announced the cycle with the timestamp `stamp`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
@@ -153,8 +155,9 @@ impl Cycles {
         }
     }
 
-    /// Records that the cycle of `stamp` was read without FRESH, so that the delay of a later rise of FRESH for that
-    /// cycle is not measured. Returns whether FRESH has already risen for the cycle too late, which has been reported.
+    /// Records that the cycle with the timestamp `stamp` was read before FRESH announced it, so that a later rise of
+    /// FRESH for that cycle is not measured. Returns whether a rise of FRESH for the cycle was already reported as too
+    /// late.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;
@@ -179,7 +182,7 @@ impl Cycles {
     }
 }
 
-/// A series of durations, ns, which is long but has few different values.
+/// A series of durations, ns. It is long but has few different values, so each value is stored once with its number.
 #[derive(Clone, Debug, Default)]
 struct Series {
     counts: BTreeMap<u64, u64>,

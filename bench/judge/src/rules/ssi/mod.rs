@@ -9,40 +9,40 @@
 //!
 //! # One cause, one violation
 //!
-//! - This rule requires nothing of a DPR without supply, or in its start-up time. A transaction that began before the
-//!   DPR's last start is not judged.
-//! - A DPR that the bench has hang need not serve anything from then on until its next start. Service that was overdue
-//!   before the hang is reported, and what is read during the hang still has to be right. A DPR with a dead task need
-//!   not serve anything either, since that task may be one that prepares the SSI.
-//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if it got them through the end
-//!   of a transaction, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of this are
-//!   not reported as well, unless nothing is readable for longer than [`bounds::EXPIRY`]: then the violation is
-//!   [`Violation::Silent`] alone.
-//! - A single transaction may read 0xFF throughout because the DPR is busy. The DPR may be busy when it puts an image
-//!   in, which FRESH announces within [`bounds::SSI_READY`], soon after another transaction, when the image's time is
-//!   over, or when it has served all transactions that it grants between two images. Any other transaction that reads
-//!   0xFF throughout is [`Violation::Unserved`].
+//! - This rule requires nothing of a DPR that has no supply or is starting. A transaction that began before the DPR's
+//!   last start is not judged.
+//! - A DPR that the bench has stopped need not serve anything until its next start. Service that was overdue before the
+//!   hang is reported, and what is read during the hang still has to be right. A DPR with a dead task need not serve
+//!   anything either, since that task may be one that prepares the SSI.
+//! - If the processor keeps the SSI's buffers too long, this is [`Violation::NotReady`] if it got them at the end of a
+//!   transaction, and [`Violation::HeldBack`] otherwise. Transactions that find the DPR busy because of this are not
+//!   reported in addition. But if nothing is readable for longer than [`bounds::EXPIRY`], only [`Violation::Silent`] is
+//!   reported.
+//! - A single transaction may read 0xFF throughout because the DPR is busy. The DPR may be busy in these cases: it puts
+//!   an image in, which FRESH announces within [`bounds::SSI_READY`]; another transaction has just ended; the image's
+//!   time is over; or the DPR has served as many transactions as it must between two images. Any other transaction that
+//!   reads 0xFF throughout is [`Violation::Unserved`].
 //! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes. If the image became unsound
-//!   later, or FRESH rose while nothing could be read yet, it is judged by the transaction that found it: it is torn,
-//!   misplaced or damaged, the first of these that applies, and one of them for each transaction.
+//!   later, or if FRESH rose while nothing could be read yet, the transaction that read the image is judged: the image
+//!   is torn, misplaced or damaged. The first of these that applies is reported, once for each transaction.
 //! - While [`Excuse::Service`] holds, the DPR need not serve the flight controller, and the bytes that the flight
 //!   controller reads with wrong clocks are not judged here. The objects that it reads as valid still have to be right,
-//!   by the rule of [`super::shown`]. No image may be late because of the flight controller.
+//!   by the rule of [`super::shown`]. The flight controller must not make any image late.
 //! - After a transaction, the DPR pauses for [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) once it is ready again. If the
-//!   next transaction ends within that pause, the DPR has to be ready for a further one only as if it had ended with
-//!   the pause.
+//!   next transaction ends within that pause, the time that the DPR has to become ready for a further one counts from
+//!   the end of the pause.
 //! - Bytes that are unsound while [`Excuse::UnsoundImage`] holds are not judged here, because all that is required is a
-//!   check that finds them. That they do not pass for valid is judged by [`super::shown`]. The DPR may replace such an
+//!   check that rejects them. [`super::shown`] judges that they do not count as valid. The DPR may replace such an
 //!   image by one with the same content.
-//! - A transaction that brings an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
-//!   older than objects that were read before, it is [`Violation::Regression`] instead, which belongs to another rule.
-//! - It is not judged how soon a frame is readable that began while [`Excuse::Latency`] holds. A frame that began while
-//!   [`Excuse::Length`] holds has as much time as one whose LEN was damaged on the air. If a frame began while
-//!   [`Excuse::Hearing`] holds and came again, its time counts from its last arrival, because the DPR may have missed
-//!   it before.
-//! - A cycle that is readable too late after its last bit is not reported as a late sample in addition. A cycle that is
-//!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
-//!   found first.
+//! - A transaction that reads an older image than the announced one is [`Violation::FreshNotNew`]. If its objects are
+//!   older than objects that were read before, it is [`Violation::Regression`] instead, which another rule reports.
+//! - If a frame began while [`Excuse::Latency`] holds, it is not judged how soon the frame is readable. A frame that
+//!   began while [`Excuse::Length`] holds has as much time as a frame whose LEN was damaged on the air. If a frame
+//!   began while [`Excuse::Hearing`] holds and came again, its time counts from its last arrival, because the DPR may
+//!   have missed it before.
+//! - If a cycle is readable too late after its last bit, it is not reported in addition as readable too late after its
+//!   tick. A cycle that is read before FRESH has risen for it is [`Violation::FreshMissing`] or
+//!   [`Violation::LateReadable`], whichever is found first.
 
 mod damage;
 mod fresh;
@@ -65,7 +65,7 @@ pub struct Ssi {
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
-    /// Since when FRESH has been high, ns.
+    /// The instant, ns, since which FRESH has been high; `None` if it is low.
     high_since: Option<u64>,
 }
 
@@ -146,7 +146,7 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                // If a bit of the announced image was hit, it cannot be determined which image it is.
+                // If a bit of the announced image was disturbed, it cannot be determined which image FRESH announced.
                 let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;
@@ -170,7 +170,7 @@ impl Ssi {
         }
     }
 
-    /// Judges the width of FRESH's pulse when it rises or falls.
+    /// Judges how long FRESH was high or low when it falls or rises.
     fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
         if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
             findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));

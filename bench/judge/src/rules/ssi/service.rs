@@ -1,4 +1,4 @@
-//! Judges whether transactions are made, and whether the DPR serves them in time.
+//! Judges whether the flight controller makes transactions, and whether the DPR serves them in time.
 
 use profile::LinkStatus;
 
@@ -14,13 +14,13 @@ pub(super) enum Read {
     Image,
     /// Every byte that the transaction read was 0xFF.
     Nothing,
-    /// Too few bytes were read to tell whether they are of an image.
+    /// The transaction read too few bytes to tell whether they are those of an image.
     Unknown,
 }
 
 impl Read {
-    /// Returns whether the transaction `reading` read an image; `busy` says whether the DPR's SPI peripheral did not
-    /// serve it.
+    /// Returns whether the transaction `reading` read an image. `busy` is set if the DPR's SPI peripheral did not serve
+    /// the transaction.
     pub(super) fn of(reading: &Reading, busy: bool) -> Self {
         match reading.silent {
             false => Self::Image,
@@ -31,14 +31,16 @@ impl Read {
     }
 }
 
-/// The reason why the processor has the SSI's buffers.
+/// The reason why the processor, and not the SPI peripheral, has the SSI's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Why {
-    /// A transaction that was served has ended, and hardware gave the buffers to the processor.
+    /// A transaction that was served has ended, so hardware gave the buffers to the processor.
     Transaction,
-    /// The image's time was over, and hardware took the buffers; there is nothing to give back until the next image.
+    /// The image's time is over, so hardware took the buffers. The processor has nothing to give back until the next
+    /// image.
     Expiry,
-    /// The processor took the buffers by itself, without the end of a transaction or of the image's time.
+    /// The processor took the buffers by itself, neither at the end of a transaction nor at the end of the image's
+    /// time.
     Own,
 }
 
@@ -48,27 +50,27 @@ struct Hold {
     why: Why,
 }
 
-/// A transaction has ended, and the DPR is not ready for the next one yet.
+/// The end of a transaction after which the DPR is not ready for the next one yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// The instant from which on the DPR has [`bounds::SSI_READY`] to become ready, ns: the transaction's end, or the
-    /// end of the pause after the transaction before.
+    /// The instant, ns, from which on the DPR has [`bounds::SSI_READY`] to become ready: the end of the transaction, or
+    /// the end of the pause that followed the transaction before.
     since: u64,
-    /// Whether the DPR has to become ready, because there is an image to be read.
+    /// Whether there is an image to be read, so that the DPR has to become ready.
     owed: bool,
 }
 
-/// A series of transactions that read only 0xFF.
+/// A series of consecutive transactions that read only 0xFF.
 #[derive(Clone, Copy, Debug)]
 struct Streak {
-    /// When chip select fell for the first transaction of the series, ns.
+    /// The instant, ns, at which chip select fell for the first transaction of the series.
     first: u64,
-    /// When chip select fell for the last transaction of the series, ns.
+    /// The instant, ns, at which chip select fell for the last transaction of the series.
     last: u64,
     count: u64,
-    /// Whether the processor held the buffers for too long during the series, which is a separate violation.
+    /// Whether the processor held the buffers for too long during the series, which is reported separately.
     explained: bool,
-    /// Whether the transactions of the series have been reported as a silence.
+    /// Whether the series has been reported as a silence of the DPR.
     told: bool,
     /// Whether the first transaction of the series had no reason to read only 0xFF.
     unserved: bool,
@@ -80,40 +82,42 @@ impl Streak {
     }
 }
 
-/// What is known of the DPR's service over the SSI.
+/// What is known of how the DPR serves transactions.
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
-    /// Whether the bench has the DPR hang.
+    /// Whether the DPR hangs because the bench stopped its core.
     hung: bool,
-    /// When the DPR last started, ns.
+    /// The instant, ns, at which the DPR last started.
     since: u64,
-    /// When the DPR was first ready after its last start, ns.
+    /// The instant, ns, at which the DPR was first ready after its last start.
     started: Option<u64>,
     never_told: bool,
-    /// Since when the flight controller has made no transaction, ns.
+    /// The instant, ns, since which the flight controller has made no transaction.
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
-    /// When the last transaction began, and when the last one that was longer than a cycle ended, ns.
+    /// The instant, ns, at which the last transaction began.
     began: u64,
+    /// The instant, ns, at which the last transaction ended that was longer than a cycle.
     long_ended: u64,
-    /// Whether the transaction under way is not served.
+    /// Whether the DPR does not serve the transaction under way.
     busy: bool,
-    /// Whether the transaction under way may go unserved: the one before has just ended, or the image's time is over.
+    /// Whether the DPR may leave the transaction under way unserved, because the transaction before has just ended or
+    /// the image's time is over.
     may_be_busy: bool,
-    /// When FRESH first rose in the transaction under way, ns.
+    /// The instant, ns, at which FRESH first rose during the transaction under way.
     rose_within: Option<u64>,
     hold: Option<Hold>,
-    /// The end of the pause within which the DPR need not notice the end of a transaction, ns.
+    /// The instant, ns, until which the DPR may pause and need not notice the end of a transaction.
     paused_until: u64,
     pending: Option<Pending>,
-    /// When FRESH rose while the DPR did not have to become ready, ns, so that no other bound states when the image has
-    /// to be readable.
+    /// The instant, ns, at which FRESH rose although the DPR did not have to become ready. No other bound then says
+    /// when the image has to be readable.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
-    /// The number of transactions served since FRESH last rose.
+    /// The number of transactions that the DPR has served since FRESH last rose.
     served: u32,
     streak: Option<Streak>,
     longest: Option<u64>,
@@ -147,13 +151,13 @@ impl Service {
         }
     }
 
-    /// Resets the state because the DPR starts anew. Whether the DPR was late before is not judged, because the restart
-    /// itself is judged.
+    /// Resets the state because the DPR starts anew. Service that was overdue before is not reported, because the
+    /// restart itself is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // The DPR's SPI peripheral does not serve a transaction that is under way at its start. The instants at which
-        // that transaction began, and at which an earlier long one ended, need not be kept. They are used only when the
-        // time for a start is over, and any transaction that lasts so long is a long one itself.
+        // The DPR's SPI peripheral does not serve a transaction that is under way at the DPR's start. Two instants need
+        // not be kept: the beginning of that transaction, and the end of an earlier long transaction. They are used
+        // only when the time for a start is over, and a transaction that is still under way then is a long one itself.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -168,8 +172,8 @@ impl Service {
         self.restart(at);
     }
 
-    /// Records that the DPR hangs from `at` on. Service that was overdue by then is reported, and the DPR need not
-    /// serve anything any more.
+    /// Records that the DPR hangs from the instant `at` on. Service that was overdue by then is reported. After that
+    /// the DPR need not serve anything until its next start.
     pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
         self.settle(at, findings);
         self.end_streak(findings);
@@ -179,17 +183,17 @@ impl Service {
     /// Records that the flight controller misuses the SSI, so that the DPR need not serve it.
     pub(super) fn misused(&mut self) {
         (self.claimed, self.streak) = (None, None);
-        // If the processor takes the buffers now, it does so because of the misused transaction.
+        // If the processor takes the buffers now, it is because of the misused transaction.
         self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
-    /// Reports that the DPR is not ready, or that no transaction is made, if that is overdue at `now`.
+    /// Reports at `now` that the DPR should be ready and is not, or that the flight controller should have made a
+    /// transaction.
     pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
         }
-        // While a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready for a
-        // transaction.
+        // While a flight controller keeps the DPR selected for longer than a cycle, the DPR cannot become ready.
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;
@@ -205,8 +209,8 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH; `offers` says whether a transaction could begin. If none could, returns whether there
-    /// is a reason for that.
+    /// Records a rise of FRESH; `offers` is set if a transaction could begin. If none could, returns whether there is a
+    /// reason for that.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -257,12 +261,12 @@ impl Service {
         let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
         self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
         self.rose_within = None;
-        // If a flight controller does not wait for the DPR as long as it has to, its transactions prove nothing against
+        // If a flight controller does not wait as long as it has to, a transaction that is not served is no fault of
         // the DPR.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
-    /// Judges a transaction; `whole` says whether the DPR ran during all of it.
+    /// Judges a transaction; `whole` is set if the DPR ran during the whole transaction.
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
@@ -294,7 +298,7 @@ impl Service {
         }
     }
 
-    /// Returns whether the image's time may be over at `at`.
+    /// Returns whether the time of the image may be over at the instant `at`.
     fn is_expired(&self, at: u64) -> bool {
         self.rose_at.is_some_and(|rose| at >= rose + bounds::EXPIRY_EARLIEST)
     }
@@ -303,15 +307,15 @@ impl Service {
         self.longest = self.longest.max(Some(ns));
     }
 
-    /// Records that the DPR can serve the next transaction.
+    /// Records that the DPR is ready to serve the next transaction.
     fn served_again(&mut self, at: u64) {
         if let Some(Pending { since, owed: true }) = self.pending {
             self.took(at.saturating_sub(since));
         }
     }
 
-    /// Reports what the DPR has failed to do in time by `now`, because it can serve the next transaction or the run is
-    /// over.
+    /// Reports what the DPR should have done before `now` and has not, because it is ready for the next transaction or
+    /// the run is over.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);
@@ -336,14 +340,14 @@ impl Service {
         }
     }
 
-    /// Records a transaction that has read only 0xFF; `unserved` says whether there was no reason for that.
+    /// Records a transaction that read only 0xFF; `unserved` is set if there was no reason for that.
     fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
         let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // A DPR that hangs is restarted by its watchdog, which is another violation. The bound of a silence is longer
-        // than that restart takes.
+        // If a DPR hangs, its watchdog restarts it, and another violation is reported. A series of transactions has to
+        // be longer than that takes before it counts as a silence.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

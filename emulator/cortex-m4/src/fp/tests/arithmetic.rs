@@ -78,7 +78,7 @@ impl Random {
 /// What the host computes about an exact result.
 struct Truth {
     nearest: f32,
-    /// How the exact result compares with the rounded one, `nearest`.
+    /// The order of the exact result relative to the rounded one, `nearest`.
     order: Ordering,
     /// Whether the exact magnitude is below the least normal number and not zero.
     tiny: bool,

@@ -15,8 +15,8 @@ fn read_before() -> Line {
     line
 }
 
-/// Returns whether HORUS must or may use the bytes that it reads within 1 ms from `at` on, and that have waited for
-/// `waited` by the end of that 1 ms.
+/// Returns whether HORUS must or may use bytes that it reads from a receiver on a bus. HORUS reads them within 1 ms
+/// from `at` on, and at the end of that 1 ms they have waited for `waited` ns.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }

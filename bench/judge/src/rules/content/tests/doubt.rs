@@ -5,8 +5,8 @@ use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns the violations that are found in a run in which burst `number` of GPS1 is on a disturbed line, and HORUS
-/// takes that burst or not.
+/// Returns the violations that are found if burst `number` of GPS1 is on a disturbed line. `taken` says whether HORUS
+/// takes that burst.
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -58,7 +58,7 @@ fn a_message_that_is_certain_ends_the_doubt() {
         })
     };
     assert_eq!(late(&certain), []);
-    // The line is quiet again after the doubtful burst, so the next burst is certain.
+    // After the uncertain burst the line is silent for a while, so the next burst is certain.
     assert_eq!(late(&doubtful), []);
     let certain = scene.receivers[0][6].clone();
     let values = doubtful.clone();
@@ -68,9 +68,9 @@ fn a_message_that_is_certain_ends_the_doubt() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations that are found for a receiver that falls silent after burst 19, with bursts every 40 ms,
-/// where it is not certain that HORUS received burst `doubtful`. At `age` (ms) after the last burst, HORUS shows the
-/// receiver's position as valid or as not valid.
+/// Returns the violations that are found for a receiver that sends a burst every 40 ms and falls silent after burst 19.
+/// It is not certain that HORUS received burst `doubtful`. At `age` (ms) after the last burst, HORUS shows the
+/// receiver's position as valid or not, as `valid` says.
 fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::with_period(1, 40);
     scene.receivers[0].truncate(20);
@@ -90,8 +90,8 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     let own = tick(number)..tick(number + 1);
     events.without(|event| matches!(event.what, What::Sent { started, .. } if !own.contains(&started)));
     if doubtful < 20 {
-        // A false start of a message just before the burst makes the burst doubtful; the length that the false start
-        // announces ends after the burst.
+        // Bytes that look like the beginning of a message come just before the burst. They announce a length that
+        // extends beyond the burst, so it is not certain that HORUS finds the burst.
         let at = scene.receivers[0][doubtful].at - 10 * BYTE_NS;
         events.fed(at, 0, [0xB5, 0x62, 1, 7, 80, 0, 1, 2, 3, 4].to_vec());
     }
@@ -223,8 +223,8 @@ fn timestamps_that_stay_ahead_do_not_end_the_judging() {
     assert_eq!(said, CONTENT);
 }
 
-/// Returns the violations that are found until cycle `last` if GPS1 falls silent after burst 3, at 349 ms, while HORUS
-/// shows its object as valid, not stale and heard from cycle 65 (660 ms) on. One earlier tick was moved by `moved`, ns.
+/// Returns the violations that are found until cycle `last`. GPS1 falls silent after burst 3, at 349 ms, but from cycle
+/// 65 (660 ms) on HORUS shows its object as valid, not stale and heard. One earlier tick was moved by `moved`, ns.
 fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(4);
@@ -289,8 +289,8 @@ fn a_message_of_a_disturbed_line_may_have_been_found_late() {
     };
     assert_eq!(at(400, true), []);
     assert_eq!(at(480, true), STATUS);
-    // The receiver's period is not certain either, so its position may be valid for a second and 150 ms, and for the
-    // delay with which the message was found.
+    // The receiver's period is not certain either. Therefore its position may be valid for a second and 150 ms, and for
+    // the delay with which HORUS may have found the message.
     let mut scene = scene.clone();
     scene.cycles = 300;
     let valid = |age: u64| {

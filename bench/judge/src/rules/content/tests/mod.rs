@@ -1,5 +1,5 @@
-//! A run in which receivers send messages and HORUS sends their values. Each test changes something that the judge has
-//! to find.
+//! Describes a run in which receivers send messages and HORUS sends their values. Each test makes a change in it that
+//! the judge has to find.
 
 mod buses;
 mod doubt;
@@ -17,7 +17,7 @@ use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps}
 /// A group of messages that a receiver puts on its line at once.
 #[derive(Clone, Debug)]
 struct Burst {
-    /// When the first byte of the burst begins to cross the line, ns.
+    /// The instant, ns, at which the first byte of the burst begins to cross the line.
     at: u64,
     pvt: Option<NavPvt>,
     att: Option<NavAtt>,
@@ -27,8 +27,8 @@ struct Burst {
 }
 
 impl Burst {
-    /// Returns a burst of all three messages. Its values are derived from `number`, so they differ from those of the
-    /// next burst.
+    /// Returns a burst of all three messages. Its values follow from `number`, so each burst has other values than the
+    /// next.
     fn new(at: u64, number: u32, period_ms: u32) -> Self {
         let itow_ms = 400_000_000 + number * period_ms;
         let step = number as i32;
@@ -67,13 +67,13 @@ impl Burst {
         pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
     }
 
-    /// Returns when the burst's last byte has crossed the line, ns.
+    /// Returns the instant, ns, at which the burst's last byte has crossed the line.
     fn arrived(&self) -> u64 {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// Returns the values that a GPS object shows of the burst while the burst is young enough, in the cycle of this
-    /// timestamp.
+    /// Returns the values that a GPS object has in the cycle of this timestamp if it shows this burst and the burst is
+    /// young enough.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
         let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
@@ -105,15 +105,15 @@ struct Scene {
     cycles: u64,
 }
 
-/// The difference between the numbers of a receiver's bursts and those of the receiver before it. It places each
-/// receiver 2.2 m north and 1.5 m west of the one before, and adds 0.2 m/s² along each axis.
+/// The difference between the numbers of a receiver's bursts and those of the receiver before it. Because of this
+/// difference each receiver is 2.2 m north and 1.5 m west of the one before, and its acceleration is greater by 0.2
+/// m/s² along each axis.
 const APART: u32 = 200;
-/// The first cycle that shows the inputs of HORUS's state, since HORUS needs three samples of them first.
+/// The first cycle that shows HORUS's inputs, since HORUS first needs three samples of them.
 const INPUTS_KNOWN: u64 = 4;
-/// The instant of the receivers' first burst, ns; another follows every 100 ms.
+/// The instant, ns, of the receivers' first burst. A further burst follows every 100 ms.
 const FIRST_BURST: u64 = 45 * MS;
-/// The number of a tick at which no message is about to arrive or has just arrived, and by which the receivers' period
-/// is known.
+/// The number of a tick that is not close to the arrival of a message, and by which the receivers' period is known.
 const STEADY: u64 = 51;
 
 impl Scene {
@@ -147,10 +147,10 @@ impl Scene {
         GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
-    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (from 1). If `change` leaves
-    /// Reported-Position untouched, Reported-Position is the vote over the objects as changed. Once the inputs of
-    /// HORUS's state are known, HORUS reports that it monitors while the vote has a result, and that it has lost its
-    /// position where the vote had a result before.
+    /// Returns the events of the run. `change` may change what HORUS sends in a cycle (counted from 1). If `change`
+    /// does not change Reported-Position, it is the vote over the GPS objects after the change. Once HORUS's inputs are
+    /// known, HORUS reports the state `Monitoring` while the vote has a result, and `PositionLost` if the vote had a
+    /// result only before.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);

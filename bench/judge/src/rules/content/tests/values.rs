@@ -92,8 +92,8 @@ fn a_message_may_be_shown_until_its_successor_must_be_taken() {
     assert_eq!(already(first - 1), CONTENT);
 }
 
-/// Checks at which instants HORUS may show a message, by moving the arrival of the message's last byte by single
-/// nanoseconds.
+/// Checks at which instants HORUS may show a message. For this the arrival of the message's last byte is moved by
+/// single nanoseconds.
 #[test]
 fn the_bands_of_taking_a_message_are_as_stated() {
     let shows = |arrives_after_tick: i64, new: bool| {
@@ -140,8 +140,8 @@ fn of_a_kind_two_messages_that_arrive_together_either_may_be_shown() {
     }
 }
 
-/// Returns the violations that are found in a scene with changed NAV-PVT messages, for the position that HORUS shows
-/// with them.
+/// Returns the violations that are found if `change` changes each NAV-PVT message and HORUS shows the position of these
+/// messages.
 fn position(change: impl Fn(&mut NavPvt), shown: Option<bool>, fix: u16) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     for burst in &mut scene.receivers[0] {

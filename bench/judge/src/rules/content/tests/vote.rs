@@ -11,7 +11,8 @@ const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
 /// The number of 10⁻⁷ degrees of latitude in a metre, at 47.5 degrees.
 const PER_METRE: f64 = 89.94;
 
-/// Returns a scene of receivers that stand still, each this far north and above the origin, m.
+/// Returns a scene of receivers that stand still. For each, `places` has its distance north of the origin and above it,
+/// m.
 fn standing(places: &[(f64, f64)]) -> Scene {
     let mut scene = Scene::of_cycles(places.len(), 100, 120);
     for (receiver, (north, up)) in places.iter().enumerate() {
@@ -24,7 +25,7 @@ fn standing(places: &[(f64, f64)]) -> Scene {
     scene
 }
 
-/// Returns a scene of receivers that stand together, except that GPS2 is 100 m off in the bursts of this range.
+/// Returns a scene of receivers that stand close together, except that GPS2 is 100 m away in the bursts of this range.
 fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
     let mut scene = Scene::of_cycles(gps, 100, 260);
     for burst in &mut scene.receivers[1][bursts] {
@@ -77,7 +78,7 @@ fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations that are found if Reported-Position has no valid position in any cycle.
+/// Returns the violations that are found if no Reported-Position has a valid position.
 fn none(scene: &Scene) -> Vec<Violation> {
     let said = scene.said(|_, reported, gps| {
         *reported = ReportedValues { status: reported.status, ..ReportedValues::absent(gps[0].timestamp) };
@@ -120,7 +121,7 @@ fn who_was_excluded_is_in_the_figures() {
     let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
     let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
     assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
-    // The exclusion's distance is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
+    // The distance in the exclusion is that from GPS3, which is 2.2 m north and 1.5 m west of GPS2.
     assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
     assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
     let before = figures.voter.none;
@@ -230,8 +231,8 @@ fn the_result_must_come_from_a_largest_set_of_agreeing_receivers() {
     assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
-/// Returns the violations that are found if all of three receivers take part in the vote, and those that are found if
-/// the third, which is this far north and above (m), does not.
+/// Returns two lists of violations, for three receivers of which the third is `north` m north of the others and `up` m
+/// above them: those that are found if all three take part in the vote, and those that are found if the third does not.
 fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
     let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
     for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
@@ -244,8 +245,8 @@ fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Vio
 fn two_receivers_agree_within_three_times_their_combined_accuracy() {
     let agree = (vec![], vec![Violation::ExclusionWrong]);
     let disagree = (vec![Violation::VoteWrong], vec![]);
-    // A position's age of up to 160 ms adds 5 cm at most to its accuracy. Within another 1 % and 5 cm of the limit, two
-    // receivers may agree or not.
+    // A position's age of up to 160 ms adds at most 5 cm to its accuracy. If their distance is within a further 1 % and
+    // 5 cm of the limit, two receivers may agree or disagree.
     for (accuracy, along, high) in [
         ([100, 100], 5.0, 8.0),
         ([3_000, 3_000], 12.73, 12.73),
@@ -257,7 +258,7 @@ fn two_receivers_agree_within_three_times_their_combined_accuracy() {
         assert_eq!(together(accuracy, 0.0, high * 0.98 - 0.06), agree, "{accuracy:?}");
         assert_eq!(together(accuracy, 0.0, -high * 1.02 - 0.25), disagree, "{accuracy:?}");
     }
-    // At the limit itself the receivers may agree or disagree.
+    // At the limit itself two receivers may agree or disagree.
     assert_eq!(together([3_000, 3_000], 12.75, 0.0), (vec![], vec![]));
 }
 
@@ -358,8 +359,8 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_is_older_if_its_message_comes_late() {
-    // GPS2 flies north between the two other receivers, which stand still. Each row states how late each receiver's
-    // messages are, ms, and how old GPS2's position is when its message arrives, s.
+    // GPS2 flies north between the two other receivers, which stand still. Each row states by how many ms each
+    // receiver's messages are late, and how many seconds old GPS2's position is when its message arrives.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),
@@ -489,8 +490,9 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
-/// Returns the violations that are found in a scene whose bursts `bursts` changes: first if the vote follows the rules,
-/// then if `changed` changes it in all cycles in which every receiver has sent messages.
+/// Returns the violations that are found in a scene in which `bursts` changes the bursts. The first list is for a vote
+/// that follows the rules. The second is for a vote that `changed` changes in all cycles in which every receiver has
+/// sent messages.
 fn of_three(
     gps: usize,
     bursts: impl Fn(usize, &mut Burst),
@@ -599,7 +601,7 @@ fn attitude_and_acceleration_take_a_quorum_that_agrees() {
             att.heading_1e5 %= 36_000_000;
             burst.ins.as_mut().unwrap().accelerations_1e2 = [front, 0, 0];
         };
-        // Reported-Position states the value where it must not, or omits the value where it must state it.
+        // Reported-Position states the value although it must not, or omits the value although it must state it.
         let changed = |reported: &mut ReportedValues, gps: &[GpsValues]| {
             let of_front = off[3] != 0;
             if of_front {
@@ -675,7 +677,8 @@ fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
     assert_eq!(withheld(&scene, from..until), []);
     // In the first of these cycles HORUS may still have voted on the burst before.
     assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
-    // The position was held back for 400 ms before it was interrupted; that time does not count afterwards.
+    // The position is held back for 400 ms, then lies at its old place for one burst, and jumps again. The 400 ms do
+    // not count after that.
     let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
     for receiver in &mut scene.receivers {
         receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
@@ -703,7 +706,7 @@ fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
     assert_eq!(missing(17.0, 0), []);
     assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
     assert_eq!(missing(25.0, 0), VOTE);
-    // A voted position must be shown once an aircraft could have flown to it, which is 100 m after 0.42 s.
+    // HORUS must show a voted position once an aircraft could have flown there, which takes 0.42 s for 100 m.
     assert_eq!(missing(100.0, 42), []);
     assert_eq!(missing(100.0, 30), VOTE);
     assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
@@ -819,8 +822,8 @@ fn horus_monitors_only_while_there_is_a_result() {
     assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
 }
 
-/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are
-/// excluded or not from the first cycle of the next start on.
+/// Returns the violations that are found if HORUS restarts for `cause` while GPS2 is excluded. From the first cycle of
+/// the next start on, `excluded` says whether GPS2 and GPS3 are excluded.
 fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
@@ -1004,8 +1007,8 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     assert_eq!(kinds(&events), []);
 }
 
-/// HORUS votes for a tick in the cycle before that tick, with ages computed for the tick. A position that grows too old
-/// in between takes no part in the vote, although the tick's object shows a newer one.
+/// HORUS votes for a tick in the cycle before that tick, with ages computed for the tick. If a position is too old at
+/// the tick, it takes no part in the vote, although the tick's object may show a newer position.
 #[test]
 fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
     let without_gps2 = |scene: &Scene, missed: u64| {

@@ -1,10 +1,12 @@
-//! Judges whether a voted place or altitude jumps, and how long it has lasted, each as far as the log shows it
-//! (decision 15, jumps).
+//! Judges whether a voted place or altitude jumps, and for how long HORUS has to hold it back (decision 15, jumps). The
+//! judge determines both only as far as the log shows them.
 //!
-//! A voted place or altitude jumps if it lies farther from the one that HORUS showed last than 200 m/s and both
-//! accuracies allow. HORUS must not show one that jumps before the vote has had a result at every tick of a second,
-//! each within that distance of the result before it. HORUS must show a place or altitude if it does not jump, or if it
-//! has lasted for that second. In between, and where it is not known what HORUS had to show, HORUS may show it or not.
+//! A voted place or altitude jumps if its distance from the one that HORUS showed last is greater than the sum of two
+//! distances: what the aircraft flies at 200 m/s in the time between the two, and the distance within which two
+//! receivers of these accuracies agree. HORUS must not show a place or altitude that jumps until, for one second, the
+//! vote had a result at every tick and no result jumped from the one before. HORUS must show a place or altitude that
+//! does not jump, or that has lasted for that second. Close to these limits, and where it is not known what HORUS had
+//! to show, HORUS may show the place or altitude or not.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
@@ -13,19 +15,20 @@ use crate::bounds;
 
 /// The voted place, or the voted altitude, at a tick.
 pub(super) trait Mark: Clone {
-    /// The least and the greatest distance, m, within which two receivers agree: two places, or two altitudes.
+    /// The least and the greatest value, m, of the distance within which the places or the altitudes of two receivers
+    /// agree.
     const LIMITS_M: (f64, f64);
 
-    /// Returns the distance from this place or altitude to the next one, m.
+    /// Returns the distance, m, from this place or altitude to the place or altitude `next`.
     fn way(&self, next: &Self) -> Range;
 
     /// Returns the greatest inflated accuracy, m, among the receivers from which this place or altitude was voted.
     fn accuracy(&self) -> Range;
 
-    /// Returns a place or altitude that covers both this one and `other`.
+    /// Returns a place or altitude whose ranges cover both this one and `other`.
     fn or(self, other: Self) -> Self;
 
-    /// Returns whether the next place or altitude, `ns` later, is near enough to this one not to be a jump.
+    /// Returns whether a place or altitude that is voted `ns` later is near enough to this one not to be a jump.
     fn leads_to(&self, next: &Self, ns: u64) -> Relation {
         let Range { least, most } = self.way(next);
         let off = |distance: f64| distance * bounds::GEODESY_SHARE + bounds::ARITHMETIC_M;
@@ -45,8 +48,8 @@ pub(super) trait Mark: Clone {
         }
     }
 
-    /// Returns whether the next place or altitude, two ticks later, can be reached without a jump, whatever lies
-    /// between.
+    /// Returns whether the place or altitude that is voted two ticks later can be reached without a jump, whatever was
+    /// voted at the tick between.
     fn may_lead_by_two(&self, next: &Self) -> bool {
         let way = self.way(next).least * (1.0 - bounds::GEODESY_SHARE) - bounds::ARITHMETIC_M;
         way <= 2.0 * (Self::LIMITS_M.1 + flown(bounds::CYCLE + bounds::TICK_TOLERANCE))
@@ -58,7 +61,7 @@ fn flown(ns: u64) -> f64 {
     f64::from(bounds::FASTEST_MM_S) / 1e3 * ns as f64 / 1e9
 }
 
-/// A voted place on the ellipsoid, known to within `within` metres.
+/// A voted place on the ellipsoid, which is known to within `within` metres.
 #[derive(Clone, Debug)]
 pub(super) struct Spot {
     pub(super) at: Geodetic,
@@ -117,10 +120,11 @@ impl Mark for Level {
 /// The place or altitude that HORUS has to show at a tick.
 #[derive(Clone, Debug)]
 pub(super) struct Found<T> {
-    /// Whether the vote certainly has a result, and whether it may have one.
+    /// Whether the vote certainly has a result.
     pub(super) sure: bool,
+    /// Whether the vote may have a result.
     pub(super) may: bool,
-    /// The place or altitude if the vote has a result; `None` if it is not known.
+    /// The voted place or altitude if the vote has a result; `None` if the place or altitude is not known.
     pub(super) mark: Option<T>,
 }
 
@@ -135,16 +139,17 @@ enum Last<T> {
     At(u64, T),
 }
 
-/// The voted places or altitudes: the one that HORUS showed last, and what is known of those since then.
+/// The place or altitude that HORUS showed last, and what is known of the voted places or altitudes since then.
 #[derive(Clone, Debug)]
 pub(super) struct Course<T> {
     last: Last<T>,
-    /// The voted place or altitude at the last tick, and the one at the tick before that, if they are known. Where it
-    /// is not known at which of two ticks HORUS took a message, the value between them covers both possibilities.
+    /// The voted place or altitude at the last tick, and that at the tick before; `None` if it is not known. If it is
+    /// not known at which of two ticks HORUS took a message, the value covers both possibilities.
     before: [Option<T>; 2],
-    /// The last tick at which the vote certainly had no result or a jump, or at which HORUS showed a place or altitude.
+    /// The instant, ns, of the last tick at which the vote certainly had no result or jumped, or at which HORUS showed
+    /// a place or altitude.
     broke: u64,
-    /// The last tick at which the vote may have had no result or a jump.
+    /// The instant, ns, of the last tick at which the vote may have had no result or may have jumped.
     may_have_broken: u64,
 }
 
@@ -153,13 +158,13 @@ impl<T: Mark> Course<T> {
         Self { last: Last::Nothing, before: [None, None], broke: 0, may_have_broken: 0 }
     }
 
-    /// Records that it is not known which places or altitudes HORUS showed last and voted since.
+    /// Records that it is not known which place or altitude HORUS showed last, nor what was voted since.
     pub(super) fn lose(&mut self) {
         self.last = Last::Unknown;
         self.before = [None, None];
     }
 
-    /// Advances to the next tick, with the place or altitude that HORUS has to show at it.
+    /// Advances to the next tick, at which the vote has the result `found`.
     pub(super) fn advance(&mut self, tick: u64, found: &Found<T>) {
         let [before, earlier] = std::mem::take(&mut self.before);
         let follows = match (&before, &earlier, &found.mark) {
@@ -177,7 +182,7 @@ impl<T: Mark> Course<T> {
         self.before = [found.mark.clone(), before.filter(|_| found.may)];
     }
 
-    /// Returns whether HORUS certainly has to show this place or altitude.
+    /// Returns whether HORUS certainly has to show the voted place or altitude `found`.
     pub(super) fn must_be_shown(&self, tick: u64, found: &Found<T>) -> bool {
         let is_near = match (&self.last, &found.mark) {
             (Last::Nothing, _) => true,
@@ -187,8 +192,8 @@ impl<T: Mark> Course<T> {
         found.sure && (is_near || tick - self.may_have_broken > bounds::HELD_BACK)
     }
 
-    /// Returns, in words, why HORUS must not show this place or altitude yet, if it jumps and has not lasted for a
-    /// second.
+    /// Returns, in words, why HORUS must not show this place or altitude yet: it jumps, and has not lasted for a
+    /// second. Returns `None` if HORUS may show it.
     pub(super) fn shown_too_soon(&self, tick: u64, mark: &T) -> Option<String> {
         let Last::At(at, last) = &self.last else { return None };
         let jumps = last.leads_to(mark, tick - at) == Relation::Disagree;

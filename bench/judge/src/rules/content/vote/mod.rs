@@ -4,18 +4,18 @@
 //!
 //! # How it is judged
 //!
-//! HORUS votes for a tick in the cycle before it, so the vote uses for each receiver either what the object of this
-//! cycle shows or what the object of the cycle before shows. A receiver whose position may be voted on is a candidate.
-//! A receiver with a valid position in both objects is a candidate, unless the older position may have grown too old
-//! for this tick and the newer one came after the vote. A receiver with a valid position in one of the two objects may
-//! be a candidate. A receiver that is excluded in this cycle and was excluded in the one before is not eligible for the
-//! result. Position, velocity and accuracy are those of the messages from which an object was made; the age of those
-//! messages is known within the limits of [`Age`]. From all this follows for each two receivers whether they agree,
-//! disagree, or may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before that tick. For each receiver the vote therefore uses either what the
+//! receiver's GPS object shows in this cycle, or what that object showed in the cycle before. A receiver whose position
+//! may be voted on is a candidate. A receiver with a valid position in both objects is a candidate, unless two things
+//! may be true: the older position is too old for this tick, and the newer one came after the vote. A receiver with a
+//! valid position in only one of the two objects may be a candidate. A receiver that is excluded in this cycle and was
+//! excluded in the cycle before is not eligible for the result. The judge takes position, velocity and accuracy from
+//! the messages from which an object was made, and knows the age of those messages within the limits of [`Age`]. It
+//! determines for each two receivers whether they agree, disagree, or may do either ([`places`]).
 //!
-//! HORUS does not state which eligible receivers its result was voted from, the members of the result; it states only
-//! how many they are. Therefore every set of that size is tried, and something is a violation only if it is wrong for
-//! every set.
+//! HORUS does not state the members of its result, which are the eligible receivers from which it was voted; it states
+//! only their number. Therefore the judge tries every set with that number of receivers, and reports a violation only
+//! if no set makes what HORUS sent right.
 //!
 //! | violation | when |
 //! |---|---|
@@ -25,13 +25,20 @@
 //! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
 //! | `ReportedWrong` | the values are not the members' medians, or a status bit or an invalid value is wrong |
 //!
-//! A receiver must not be excluded while it has no position, while there is no result, while it agrees with a member of
-//! the result, or later than 1.1 s after it began to agree with all members. It must be excluded if it agrees with no
-//! member, or if it cannot have agreed for a second since it was excluded. Where M members have an altitude, a receiver
-//! with an altitude has to agree with a member that has one. After a restart of HORUS that leaves RAM as it was, a
-//! receiver must be excluded if it was excluded in the last cycle before the restart and cannot have returned since.
-//! After such a restart a receiver must not be excluded if it was not excluded before, agreed with all others, and
-//! neither it nor M of the others have sent anything new since.
+//! A receiver must not become excluded in any of these cases:
+//!
+//! - It has no position.
+//! - The vote has no result.
+//! - The receiver agrees with a member of the result.
+//!
+//! A receiver must not stay excluded if it began to agree with all members more than 1.1 s ago. A receiver must be
+//! excluded if it agrees with no member, or if it cannot have agreed for a second since it was excluded. Where M
+//! members have an altitude, a receiver with an altitude has to agree with a member that has one.
+//!
+//! After a restart of HORUS that leaves RAM as it was, a receiver must be excluded if it was excluded in the last cycle
+//! before the restart and cannot have returned since. After such a restart a receiver must not be excluded if it was
+//! not excluded before, agreed with all others, and since then has sent nothing new, while fewer than M of the others
+//! have sent anything new.
 //!
 //! An altitude, an attitude and an acceleration are each voted only from members that have one. At least M of them are
 //! needed, and all of them have to agree.
@@ -66,7 +73,7 @@ use places::{Place, Range, Relation, median, median_of, spread};
 /// A set of receivers as bits; bit 0 is GPS1.
 type Set = u8;
 
-/// A GPS object of a cycle, and the messages from which HORUS may have taken its position.
+/// A GPS object of a cycle, and the messages from which HORUS may have taken the object's position.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
     pub(super) values: GpsValues,
@@ -77,12 +84,13 @@ pub(super) struct Seen {
     pub(super) hurried: bool,
 }
 
-/// When an excluded receiver last failed to agree with the result, ns.
+/// The last instants, ns, at which an excluded receiver failed to agree with the result of the vote.
 #[derive(Clone, Copy, Debug, Default)]
 struct Returning {
-    /// The last tick at which the excluded receiver may have been no candidate, or may have disagreed.
+    /// The last tick, ns, at which the excluded receiver may have been no candidate, or may have disagreed.
     may_not: u64,
-    /// The last tick at which the excluded receiver certainly was no candidate or disagreed; `None` if there is none.
+    /// The last tick, ns, at which the excluded receiver certainly was no candidate or disagreed; `None` if there is
+    /// none.
     did_not: Option<u64>,
 }
 
@@ -90,20 +98,22 @@ struct Returning {
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
-    /// The number of the last cycle seen, counted from HORUS's start, and the receivers that were excluded in it.
+    /// The number of the last cycle that the judge has seen, counted from HORUS's start, and the receivers that were
+    /// excluded in that cycle.
     last: (u64, Set),
-    /// The objects of each receiver in the last cycle that was seen.
+    /// The GPS object of each receiver in the last cycle that the judge has seen.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// The receivers that must be excluded in the first cycle of this start of HORUS, and those that may be; `None`
-    /// once that cycle was seen.
+    /// The receivers that must be excluded in the first cycle after this start of HORUS, and those that may be excluded
+    /// in it; `None` once the judge has seen that cycle.
     restarted: Option<(Set, Set)>,
-    /// The receivers that may have been excluded by the vote after the last cycle seen.
+    /// The receivers that the vote after the last cycle that the judge has seen may have excluded.
     doubtful: Set,
-    /// The tick of the last cycle seen, ns.
+    /// The tick, ns, of the last cycle that the judge has seen.
     pub(super) last_tick: u64,
-    /// Whether the vote has had a result since HORUS's start, and whether it may have had one.
+    /// Whether the vote has certainly had a result since HORUS's start.
     located: bool,
+    /// Whether the vote may have had a result since HORUS's start.
     may_be_located: bool,
     places: Course<Spot>,
     altitudes: Course<Level>,
@@ -129,32 +139,37 @@ pub(super) enum Ram {
 pub(super) struct Judged {
     /// The violation, and what is wrong in words.
     pub(super) wrong: Option<(Violation, String)>,
-    /// For each receiver, its distance from the farthest receiver that has a vote, along the ground and in height, m.
+    /// For each receiver, its distance, m, from the farthest receiver that takes part in the vote: along the ground and
+    /// in height.
     pub(super) away: [Option<(f64, Option<f64>)>; MAX_RECEIVERS],
 }
 
-/// The objects of a cycle, and what they say about the receivers that take part in its vote.
+/// The GPS objects of a cycle, and what follows from them for the receivers that take part in the vote.
 struct Cycle<'a> {
-    /// The object of each receiver in this cycle, and in the cycle before.
+    /// The GPS object of each receiver in this cycle.
     seen: &'a [Seen],
+    /// The GPS object of each receiver in the cycle before.
     earlier: &'a [Seen],
     places: Vec<Place>,
     relations: [[Relation; MAX_RECEIVERS]; MAX_RECEIVERS],
-    /// The receivers that certainly are candidates, and those that may be.
+    /// The receivers that certainly are candidates.
     sure: Set,
+    /// The receivers that may be candidates.
     may: Set,
-    /// The receivers that certainly have an altitude, and those that may have one.
+    /// The receivers that certainly have an altitude.
     high: Set,
+    /// The receivers that may have an altitude.
     may_be_high: Set,
-    /// The receivers that are excluded, and those that were excluded in the cycle before.
+    /// The receivers that are excluded in this cycle.
     now: Set,
+    /// The receivers that were excluded in the cycle before.
     before: Set,
-    /// The number of receivers that have to agree for a result.
+    /// The least number of receivers that have to agree for the vote to have a result.
     least: usize,
 }
 
 impl Cycle<'_> {
-    /// Returns those of the receivers `others` that have this relation to `receiver`.
+    /// Returns those receivers in `others` whose relation to `receiver` is `relation`.
     fn related(&self, receiver: usize, others: Set, relation: Relation) -> Set {
         each(others & !bit(receiver))
             .filter(|other| self.relations[receiver][*other] == relation)
@@ -167,7 +182,7 @@ impl Cycle<'_> {
         self.related(receiver, others, Relation::Agree) == others
     }
 
-    /// Returns the largest subset of `of` in which every two receivers certainly agree.
+    /// Returns the largest subset of the receivers `of` in which every two receivers certainly agree.
     fn largest(&self, of: Set) -> Set {
         let sets = (0..1 << self.seen.len()).filter(|set: &Set| set & !of == 0);
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
@@ -192,7 +207,7 @@ impl Cycle<'_> {
         }
     }
 
-    /// Returns the voted place and the voted altitude, whether HORUS shows them or holds them back.
+    /// Returns the voted place and the voted altitude, whether or not HORUS holds them back because they jump.
     fn found(&self) -> (Found<Spot>, Found<Level>) {
         let (eligible, may_vote) = self.eligible();
         let largest = self.largest(eligible);
@@ -215,7 +230,7 @@ impl Cycle<'_> {
         (place, altitude)
     }
 
-    /// Returns the greatest accuracy among these members of a result along an axis.
+    /// Returns the greatest accuracy, horizontal or vertical as `axis` says, among these members of a result.
     fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
         let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
         of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
@@ -242,7 +257,7 @@ impl Cycle<'_> {
     }
 }
 
-/// Returns a place or altitude that covers all of `marks`; `None` if one of them is not known.
+/// Returns a place or altitude whose ranges cover all of `marks`; `None` if one of them is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
@@ -265,15 +280,15 @@ impl Vote {
         }
     }
 
-    /// Resets the state because HORUS starts anew after `ticks` ticks. Only the record of the excluded receivers is
-    /// kept, and only where HORUS's `ram` is kept. The excluded receivers are those of the last cycle seen, or the
-    /// outcome of one of at most three votes after that cycle which no frame shows. In those votes the receivers
-    /// `heard` may have had positions that the cycle does not show. A receiver that agreed with all others in that
-    /// cycle can only be excluded because of a new position: its own, or those of a whole quorum.
+    /// Resets the state, because HORUS starts anew after `ticks` ticks. Only the excluded receivers are kept, and only
+    /// where HORUS's `ram` may be kept. They are those of the last cycle that the judge has seen, or the outcome of one
+    /// of at most three votes after that cycle that no frame shows. In those votes the receivers `heard` may have had
+    /// positions that the cycle does not show. A receiver that agreed with all others in that cycle can be excluded
+    /// only because of new positions: one of its own, or those of a whole quorum.
     pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
-            // No cycle was seen between the start before this one and this start.
+            // The judge saw no cycle between HORUS's previous start and this one.
             Some((must, may)) => (must, if ticks == 0 { may } else { all }),
             None if ticks > self.last.0 + 1 => (0, all),
             None => {
@@ -295,8 +310,8 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// Returns, in words, what is wrong with the excluded receivers in the first cycle seen after a start of HORUS;
-    /// `number` is the number of that cycle.
+    /// Returns, in words, what is wrong with the excluded receivers in the first cycle that the judge has seen after a
+    /// start of HORUS; `number` is the number of that cycle.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
             return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
@@ -305,14 +320,14 @@ impl Vote {
             .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
-    /// Returns whether the cycle before cycle `number` (from 1) was seen.
+    /// Returns whether the judge has seen the cycle before cycle `number` (counted from 1).
     pub(super) fn follows(&self, number: u64) -> bool {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position's values in cycle `number` since HORUS's start. The cycle's GPS objects have been found
-    /// right. The judge requires that HORUS says it is starting, or does not, only where the inputs of its state are
-    /// known.
+    /// Judges Reported-Position's values in cycle `number` since HORUS's start, after the GPS objects of that cycle
+    /// have been found right. Whether HORUS reports that it is starting is judged only where the inputs that determine
+    /// its state are known.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -345,7 +360,8 @@ impl Vote {
         }
         self.remember(tick, follows, result, &cycle, &members);
         if !follows || result && judged.wrong.is_some() {
-            // The judge cannot tell whether HORUS treats this result as the one that was shown last.
+            // The judge cannot tell whether HORUS compares its next result with this one, as the one that it showed
+            // last.
             self.places.lose();
             self.altitudes.lose();
         } else if result {
@@ -364,8 +380,8 @@ impl Vote {
         judged
     }
 
-    /// Records, for each excluded receiver, whether it may return: whether it agrees with every member of the result
-    /// or, without a result, with one of the eligible receivers.
+    /// Records, for each receiver, whether it fulfils the condition for its return from exclusion: it agrees with every
+    /// member of the result or, if there is no result, with one of the eligible receivers.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -390,7 +406,7 @@ impl Vote {
         }
     }
 
-    /// Returns, in words, which exclusions are wrong whichever set the members of the result are.
+    /// Returns, in words, which exclusion is wrong, whichever receivers are the members of the result.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
         let Cycle { sure, may, now, before, .. } = *cycle;
         let others = may & !(now & before);
@@ -418,8 +434,8 @@ impl Vote {
         })
     }
 
-    /// Returns, in words, what is wrong with the result of the vote, or with its absence. Adds to `members` every set
-    /// of receivers that the result may have been voted from.
+    /// Returns, in words, what is wrong with the result of the vote, or with the lack of a result. Adds to `members`
+    /// every set of receivers from which the result may have been voted.
     fn vote(
         &self,
         tick: u64,
@@ -510,8 +526,8 @@ impl Vote {
     }
 }
 
-/// Returns the place and the altitude that Reported-Position shows, if one of these sets of receivers is what they were
-/// voted from.
+/// Returns the place and the altitude that Reported-Position shows, if they may have been voted from one of these sets
+/// of receivers.
 fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
     let ReportedValues { latitude, longitude, altitude, .. } = *reported;
     let accuracy = |axis: usize, of: Set| {
@@ -590,7 +606,7 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// Returns, in words, what is wrong with a Reported-Position that states no valid position.
+/// Returns, in words, what is wrong with a Reported-Position that does not call its position valid.
 fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
@@ -697,7 +713,7 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     })
 }
 
-/// A function that extracts from an object the values of which a median is taken, and whether they are valid.
+/// A function that returns, for a GPS object, whether certain values are valid, and those values.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
 /// Returns the largest difference of any two of these values, which are angles if `circle` is set.

@@ -1,13 +1,13 @@
-//! Computes where the receivers are at a tick, how far apart they are, and whether they agree, each as far as the log
-//! shows it.
+//! Computes where the receivers are at a tick, how far apart they are, and whether they agree. All results are ranges,
+//! because the log does not determine them exactly.
 //!
-//! The delay between the time of week in each message and the message's arrival tells how much older the position is
-//! than its message. Among the candidates, which are the receivers whose position may be voted on, the position is 50
-//! ms older for the one with the middle delay. For another candidate the difference between its delay and the middle
-//! one is added, if that difference is at most 50 ms (decision 15, brought to the tick).
+//! A position is older than the message that brought it. How much older follows from the delay between the time of week
+//! in the message and the message's arrival (decision 15, brought to the tick). For the candidate with the middle delay
+//! the position is 50 ms older than its message; candidates are the receivers whose position may be voted on. For
+//! another candidate the difference between its delay and the middle one is added, if that difference is at most 50 ms.
 //!
-//! The instant at which HORUS took a message is known to within some milliseconds, and where two messages show the same
-//! position it is not known which of them HORUS uses. Therefore places, accuracies and distances are ranges here, and
+//! The instant at which HORUS took a message is known to within some milliseconds. Where two messages show the same
+//! position, it is not known which of them HORUS uses. Therefore places, accuracies and distances are ranges here, and
 //! two receivers agree, disagree, or may do either.
 
 use gnss_sim::{Geodetic, TangentPlane};
@@ -43,7 +43,7 @@ impl Range {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
-    /// Returns the range of the magnitudes of this range's values.
+    /// Returns the range of the absolute values of the numbers in this range.
     pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
@@ -59,7 +59,7 @@ impl Range {
     }
 }
 
-/// The relation of two receivers' positions, as far as it is known.
+/// Whether the positions of two receivers agree, as far as the judge can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Relation {
     /// The positions agree.
@@ -70,21 +70,21 @@ pub(super) enum Relation {
     Doubtful,
 }
 
-/// The place of a receiver at a tick, in every version that HORUS's voter may use.
+/// The place of a receiver at a tick, with every possibility that HORUS's voter may use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place(Vec<Version>);
 
 #[derive(Clone, Debug)]
 struct Version {
-    /// The point on the ellipsoid below the position that an object shows, and the plane there.
+    /// The point on the ellipsoid below the position that an object shows, with the tangent plane at that point.
     ground: Geodetic,
     plane: TangentPlane,
     /// The altitude that the object shows, m; `None` for a 2D fix.
     altitude: Option<f64>,
     /// The messages from which HORUS may have taken the position; empty while this is not known.
     messages: Vec<Held>,
-    /// The distance that the receiver has moved since the position's epoch, and its accuracy; `None` until the
-    /// position's age is known.
+    /// The distance that the receiver has moved since the position's epoch, and the position's accuracy; `None` until
+    /// the age of the position is known.
     held: Option<Brought>,
 }
 
@@ -119,7 +119,7 @@ impl Place {
         lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
-    /// Returns whether the receiver's movement is known in every version of its place.
+    /// Returns whether the movement of the receiver since its position's epoch is known.
     pub(super) fn is_known(&self) -> bool {
         !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
@@ -137,8 +137,8 @@ impl Place {
         Some([north, east])
     }
 
-    /// Returns the altitude at the tick, m, or `None` for a 2D fix, and whether it is uncertain that the fix is a 2D
-    /// fix.
+    /// Returns the altitude at the tick, m, or `None` for a 2D fix. The second value is set if it is uncertain whether
+    /// the fix is a 2D fix.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
@@ -244,24 +244,26 @@ pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
     }
 }
 
-/// Converts ns to s.
+/// Converts a time from ns to s.
 fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// Returns the time from a message's time of week to the tick, s, modulo a week, within half a week of `reference`.
+/// Returns the time, s, from a message's time of week to the tick. The time is taken modulo a week, so that it lies
+/// within half a week of `reference` (ns).
 fn since_epoch(held: &Held, reference: i64) -> f64 {
     seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
 }
 
-/// Returns the delay from a message's time of week to its arrival, s, with the `reference` of [`since_epoch`].
+/// Returns the delay, s, from a message's time of week to the message's arrival, with the `reference` of
+/// [`since_epoch`].
 fn lag(held: &Held, reference: i64) -> Range {
     let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
 }
 
-/// Returns the age of a message's position at the tick, s, if the middle of the candidates' delays is known to lie in
-/// `middle`.
+/// Returns the age of a message's position at the tick, s. The middle one of the candidates' delays lies in the range
+/// `middle`, or is not known if `middle` is `None`.
 fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
     let since_arrival = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
@@ -272,8 +274,8 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The instant of the message's arrival cancels out: a message that arrived later has waited less for the tick, and
-    // took longer to arrive by the same time.
+    // The instant of the message's arrival cancels out: the later the message arrived, the longer was its delay, and
+    // the shorter is the time from its arrival to the tick.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
@@ -307,14 +309,15 @@ impl Brought {
     }
 }
 
-/// Returns the range in which the median of values lies that are known by these ranges: from the median of the least
-/// values to that of the greatest.
+/// Returns the range in which the median lies of values that are known only by these ranges. The range extends from the
+/// median of the least values to the median of the greatest.
 pub(super) fn median(ranges: &[Range]) -> Option<Range> {
     let of = |value: fn(&Range) -> f64| median_of(ranges.iter().map(value).collect());
     Some(Range { least: of(|range| range.least)?, most: of(|range| range.most)? })
 }
 
-/// Returns the median, which is the mean of the middle two for an even number of values; `None` without values.
+/// Returns the median of these values, which is the mean of the middle two if their number is even; `None` without
+/// values.
 pub(super) fn median_of(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;

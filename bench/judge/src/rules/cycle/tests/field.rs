@@ -63,8 +63,8 @@ fn horus_may_drop_the_field_to_recover_from_lost_frames() {
             events.field(at, false).field(tick(8), true);
         })
     };
-    // The second frame in a row does not end here, and HORUS begins to bring its front end up 0.5 ms after the frame
-    // should have ended.
+    // Here the second of two consecutive frames has no end, and HORUS begins to bring its front end up 0.5 ms after the
+    // instant at which that frame should have ended.
     let command = (Violation::CommandWithoutFrame, 2, tick(5) + COMMAND[0]);
     assert_eq!(lost(5_700_000, is_sent), [command]);
     assert_eq!(lost(200_000, |event| !is_tick(event)), [(Violation::NoFrame, 1, tick(6))]);
@@ -113,7 +113,7 @@ fn the_bounds_around_a_drop_are_as_stated() {
     let off = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
     assert_eq!(after(0), [(Violation::FieldDropped, 1, off)]);
     assert_eq!(after(1), [(Violation::CommandWithoutFrame, 1, command)]);
-    // The last lost frame lies so far back that HORUS does not switch its field off because of it any more.
+    // The last lost frame is so long ago that HORUS would not switch its field off because of it.
     let recovered = |passed: u64| {
         changed(3, |events| {
             let off = tick(5) + bounds::FIELD_RECOVERY + passed;

@@ -1,11 +1,11 @@
 use super::*;
 
-/// The time after a hang at which HORUS's watchdog bites, ns.
+/// How long after the beginning of a hang HORUS's watchdog bites, ns.
 const BITES: u64 = 83 * MS;
 
-/// Returns a run in which HORUS stops at `at` until its watchdog restarts it. HORUS's timer goes on ticking, and the
-/// frame that its front end is sending breaks off. With `told`, the log states that the bench had HORUS hang at that
-/// instant.
+/// Returns a run in which HORUS's core executes nothing from `at` until the watchdog restarts HORUS. HORUS's timer goes
+/// on ticking, and the frame that the front end is sending breaks off. With `told`, the log states that the bench
+/// stopped the core at that instant.
 fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     let mut events = Events::flawless(gps, CYCLES);
     for event in &mut events.events {
@@ -58,7 +58,8 @@ fn a_hang_of_horus_excuses_missing_ticks_but_no_irregular_ones() {
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
-    // HORUS is not blamed either if the reset pin ends the hang, or if the run ends during the hang.
+    // No missing ticks and frames are reported either if the reset pin ends the hang, or if the run ends during the
+    // hang.
     let mut by_pin = stopped.clone();
     by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
     assert_eq!(broken(&by_pin), []);
@@ -76,12 +77,12 @@ fn frames_missing_before_a_hang_are_reported_despite_the_watchdogs_reset() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
-    // No frame came in between after which the missing frame would have been reported.
+    // Between the missing frame and the hang there was no frame after which the missing one would have been reported.
     let at = tick(7) + 50_000;
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(6)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(7))]);
-    // The report of a watchdog's reset that was not asked for covers the missing frames.
+    // The missing frames are not reported, because a watchdog's reset that was not asked for is reported.
     let mut events = hung(3, at, None);
     events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
     events.without(|event| of(7)(event) && !is_tick(event));

@@ -11,7 +11,7 @@ use crate::testing::{COMMAND, Events, FIRST_TICK, LATENCY, MS, found, header};
 const CYCLE: u64 = bounds::CYCLE;
 const CYCLES: u64 = 20;
 
-/// Returns when tick number `number`, from 1, comes in a flawless run, ns.
+/// Returns the instant, ns, of tick number `number` (from 1) in a flawless run.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * CYCLE
 }
@@ -20,16 +20,15 @@ fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
     found(Cycle::new(&header(events.gps)), &events.log()).0
 }
 
-/// Returns the violations that are found in a flawless run of 20 cycles with `gps` receivers after `change` has changed
-/// it.
+/// Returns the violations that are found if `change` changes a flawless run of 20 cycles with `gps` receivers.
 fn changed(gps: usize, change: impl FnOnce(&mut Events)) -> Vec<(Violation, u64, u64)> {
     let mut events = Events::flawless(gps, CYCLES);
     change(&mut events);
     broken(&events)
 }
 
-/// Returns a function that says whether an event belongs to cycle `number`: to its tick, or to the time until the next
-/// tick.
+/// Returns a function that says whether an event belongs to cycle `number`: it is the cycle's tick, or comes before the
+/// next tick.
 fn of(number: u64) -> impl Fn(&Event) -> bool {
     move |event| event.at >= tick(number) && event.at < tick(number + 1)
 }
@@ -70,7 +69,7 @@ fn payload(events: &mut Events, number: u64, change: impl Fn(&mut Vec<u8>)) {
     }
 }
 
-/// Returns when the last frame of cycle `number` ends, ns.
+/// Returns the instant, ns, at which the last frame of cycle `number` ends.
 fn end(gps: usize, number: u64) -> u64 {
     let events = Events::flawless(gps, number);
     events.events.iter().filter(|event| is_sent(event)).map(|event| event.at).max().unwrap()

@@ -1,10 +1,10 @@
-//! Tests a DPR that hangs: which data may stay readable, and which must not.
+//! Tests which data may stay readable while a DPR hangs, and which data must not.
 
 use super::super::synthetic::{Air, Image, MS, Run, US};
 use super::{RECEIVERS, hide};
 use crate::{Board, Event, Violation, What, bounds};
 
-/// Returns a run in which the DPR publishes nothing new from `at` on and its watchdog bites 80 ms later.
+/// Returns a run in which the DPR publishes nothing new from `at` on, and in which its watchdog bites 80 ms after that.
 fn stopped(n: usize, at: u64) -> Run {
     Run {
         cycles: 80,
@@ -13,12 +13,12 @@ fn stopped(n: usize, at: u64) -> Run {
     }
 }
 
-/// Returns an edit by which the DPR publishes nothing new, so that the images that it has published expire.
+/// Returns an edit after which the DPR publishes nothing new from `at` on, so that the images published before expire.
 fn silent(at: u64) -> impl Fn(&mut Vec<Image>) {
     move |images| images.retain(|image| image.at <= at || image.at >= at + 80 * MS)
 }
 
-/// Adds to a run the event that the bench had the DPR hang at `at`.
+/// Adds to a run the event that the bench stopped the DPR's core at `at`.
 fn told(mut run: Run, at: u64) -> Run {
     run.extra.push(Event { at, what: What::Hung { board: Board::Dpr } });
     run

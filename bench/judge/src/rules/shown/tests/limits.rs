@@ -1,4 +1,4 @@
-//! Tests the limits within which the rule `shown` requires something, each from both sides.
+//! Tests the limits from which on the rule `shown` requires something. Each limit is tested on both sides.
 
 use super::super::Shown;
 use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
@@ -45,7 +45,8 @@ fn a_hit_image_bit_allows_the_dpr_to_withdraw_the_image() {
     }
 }
 
-/// Returns the violations of a run with one transaction, which took `took` ns and read an object that HORUS never sent.
+/// Returns the violations of a run with one transaction, which lasted for `took` ns and read an object that HORUS never
+/// sent.
 fn forged_in(took: u64) -> Vec<Violation> {
     let run = Run { cycles: 200, ..Run::new(3) };
     let run = Run { only: Some(run.end(20) + MS), ..run };
@@ -81,9 +82,9 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
     }
 }
 
-/// A flight controller in another SPI mode samples MISO half a clock early, so that the first bit that it reads from a
-/// busy DPR is that of the line before the transfer. If that bit is 1, the transaction counts as one of a DPR that
-/// hides the cycle; if it is 0, the bytes count as damaged.
+/// A flight controller in another SPI mode samples MISO half a clock period early, so the first bit that it reads from
+/// a busy DPR is the level of the line before the transfer. If that bit is 1, the judge reports a DPR that does not
+/// show the cycle. If it is 0, the judge reports damaged bytes.
 #[test]
 fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
     for n in RECEIVERS {
@@ -118,7 +119,8 @@ fn a_read_across_a_restart_or_loss_of_supply_is_not_judged() {
     };
     let judged = |run: &Run, selected| Run { only: Some(selected), ..run.clone() }.broken(forge);
     assert_eq!(judged(&run, restart - MS), [Violation::ShownNeverSent]);
-    // The transaction takes 0.3 ms, so the DPR restarts during the first one of these, and not during the second.
+    // The transaction takes 0.3 ms. In the first check the DPR restarts during the transaction, and in the second it
+    // does not.
     assert_eq!(judged(&run, restart - 1), []);
     assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
     run.dpr_start = None;
@@ -212,7 +214,7 @@ fn a_second_frame_2500_us_late_still_belongs_to_its_cycle() {
             }
         };
         assert_eq!(run.broken(without) == [Violation::Vacant], must, "{by}");
-        // An image without the second frame may be published first.
+        // The DPR may first publish an image without the second frame.
         let shown = run.broken(show(&run, run.end(20) + (by + 60) * US, 20, 3..=5));
         assert_eq!(shown == [Violation::ShownOutOfSequence], never, "{by}: {shown:?}");
     }
@@ -238,8 +240,8 @@ fn what_is_told_says_when() {
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
 
-/// Returns the violations of a run in which `edit` changes the frame of cycle 20 as it arrived at the antenna, and the
-/// images do not show that cycle.
+/// Returns the violations of a run in which `edit` changes how the frame of cycle 20 arrived at the antenna, and no
+/// image shows that cycle.
 fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
     let mut log = run.log(hide(200));
     let at = run.end(20);
@@ -297,7 +299,7 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
 #[test]
 fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
     let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
-    // The front end is brought up again by an instant between the two frames of cycle 70.
+    // The bring-up of the front end is over at an instant between the two frames of cycle 70.
     let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
     let fault = injected(deaf, run.tick(70) + 2 * MS - bounds::FRONT_END_RECOVERY);
     run.extra.push(Event { at: 200 * MS, what: fault });
@@ -306,8 +308,8 @@ fn a_disturbed_front_end_may_still_have_received_frozen_frames() {
 
 #[test]
 fn a_missed_frame_does_not_end_the_dprs_sequence() {
-    // The DPR receives nothing of cycle 20 in this log. The frame that is then added at the antenna broke off and came
-    // 5 ms late.
+    // In this log the DPR receives nothing of cycle 20. A frame is then added at the antenna that is 5 ms late and
+    // broke off.
     let missed = Run::new(3).hit_all([20], &Air::Lost);
     let mut log = missed.log(|_| {});
     let at = missed.end(20) + 5 * MS;

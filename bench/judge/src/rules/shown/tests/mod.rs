@@ -6,7 +6,7 @@ use crate::disturbance::Memory;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
 use crate::{Board, Disturbance, Event, Violation, What, judge};
 
-/// The numbers of receivers for which the rule `shown` differs.
+/// The numbers of receivers that the rule `shown` treats differently.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
 #[test]
@@ -105,7 +105,7 @@ fn hide(timestamp: u32) -> impl Fn(&mut Vec<Image>) {
     }
 }
 
-/// Returns an edit by which the first image published from `at` on shows these objects of a cycle's profile.
+/// Returns an edit after which the first image published from `at` on shows these objects of a cycle's profile.
 fn show(run: &Run, at: u64, cycle: u32, objects: impl IntoIterator<Item = usize> + Clone) -> impl Fn(&mut Vec<Image>) {
     let (profile, layout) = (run.profile(cycle), run.layout());
     move |images| {
@@ -298,7 +298,7 @@ fn data_are_stale_past_the_deadline_and_expired_past_25_ms() {
         assert!(verdict.figures.faults.invalid_shown_valid >= 3);
         let run = Run::new(n).hit_all(20..24, &Air::Lost);
         assert_eq!(run.broken(stay(run.end(19), run.end(24))), [Violation::ShownExpired], "{n} receivers");
-        // The verdict is the same if the silence lasts longer than the judge keeps frames.
+        // The verdict is the same if the silence lasts longer than the time for which the judge keeps frames.
         let mut run = Run::new(n).hit_all(20..300, &Air::Lost);
         run.cycles = 310;
         assert_eq!(run.broken(stay(run.end(19), run.end(300))), [Violation::ShownExpired], "{n} receivers");
@@ -373,7 +373,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
     run.extra.push(Event { at: on, what: What::FieldHeard { on: true } });
     run.assert_flawless();
     let missed = run.clone().hit_all(20..25, &Air::Lost);
-    // The DPR of this log has not received the frames, which are now added at the antenna.
+    // In this log the DPR has not received the frames, which are now added at the antenna.
     let mut log = missed.log(|_| {});
     let there = run.log(|_| {}).events.into_iter().filter(|event| matches!(event.what, What::Heard { .. }));
     log.events.retain(|event| !matches!(event.what, What::Heard { .. }));
@@ -430,7 +430,7 @@ fn every_start_but_a_boards_first_counts_as_a_cause() {
 fn the_end_of_the_last_valid_position_is_reported() {
     let mut run = Run::new(3);
     let end = run.end(40);
-    // The position is no longer readable from the deadline on; the image of that deadline is published 12.55 ms after
+    // From the deadline on the position can no longer be read. The image of that deadline is published 12.55 ms after
     // the last bit.
     let invalid = run.assert_flawless().figures.invalid_since_ns.unwrap();
     assert!((end + 12_550 * US..end + 14_550 * US).contains(&invalid), "{invalid}");
@@ -442,7 +442,8 @@ fn the_end_of_the_last_valid_position_is_reported() {
 
 #[test]
 fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
-    // The first seeds are ones for which an earlier judge reported violations wrongly; the others were not selected.
+    // The first seeds are those for which an earlier version of the judge reported violations wrongly; the others were
+    // not selected.
     for seed in [27, 480, 552, 2148, 2192, 2207, 2261].into_iter().chain(0..24_u64) {
         // The pseudorandom numbers are those of a linear congruential generator (Knuth, MMIX).
         let mut state = seed;
