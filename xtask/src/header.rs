@@ -12,11 +12,11 @@
 //! `profile/c/horus_dpr.h` is `template.h` with the measured values inserted; `profile/c/horus_dpr_crc.h` has the
 //! tables of the two CRCs.
 
-mod objects;
-mod status;
+pub(crate) mod objects;
+pub(crate) mod status;
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
@@ -26,33 +26,42 @@ use profile::map::PortArea;
 use profile::ssi::{self, client, client::Config, timing};
 use profile::{Command, HoldObject, Identifier, Layout, Uplink, Violation, crc, hold, image, range};
 
+/// The options of a command that writes generated files.
 #[derive(Args)]
-pub(crate) struct HeaderArgs {
+pub(crate) struct GeneratedArgs {
     /// Write nothing; fail if a file is not current.
     #[arg(long)]
     check: bool,
 }
 
-pub(crate) fn header(args: &HeaderArgs) -> Result<ExitCode> {
-    for (path, text) in files()? {
-        if args.check {
-            check_one(&path, &text)?;
-        } else {
-            std::fs::write(&path, text).with_context(|| format!("could not write {}", path.display()))?;
-            println!("{}", path.display());
+impl GeneratedArgs {
+    /// Writes `files`, which `cargo xtask COMMAND` generates, or checks them.
+    pub(crate) fn apply(&self, command: &str, files: &[(PathBuf, String)]) -> Result<ExitCode> {
+        for (path, text) in files {
+            if self.check {
+                check_one(command, path, text)?;
+            } else {
+                std::fs::write(path, text).with_context(|| format!("could not write {}", path.display()))?;
+                println!("{}", path.display());
+            }
         }
+        Ok(ExitCode::SUCCESS)
     }
-    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn header(args: &GeneratedArgs) -> Result<ExitCode> {
+    args.apply("header", &files()?)
 }
 
 /// Fails if a generated file is not current.
 pub(crate) fn check() -> Result<()> {
-    files()?.iter().try_for_each(|(path, text)| check_one(path, text))
+    files()?.iter().try_for_each(|(path, text)| check_one("header", path, text))
 }
 
-fn check_one(path: &PathBuf, text: &str) -> Result<()> {
+/// Fails if a file that `cargo xtask COMMAND` generates is not current.
+pub(crate) fn check_one(command: &str, path: &Path, text: &str) -> Result<()> {
     let found = std::fs::read_to_string(path).with_context(|| format!("could not read {}", path.display()))?;
-    ensure!(found == text, "{} is not what the layouts say: run `cargo xtask header`", path.display());
+    ensure!(found == text, "{} is not what the layouts say: run `cargo xtask {command}`", path.display());
     Ok(())
 }
 
@@ -67,9 +76,9 @@ fn client_header() -> Result<String> {
         ("constants", constants()),
         ("layouts", layouts()),
         ("wire", objects::structs()?),
-        ("status", status::words()?),
-        ("verdicts", status::verdicts()),
-        ("hold", status::hold_shown()),
+        ("status", status::definitions()?),
+        ("verdicts", status::verdicts().definition()),
+        ("hold", status::hold_shown().definition()),
     ];
     for (name, part) in parts {
         let mark = format!("@{name}@\n");
@@ -80,11 +89,11 @@ fn client_header() -> Result<String> {
 }
 
 /// Returns `#define` lines with their values in one column, each with a comment about its meaning.
-fn defines(lines: &[(String, String, &str)]) -> String {
+fn defines(lines: &[(String, String, impl AsRef<str>)]) -> String {
     let name = lines.iter().map(|(name, _, _)| name.len()).max().unwrap_or(0);
     let value = lines.iter().map(|(_, value, _)| value.len()).max().unwrap_or(0);
     lines.iter().fold(String::new(), |mut text, (define, number, what)| {
-        let _ = writeln!(text, "#define {define:name$} {number:value$} /* {what} */");
+        let _ = writeln!(text, "#define {define:name$} {number:value$} /* {} */", what.as_ref());
         text
     })
 }
@@ -271,7 +280,7 @@ mod tests {
     #[test]
     fn an_outdated_header_is_refused_with_the_remedy() {
         let path = crate::workspace::root().join("profile/c/horus_dpr.h");
-        let error = check_one(&path, &client_header().unwrap().replace("GAP_NS", "GAP")).unwrap_err();
+        let error = check_one("header", &path, &client_header().unwrap().replace("GAP_NS", "GAP")).unwrap_err();
         assert!(error.to_string().contains("run `cargo xtask header`"), "{error}");
     }
 }

@@ -1,6 +1,6 @@
-//! Checks style (width, names of tests, openings of comments), citations, the C header and formatting. Then runs clippy
-//! with warnings as errors, for the host and for the target, builds the crates' documentation with warnings as errors
-//! too, and checks the dependencies if cargo-deny is installed.
+//! Checks style (width, names of tests, openings of comments), citations, the C header, the layouts and formatting.
+//! Then runs clippy with warnings as errors, for the host and for the target, builds the crates' documentation with
+//! warnings as errors too, and checks the dependencies if cargo-deny is installed.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -92,13 +92,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
     if let Err(error) = crate::header::check() {
         failed.push(format!("C header: {error:#}"));
     }
+    eprintln!("-- layouts");
+    if let Err(error) = crate::layout::check() {
+        failed.push(format!("layouts: {error:#}"));
+    }
     for (what, command) in &mut steps {
         eprintln!("-- {what}");
         if let Err(error) = check(what, command) {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len() + 3, &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 4, &failed))
 }
 
 /// Returns whether cargo-deny is on the PATH or among the tools below `target`.

@@ -20,6 +20,7 @@ mod fuzz;
 mod gdb;
 mod header;
 mod judge;
+mod layout;
 mod lint;
 #[cfg(feature = "live")]
 mod live;
@@ -75,15 +76,18 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Check line length, citations, the C header and formatting, then run clippy with warnings as errors, for host and
-    /// target, and build the documentation likewise.
+    /// Check line length, citations, the C header, the layouts and formatting, then run clippy with warnings as errors,
+    /// for host and target, and build the documentation likewise.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
     /// Write docs/figures.md and README's sample of a run from fresh runs, or check that they are current.
     Figures(figures::FiguresArgs),
     /// Write the C header of the flight controller's client from the profile's layouts, or check that it is current.
-    Header(header::HeaderArgs),
+    Header(header::GeneratedArgs),
+    /// Write the layout of all objects for machines, and the Python package's module of them, or check that both are
+    /// current.
+    Layout(header::GeneratedArgs),
     /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
     /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
@@ -282,6 +286,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Residual(args) => residual::residual(&args),
         Command::Figures(args) => figures::figures(&args),
         Command::Header(args) => header::header(&args),
+        Command::Layout(args) => layout::layout(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
         Command::Defects(args) => defects::defects(&args),
         Command::Oracle(args) => oracle::oracle(&args),

@@ -1,4 +1,4 @@
-//! Writes the bits and codes of the status words, and the client's verdicts, for C.
+//! Names the bits and codes of the status words, and the client's verdicts, and writes them for C.
 
 use std::fmt::Write as _;
 
@@ -12,23 +12,74 @@ use profile::{
 
 use super::defines;
 
-/// A bit of a status word, or the bits of a code in it: name, mask, meaning.
-type Bits = (&'static str, u16, &'static str);
+/// A bit of a status word: name, mask, meaning.
+type Bit = (&'static str, u16, &'static str);
 
-/// Returns the definitions of all status words.
-pub(super) fn words() -> Result<String> {
+/// The reading of a code of several bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Code {
+    /// A number.
+    Number,
+    /// A value of the enumeration of this name.
+    Enumeration(&'static str),
+    /// An age in steps.
+    Age,
+}
+
+/// A code of several bits in a status word: name, mask, meaning, reading.
+type Codes = (&'static str, u16, &'static str, Code);
+
+/// A bit, or the bits of a code, in a status word.
+pub(crate) struct Bits {
+    pub(crate) name: &'static str,
+    pub(crate) mask: u16,
+    pub(crate) what: &'static str,
+    /// The reading of a code; `None` for a bit.
+    pub(crate) code: Option<Code>,
+}
+
+/// A status word. Its bits are in their order and fill `used`.
+pub(crate) struct Word {
+    pub(crate) prefix: &'static str,
+    pub(crate) title: &'static str,
+    pub(crate) used: u16,
+    pub(crate) bits: Vec<Bits>,
+}
+
+/// An enumeration: the name, the number and the meaning of each value.
+pub(crate) struct Enumeration {
+    pub(crate) name: &'static str,
+    pub(crate) title: &'static str,
+    /// The beginning of each value's name in C, behind HORUS_DPR_.
+    prefix: &'static str,
+    pub(crate) values: Vec<(&'static str, u8, &'static str)>,
+}
+
+/// Returns the definitions of all status words and of their codes.
+pub(super) fn definitions() -> Result<String> {
+    let mut text = String::new();
+    for word in words()? {
+        text += &word.definitions();
+        if word.bits.iter().any(|bits| bits.code == Some(Code::Age)) {
+            text += &ages()?;
+        }
+    }
+    Ok(codes().iter().fold(text, |text, codes| text + &codes.definition()))
+}
+
+/// Returns all status words.
+pub(crate) fn words() -> Result<Vec<Word>> {
     let reported = ReportedStatus::new();
     let gps = GpsStatus::new();
     let link = LinkStatusBits::new();
     let port = PortStatusBits::new();
     let hold = HoldStatusBits::new();
-    let text = [
+    Ok(vec![
         word(
             "REPORTED",
             "Reported-Position",
             ReportedStatus::USED,
             &[
-                ("AGREEING_MASK", reported.with_receivers_agreeing(7).bits(), "receivers that agree, 0 to 7"),
                 ("POSITION_VALID", reported.with_position_valid(true).bits(), "latitude and longitude are valid"),
                 ("ATTITUDE_VALID", reported.with_attitude_valid(true).bits(), "pitch, yaw and roll are valid"),
                 ("ACCELERATION_VALID", reported.with_acceleration_valid(true).bits(), "the accelerations are valid"),
@@ -38,9 +89,12 @@ pub(super) fn words() -> Result<String> {
                     "fewer receivers agree than configured, or on no altitude",
                 ),
                 ("WITHOUT_CRYSTAL", reported.with_without_crystal(true).bits(), "HORUS runs without its crystal"),
-                ("STATE_MASK", 0x0F00, "what HORUS is doing: horus_dpr_state_t"),
                 ("MEMORY_FAULT", reported.with_memory_fault(true).bits(), "HORUS has found a fault of its memory"),
-                ("RESET_MASK", 0xE000, "why HORUS last started: horus_dpr_reset_t"),
+            ],
+            &[
+                ("AGREEING", reported.with_receivers_agreeing(7).bits(), "receivers that agree, 0 to 7", Code::Number),
+                ("STATE", 0x0F00, "what HORUS is doing", Code::Enumeration("state")),
+                ("RESET", 0xE000, "why HORUS last started", Code::Enumeration("reset")),
             ],
         )?,
         word(
@@ -48,17 +102,18 @@ pub(super) fn words() -> Result<String> {
             "GPS1 to GPS5",
             GpsStatus::USED,
             &[
-                ("FIX_MASK", 0x000F, "UBX fixType: horus_dpr_fix_t"),
                 ("POSITION_VALID", gps.with_position_valid(true).bits(), "latitude and longitude are valid"),
                 ("ATTITUDE_VALID", gps.with_attitude_valid(true).bits(), "pitch, yaw and roll are valid"),
                 ("ACCELERATION_VALID", gps.with_acceleration_valid(true).bits(), "the accelerations are valid"),
                 ("HEARD", gps.with_heard(true).bits(), "heard in the last 250 ms"),
                 ("STALE", gps.with_stale(true).bits(), "the solution is older than its period allows"),
                 ("EXCLUDED", gps.with_excluded(true).bits(), "the voter excluded this receiver"),
-                ("AGE_MASK", gps.with_solution_age_ms(None).bits(), "age of its solution: horus_dpr_solution_age_ms"),
+            ],
+            &[
+                ("FIX", 0x000F, "UBX fixType", Code::Enumeration("fix")),
+                ("AGE", gps.with_solution_age_ms(None).bits(), "age of its solution", Code::Age),
             ],
         )?,
-        ages()?,
         word(
             "LINK",
             "Link-Status",
@@ -75,9 +130,9 @@ pub(super) fn words() -> Result<String> {
                 ("OUT_OF_SEQUENCE", link.with_out_of_sequence(true).bits(), "nothing is shown until it is found again"),
                 ("CLOCK_IMPLAUSIBLE", link.with_horus_clock_implausible(true).bits(), "HORUS's clock is off by > 2 %"),
                 ("FLASH_FAULT", link.with_flash_fault(true).bits(), "the DPR's program memory is damaged"),
-                ("RESET_MASK", 0x7000, "why the DPR last started: horus_dpr_reset_t"),
                 ("NO_FIELD", link.with_no_field(true).bits(), "the front end works and senses no field of the sender"),
             ],
+            &[("RESET", 0x7000, "why the DPR last started", Code::Enumeration("reset"))],
         )?,
         word(
             "PORT",
@@ -93,12 +148,20 @@ pub(super) fn words() -> Result<String> {
                 ("BUFFERS_OUT_OF_USE", port.with_buffers_out_of_use(true).bits(), "a buffer or image is out of use"),
                 ("HOLD_HEARD", port.with_hold_heard(true).bits(), "a frame of the hold came in the last 300 ms"),
                 ("HOLD_ACCEPTED", port.with_hold_accepted(true).bits(), "the last one was accepted"),
+            ],
+            &[
                 (
-                    "HOLD_ACCEPTED_COUNT_MASK",
+                    "HOLD_ACCEPTED_COUNT",
                     port.with_hold_counts(15, 0).bits(),
                     "objects of the hold accepted, mod 16",
+                    Code::Number,
                 ),
-                ("HOLD_REJECTED_COUNT_MASK", port.with_hold_counts(0, 7).bits(), "frames of the hold rejected, mod 8"),
+                (
+                    "HOLD_REJECTED_COUNT",
+                    port.with_hold_counts(0, 7).bits(),
+                    "frames of the hold rejected, mod 8",
+                    Code::Number,
+                ),
             ],
         )?,
         word(
@@ -112,11 +175,10 @@ pub(super) fn words() -> Result<String> {
                 ("SENSOR_FAULT", hold.with_sensor_fault(true).bits(), "a sensor has a fault"),
                 ("MEMORY_FAULT", hold.with_memory_fault(true).bits(), "the hold has found a fault of its memory"),
                 ("SAFE_STATE", hold.with_safe_state(true).bits(), "the output is off, the lock stays as it is"),
-                ("RESET_MASK", 0x01C0, "why the hold last started: horus_dpr_reset_t"),
             ],
+            &[("RESET", 0x01C0, "why the hold last started", Code::Enumeration("reset"))],
         )?,
-    ];
-    Ok(text.concat() + &codes())
+    ])
 }
 
 /// Returns the definitions of the bits that hold a solution's age.
@@ -132,40 +194,66 @@ fn ages() -> Result<String> {
     Ok(defines(&lines.map(|(name, value, what)| (format!("HORUS_DPR_{name}"), format!("{value}U"), what))) + "\n")
 }
 
-fn word(prefix: &str, title: &str, used: u16, bits: &[Bits]) -> Result<String> {
+fn word(prefix: &'static str, title: &'static str, used: u16, flags: &[Bit], codes: &[Codes]) -> Result<Word> {
+    let flags = flags.iter().map(|&(name, mask, what)| Bits { name, mask, what, code: None });
+    let codes = codes.iter().map(|&(name, mask, what, code)| Bits { name, mask, what, code: Some(code) });
+    let mut bits: Vec<_> = flags.chain(codes).collect();
+    bits.sort_by_key(|bits| bits.mask);
     let mut seen = 0;
-    for (name, mask, _) in bits {
+    for Bits { name, mask, .. } in &bits {
         ensure!(*mask != 0 && seen & mask == 0, "{prefix}_{name} is {mask:#06X}, of which some is another's");
         seen |= mask;
     }
     ensure!(seen == used, "the bits of {title} are {used:#06X}, those named here {seen:#06X}");
-    let mut lines: Vec<_> = bits
-        .iter()
-        .map(|(name, mask, what)| (format!("HORUS_DPR_{prefix}_{name}"), format!("0x{mask:04X}U"), *what))
-        .collect();
-    lines.push((format!("HORUS_DPR_{prefix}_USED"), format!("0x{used:04X}U"), "the bits that have a meaning"));
-    for (name, mask, _) in bits.iter().filter(|(name, ..)| name.ends_with("_MASK")) {
-        let name = name.trim_end_matches("_MASK");
-        let shift = format!("{}U", mask.trailing_zeros());
-        lines.push((format!("HORUS_DPR_{prefix}_{name}_SHIFT"), shift, "how far to shift that code down"));
-    }
-    Ok(format!("/* {title}. */\n{}\n", defines(&lines)))
+    Ok(Word { prefix, title, used, bits })
 }
 
-/// Returns a C enumeration; `values` has the name, the number and the meaning of each value.
-fn enumeration(name: &str, title: &str, prefix: &str, values: &[(&str, u8, &str)]) -> String {
-    let width = values.iter().map(|(value, ..)| value.len()).max().unwrap_or(0) + prefix.len() + 16;
-    let mut text = format!("/* {title} */\ntypedef enum {{\n");
-    for (index, (value, number, what)) in values.iter().enumerate() {
-        let comma = if index + 1 == values.len() { "" } else { "," };
-        let line = format!("HORUS_DPR_{prefix}{value} = {number}{comma}");
-        let _ = writeln!(text, "    {line:width$} /* {what} */");
+impl Word {
+    /// Returns the C definitions of its bits.
+    fn definitions(&self) -> String {
+        let Self { prefix, title, used, bits } = self;
+        let name = |bits: &Bits, end: &str| format!("HORUS_DPR_{prefix}_{}{end}", bits.name);
+        let line = |bits: &Bits| {
+            let end = if bits.code.is_some() { "_MASK" } else { "" };
+            let reading = match bits.code {
+                Some(Code::Enumeration(name)) => format!(": horus_dpr_{name}_t"),
+                Some(Code::Age) => ": horus_dpr_solution_age_ms".to_owned(),
+                Some(Code::Number) | None => String::new(),
+            };
+            (name(bits, end), format!("0x{:04X}U", bits.mask), format!("{}{reading}", bits.what))
+        };
+        let mut lines: Vec<_> = bits.iter().map(line).collect();
+        lines.push((
+            format!("HORUS_DPR_{prefix}_USED"),
+            format!("0x{used:04X}U"),
+            "the bits that have a meaning".into(),
+        ));
+        for bits in bits.iter().filter(|bits| bits.code.is_some()) {
+            let shift = format!("{}U", bits.mask.trailing_zeros());
+            lines.push((name(bits, "_SHIFT"), shift, "how far to shift that code down".into()));
+        }
+        format!("/* {title}. */\n{}\n", defines(&lines))
     }
-    let _ = writeln!(text, "}} horus_dpr_{name}_t;\n");
-    text
 }
 
-fn codes() -> String {
+impl Enumeration {
+    /// Returns the C enumeration.
+    pub(super) fn definition(&self) -> String {
+        let Self { name, title, prefix, values } = self;
+        let width = values.iter().map(|(value, ..)| value.len()).max().unwrap_or(0) + prefix.len() + 16;
+        let mut text = format!("/* {title} */\ntypedef enum {{\n");
+        for (index, (value, number, what)) in values.iter().enumerate() {
+            let comma = if index + 1 == values.len() { "" } else { "," };
+            let line = format!("HORUS_DPR_{prefix}{value} = {number}{comma}");
+            let _ = writeln!(text, "    {line:width$} /* {what} */");
+        }
+        let _ = writeln!(text, "}} horus_dpr_{name}_t;\n");
+        text
+    }
+}
+
+/// Returns the enumerations of the codes in status words.
+pub(crate) fn codes() -> [Enumeration; 4] {
     use {FixType as F, HorusState as S, ResetReason as R};
     let states = [
         S::Starting,
@@ -223,24 +311,27 @@ fn codes() -> String {
         };
         (name, outcome.code() as u8, what)
     });
-    enumeration("state", "What HORUS is doing. Other codes are reserved.", "STATE_", &states)
-        + &enumeration("fix", "A receiver's fix. Other codes are reserved.", "FIX_", &fixes)
-        + &enumeration(
-            "reset",
-            "Why the DPR, HORUS or the hold last started. Other codes are reserved.",
-            "RESET_",
-            &resets,
-        )
-        + &enumeration(
-            "outcome",
-            "What became of a command to the hold. Other codes are reserved.",
-            "OUTCOME_",
-            &outcomes,
-        )
+    let reasons = "Why the DPR, HORUS or the hold last started. Other codes are reserved.";
+    let became = "What became of a command to the hold. Other codes are reserved.";
+    [
+        enumeration("state", "What HORUS is doing. Other codes are reserved.", "STATE_", &states),
+        enumeration("fix", "A receiver's fix. Other codes are reserved.", "FIX_", &fixes),
+        enumeration("reset", reasons, "RESET_", &resets),
+        enumeration("outcome", became, "OUTCOME_", &outcomes),
+    ]
 }
 
-/// Returns the definitions of the client's verdicts.
-pub(super) fn verdicts() -> String {
+fn enumeration(
+    name: &'static str,
+    title: &'static str,
+    prefix: &'static str,
+    values: &[(&'static str, u8, &'static str)],
+) -> Enumeration {
+    Enumeration { name, title, prefix, values: values.to_vec() }
+}
+
+/// Returns the client's verdicts.
+pub(crate) fn verdicts() -> Enumeration {
     let none = ("NONE", 0, "no transaction has ended: nobody filled the report");
     let verdicts = Verdict::ALL.map(|verdict| {
         let (name, what) = match verdict {
@@ -261,8 +352,8 @@ pub(super) fn verdicts() -> String {
     enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
-/// Returns the definitions of the reader's cases of Hold-Status.
-pub(super) fn hold_shown() -> String {
+/// Returns the reader's cases of Hold-Status.
+pub(crate) fn hold_shown() -> Enumeration {
     let cases = HoldShown::ALL.map(|shown| {
         let (name, what) = match shown {
             HoldShown::Absent => ("ABSENT", "the DPR shows none, or none was read yet"),
@@ -275,7 +366,7 @@ pub(super) fn hold_shown() -> String {
 }
 
 /// Returns the commands to the hold: name, word, effect.
-pub(super) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
+pub(crate) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
     let commands = [HoldCommand::SetPoint(0.0), HoldCommand::Lock, HoldCommand::Unlock, HoldCommand::ClearShock];
     commands.map(|command| {
         let (name, what) = match command {
@@ -289,7 +380,7 @@ pub(super) fn hold_words() -> [(&'static str, u16, &'static str); 4] {
 }
 
 /// Returns the name and the effect of a command to the DPR.
-pub(super) fn command(command: Command) -> (&'static str, &'static str) {
+pub(crate) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
         Command::SelfTest => ("SELF_TEST", "one whole pass over flash and RAM in use"),
@@ -298,7 +389,7 @@ pub(super) fn command(command: Command) -> (&'static str, &'static str) {
 }
 
 /// Returns the name and the meaning of a kind of access violation.
-pub(super) fn violation(kind: Violation) -> (&'static str, &'static str) {
+pub(crate) fn violation(kind: Violation) -> (&'static str, &'static str) {
     match kind {
         Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),
         Violation::WindowOutside => ("WINDOW_OUTSIDE", "a window that is empty or not in the map"),
