@@ -112,8 +112,8 @@ fn a_supply_that_fails_while_the_dpr_logs_causes_no_panic() {
     field_on(&mut warm);
     run_dpr(&mut warm, 1_000 * MS);
     let mut interrupted = 0;
-    // The DPR writes its log line once a second, 20.04 ms after the second: the supply has been on for 17 ms when the part
-    // starts, and the check of its program, which takes longer for a longer program, comes first.
+    // The DPR writes its log line once a second, 20.04 ms after the second: the supply has been on for 17 ms when the
+    // part starts, and the check of its program, which takes longer for a longer program, comes first.
     for after in (1_020_000..1_020_100).step_by(2) {
         let mut node = warm.clone();
         run_dpr(&mut node, after * US);
