@@ -286,9 +286,13 @@ impl Poller {
         if matches!(input, Input::Failed) {
             return self.fault(Fault::Bus);
         }
-        // The slot's way comes first: its transmit command is followed by the load of the rest of the frame.
-        if let (PollerState::Sending(SendState::Loaded), Input::Done(_)) = (self.state, input) {
-            let sending = self.sender.loaded();
+        // What a cycle does at its tick and in its slot comes first: the load of the head, and that of the rest.
+        let at_once = match (self.state, input) {
+            (PollerState::Sending(SendState::Prepared), _) => Some(self.sender.head()),
+            (PollerState::Sending(SendState::Loaded), Input::Done(_)) => Some(self.sender.rest()),
+            _ => None,
+        };
+        if let Some(sending) = at_once {
             return self.sending(sending);
         }
         match (self.state, input) {

@@ -114,12 +114,12 @@ impl Sender {
                 Ok(Status { count, .. }) => Sending::Failed(Fault::FifoCount { expected: 0, found: count }),
                 Err(fault) => Sending::Failed(fault),
             },
-            (SendState::Prepared, _) => load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD)),
+            (SendState::Prepared, _) => self.head(),
             (SendState::LoadingHead, Input::Done(_)) => {
                 self.idle_irqs = 0;
                 Sending::Loaded
             }
-            (SendState::Loaded, Input::Done(_)) => self.loaded(),
+            (SendState::Loaded, Input::Done(_)) => self.rest(),
             (SendState::LoadingRest, Input::Done(_)) => self.wait(),
             (SendState::Loaded | SendState::OnAir, Input::Irq) => read_irqs(false),
             (SendState::Loaded | SendState::OnAir, Input::Timeout) => read_irqs(true),
@@ -128,9 +128,15 @@ impl Sender {
         }
     }
 
-    /// Continues after the transmit command: with the rest of the payload, if there is one.
+    /// Loads the first bytes of the payload.
     #[inline(always)]
-    pub(crate) fn loaded(&self) -> Sending {
+    pub(crate) fn head(&self) -> Sending {
+        load(SendState::LoadingHead, 0, usize::from(self.len).min(HEAD))
+    }
+
+    /// Continues after the transmit command: loads the rest of the payload, if there is one.
+    #[inline(always)]
+    pub(crate) fn rest(&self) -> Sending {
         match usize::from(self.len).checked_sub(HEAD) {
             None | Some(0) => self.wait(),
             Some(rest) => load(SendState::LoadingRest, HEAD, rest),
