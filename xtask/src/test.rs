@@ -17,7 +17,7 @@ pub(crate) struct TestArgs {
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
     /// The cost of processor time in the on-target suites on the bench: fast, optimistic or pessimistic. By default
-    /// fast and pessimistic, one after the other.
+    /// all three, one after the other.
     #[arg(long)]
     clock: Option<Clock>,
     /// Run the on-target suite of this board only, and no host test.
@@ -140,7 +140,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             step(&what, &mut || on_target(&runner, board, None, &args.probe));
             continue;
         }
-        for clock in args.clock.map_or(vec![Clock::Fast, Clock::Pessimistic], |clock| vec![clock]) {
+        for clock in args.clock.map_or(vec![Clock::Fast, Clock::Optimistic, Clock::Pessimistic], |clock| vec![clock]) {
             let what = format!("on-target suite of {}, {clock} clock", board.name());
             step(&what, &mut || on_target(&runner, board, Some(clock), &args.probe));
         }
