@@ -9,9 +9,10 @@
 //! an age two seconds above that of a sample that the radio passed on at once.
 //!
 //! One sample must not define the shortest delay: an attacker who inserts one early sample could make all others look
-//! late, for hours. So a difference that is smaller than all before counts only once [`AGREEING`] samples within
-//! [`WITHIN_US`] and over at least [`AGREE_US`] had such a difference; the largest of their differences is used. The
-//! first [`AGREEING`] samples count at once, because there is no other reference.
+//! late, for hours. So a difference that is smaller than all before is used only when [`AGREEING`] samples had such a
+//! difference, and the first and the last of them are at least [`AGREE_US`] and at most [`WITHIN_US`] apart. The
+//! largest of their differences is then used. The first [`AGREEING`] samples count at once, because there is no other
+//! reference.
 //!
 //! The shortest delay itself remains unknown: about 5 ms from sample to readable (docs/figures.md), up to a control
 //! cycle of the flight controller, and the delay of the carrier. Each age here is therefore a lower bound, and the true

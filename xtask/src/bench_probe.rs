@@ -1,8 +1,8 @@
 //! A board of the bench behind a debug probe of the probe-rs library: `--probe bench`.
 //!
 //! The board, its debug port and its time are those of the bench ([`bench::debug_port`]); this module is the probe.
-//! Like a CMSIS-DAP probe it converts the library's requests to transfers on the wires, and takes time for each. A file
-//! has the memory that the board's part keeps without its supply, so that one command finds what another has written.
+//! Like a CMSIS-DAP probe it converts the library's requests to transfers on the wires, and takes time for each. The
+//! part's non-volatile memory is kept in a file, so that a command finds what an earlier one has written.
 //! Each command of xtask switches the board on.
 
 use std::path::{Path, PathBuf};

@@ -17,7 +17,7 @@
 //!   a random instant of GPS time, so the receivers' epochs are aligned with each other but not with the 10 ms cycle of
 //!   HORUS.
 //! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers: it drifts, and jumps. A
-//!   solution belongs to the instant that is the epoch by that clock.
+//!   solution is for the instant at which that clock shows the epoch.
 //! - Its position has a wandering bias (first-order Gauss-Markov, from satellite geometry and atmosphere) and white
 //!   noise. Its velocity, attitude and acceleration have white noise; attitude and acceleration also have a constant
 //!   error (from the mounting).

@@ -131,8 +131,8 @@ fn a_frame_begun_during_a_front_end_fault_may_be_late() {
     }
 }
 
-/// If a bit of the buffer of a frame is disturbed, the frame has as much time as one that the DPR reads only when it is
-/// complete, because that bit may be one of LEN.
+/// If a bit in a frame's buffer is disturbed, the frame may take as long as a frame that the DPR reads only when it is
+/// complete, because the bit may belong to LEN.
 #[test]
 fn a_hit_bit_allows_the_latency_of_storing_a_frame_whole() {
     for gps in [1, 3] {

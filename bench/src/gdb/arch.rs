@@ -80,7 +80,8 @@ const fn is_double(id: usize) -> bool {
     id >= FIRST_DOUBLE && id < FPSCR
 }
 
-/// All registers in the description's order: one word for each, two words for a double.
+/// The values of all registers, in the order of gdb's target description: one word for each register, two words for a
+/// double.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct CoreRegisters {
     /// The values of the registers as words.

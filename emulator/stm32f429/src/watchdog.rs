@@ -9,8 +9,9 @@
 //! | `WWDG_SR` | Early wake-up interrupt at 0x40, 22.3 |
 //!
 //! **Left out.** The window watchdog's prescaler runs freely in the part. Here it starts with each write of `T`, so a
-//! time-out comes at the late end of the part's uncertainty of one tick. A change of `PR` while the watchdog counts
-//! takes effect at once after its 5 ticks, and the count is kept. DBGMCU does not freeze the watchdogs.
+//! time-out comes at the late end of the part's uncertainty of one tick. If `PR` is changed while the watchdog
+//! counts, the new prescaler applies when the 5 ticks of the update end, and the count is kept. DBGMCU does not freeze
+//! the watchdogs.
 
 use cortex_m4::Width;
 use emulator_part::{Cycle, NEVER};

@@ -199,7 +199,8 @@ fn exchanges_again(rig: &mut Rig, machine: &mut Exchange, mut step: Step<Exchang
     None
 }
 
-/// Sends frames every 20 ms until the machine answers one, at most 30 frames, beginning with the outstanding `step`.
+/// Sends 30 frames, one every 20 ms, and returns whether the machine answers one of them. `step` is the machine's
+/// outstanding step, which is carried out first.
 fn answers_again(rig: &mut Rig, machine: &mut Answerer, mut step: Step<AnswererEvent>) -> bool {
     rig.payload = vec![0xC3; 128];
     rig.chip.clear_air();

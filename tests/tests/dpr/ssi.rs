@@ -195,8 +195,9 @@ pub(crate) fn serve(cycles: &Cycles) {
         }
     }
     defmt::assert_eq!(port.released, granted);
-    // The flight controller waits until the buffers are released. The work after that (counting, and the queues of the
-    // areas) only has a bound, because its time depends on how many areas the port task has.
+    // The flight controller waits until the buffers are released, so this time has a bound and a limit of its spread.
+    // The whole call, which also counts and handles the queues of the areas, has a bound only: its time depends on how
+    // many areas the port task has.
     released[0].assert("Server::serve, until the release", bounds(330, 250, 330, 16));
     released[1].assert("Server::serve, until the release, area just returned", bounds(360, 280, 360, 16));
     released[2].assert("Server::serve, until the release, areas used up", bounds(400, 330, 420, 16));

@@ -9,7 +9,7 @@
 //! | part | measure | reason |
 //! |---|---|---|
 //! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
-//! | STM32F429 | DBGMCU stops it in the first halt | a reset ends it; the image clears the bit (RM0090, 38.16.4) |
+//! | STM32F429 | a halt stops it (DBG_IWDG_STOP) | a reset ends it; HORUS clears that bit (RM0090, 38.16.4) |
 //!
 //! The halt comes first. Otherwise a running firmware would undo the measure, and so would one that is half written and
 //! does not feed the watchdog.

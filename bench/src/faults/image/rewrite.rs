@@ -39,7 +39,7 @@ pub struct Change {
 /// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
-    /// In the stored value, the bits of a mask get given values.
+    /// The bits of a mask are set to given values in the value that is stored.
     Bits {
         /// The mask of the changed bits.
         mask: u32,

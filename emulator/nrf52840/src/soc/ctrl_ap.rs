@@ -12,10 +12,10 @@
 //! | any answer but zeros of a locked part's AHB-AP | none is documented; to tools, AP 0 is no memory AP |
 //! | an ERASEALL that is interrupted | a watchdog reset in it (anomaly 176) leaves everything as it was, and locked |
 //!
-//! A soft reset, by AIRCR or by CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*).
-//! The port stays open or locked as it was, as Nordic's answers say (devzone.nordicsemi.com, "nRF52840 locked with
-//! APPROTECT": no *hard* reset between ERASEALL and the first image). Tools find that a locked part's AHB-AP is no
-//! memory AP (ferrous-systems/embedded-trainings-2020, issue 188).
+//! A soft reset, by AIRCR or by CTRL-AP's RESET, does not reset the debug components (PS 5.3.7.8, *Reset behavior*). So
+//! the AHB-AP stays open or locked as it was. Nordic's answers say the same (devzone.nordicsemi.com, "nRF52840 locked
+//! with APPROTECT"): there must be no *hard* reset between ERASEALL and the first image. Tools find that a locked
+//! part's AHB-AP is no memory AP (ferrous-systems/embedded-trainings-2020, issue 188).
 use emulator_part::{Cycle, NEVER, Reset};
 
 use super::Soc;

@@ -169,8 +169,8 @@ pub(crate) struct Tim {
     told: Outputs,
     told_references: u8,
     told_level: bool,
-    /// The cycle at which the dead time of each complementary pair ends, `NEVER` where none runs. The next field is the
-    /// references for which it was last computed.
+    /// The cycle at which the dead time of each complementary pair ends; `NEVER` if no dead time runs. The next field
+    /// has the levels of the reference signals for which the dead times were last computed.
     dead_until: [Cycle; 3],
     dead_references: u8,
     due: Cycle,

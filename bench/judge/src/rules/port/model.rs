@@ -164,7 +164,7 @@ impl Model {
     }
 
     /// Returns the states that are possible after the DPR received an uplink or a command, as docs/design.md#ssi and
-    /// `profile::port_status` describe them. `object` is not idle.
+    /// `profile::port_status` describe them. `object` is not [vacant](is_vacant).
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];

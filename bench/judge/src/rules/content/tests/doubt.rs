@@ -176,7 +176,7 @@ fn the_frame_that_a_restart_overtakes_is_not_judged() {
         }
     });
     assert_eq!(kinds(&events), CONTENT);
-    // The reset comes before the frame's first bit, but after its command.
+    // The reset comes after the frame's transmit command, but before its first bit is on the air.
     for after in [COMMAND[0] + 1_000, MS] {
         let mut events = events.clone();
         events.reset(tick(STEADY) + after, Board::Horus, true).without(|event| event.at > tick(STEADY) + 8 * MS);
