@@ -306,7 +306,7 @@ impl Answerer {
             Sending::Wait(state, us) => (AnswererState::Sending(state), Step::Wait { us }),
             // The caller of `answer` has the payload ready, so it is loaded at once.
             Sending::Prepared => {
-                let sending = self.sender.step(SendState::Prepared, Input::Start);
+                let sending = self.sender.head();
                 return self.sending(sending);
             }
             Sending::Loaded => (AnswererState::Sending(SendState::Loaded), Step::Event(AnswererEvent::Loaded)),

@@ -100,7 +100,7 @@ impl Sender {
         Ok(short(SendState::PreparingClear, command::CLEAR_FIFO))
     }
 
-    /// Takes one input in state `state`. After [`SendState::Prepared`] any input continues.
+    /// Takes one input in state `state`. After [`SendState::Prepared`] the machine continues with [`Sender::head`].
     #[inline(always)]
     pub(crate) fn step(&mut self, state: SendState, input: Input<'_>) -> Sending {
         match (state, input) {
@@ -114,7 +114,6 @@ impl Sender {
                 Ok(Status { count, .. }) => Sending::Failed(Fault::FifoCount { expected: 0, found: count }),
                 Err(fault) => Sending::Failed(fault),
             },
-            (SendState::Prepared, _) => self.head(),
             (SendState::LoadingHead, Input::Done(_)) => {
                 self.idle_irqs = 0;
                 Sending::Loaded
