@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! Nobody reads the log of a board in flight, and its watchdog restarts it 100 ms later. So the cause of the stop is
+//! The log of a board in flight is not read, and its watchdog restarts it after 100 ms. So the cause of the stop is
 //! kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it. After
 //! power-on, or after a stop that did not get as far as writing the record, the memory has no right CRC and so no
 //! record. Only the first stop since a start is kept; a failure in the safe state itself does not overwrite it.

@@ -128,7 +128,7 @@ mod tests {
             "/// Of this.",
             "/// Of that.",
             "fn f() {} // Of it",
-            "    // So many x.",
+            "    // So many of a kind.",
             "",
             "//! It.",
             "//!",
