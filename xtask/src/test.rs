@@ -125,6 +125,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
+        step("the speed of the bench", &mut crate::speed::check);
         step("a sample of the defects", &mut crate::defects::sample);
         // The tests that run both firmwares get the firmwares' folder. Without the folder they would be skipped, and
         // would fail if CI is set.

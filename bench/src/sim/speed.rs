@@ -3,12 +3,17 @@
 //! The measurement is here and not in the caller, because generic code is compiled with the options of the crate that
 //! names its types. A caller that is not optimised would measure a slower bench than the one that [`super::run`] runs.
 
-use std::time::Instant;
+use std::hint::black_box;
+
+use cpu_time::ThreadTime;
+
+use emulator_node::Threads;
 
 use super::{Bench, Error, Setup};
 
-/// The number of runs. The shortest one counts, because other work on the machine delayed it least.
-const RUNS: usize = 3;
+/// The number of runs, each beside one of the [`yardstick`]. The shortest one of each counts, because other work on the
+/// machine delayed it least.
+const RUNS: usize = 5;
 
 /// The number of copies of the running bench that are made. The shortest time of a copy counts.
 const COPIES: usize = 100;
@@ -24,36 +29,68 @@ pub struct Speed {
     pub dpr: f64,
     /// The time that a copy of the whole bench takes, s.
     pub copy: f64,
+    /// The time that this machine takes for the [`yardstick`], s.
+    pub yardstick: f64,
 }
 
-/// Runs the bench on the fast clock to its end and measures the part from `warm_up_ns` on.
+impl Speed {
+    /// The time that a virtual second takes, in times of the [`yardstick`].
+    #[must_use]
+    pub fn yardsticks(&self) -> f64 {
+        self.seconds / self.yardstick
+    }
+}
+
+/// A fixed piece of work that no change of this project makes faster or slower: it interprets a program of four
+/// instructions, as the bench interprets firmware, but with neither memory nor devices. Time on this machine divided by
+/// the yardstick's time is comparable between machines, and on a machine with other work.
+fn yardstick() {
+    let mut registers = [1_u32, 2, 3, 0x9E37_79B9];
+    let program = black_box([(0_u8, 0_u8, 1_u8), (1, 1, 2), (2, 2, 3), (3, 3, 0)]);
+    for _ in 0..10_000_000 {
+        for (what, to, from) in program {
+            let (to, value) = (usize::from(to) & 3, registers[usize::from(from) & 3]);
+            registers[to] = match what {
+                0 => registers[to].wrapping_add(value),
+                1 => registers[to] ^ value,
+                2 => registers[to].rotate_left(value & 31),
+                _ => registers[to].wrapping_mul(value | 1),
+            };
+        }
+    }
+    black_box(registers);
+}
+
+/// Returns the processor time that this thread takes for `work`, s.
+fn seconds(work: impl FnOnce()) -> f64 {
+    let began = ThreadTime::now();
+    work();
+    began.elapsed().as_secs_f64()
+}
+
+/// Runs the bench on the fast clock and on one thread to its end, and measures the part from `warm_up_ns` on.
 ///
 /// # Errors
 ///
 /// The errors are those of [`Bench::new`].
 pub fn speed(setup: &Setup, warm_up_ns: u64) -> Result<Speed, Error> {
     let mut warm: Bench = Bench::new(setup)?;
-    warm.run_to(warm_up_ns, setup.threads);
-    let seconds = |ns: u64| ns as f64 / 1e9;
-    let virtual_seconds = seconds(setup.duration_ns.saturating_sub(warm_up_ns));
+    warm.run_to(warm_up_ns, Threads::One);
+    let virtual_seconds = setup.duration_ns.saturating_sub(warm_up_ns) as f64 / 1e9;
     let copy = (0..COPIES).map(|_| {
-        let began = Instant::now();
-        let copy = warm.clone();
-        let took = began.elapsed();
-        drop(copy);
-        took.as_secs_f64()
+        let mut copy = None;
+        seconds(|| copy = Some(warm.clone()))
     });
     let copy = copy.fold(f64::INFINITY, f64::min);
     let instructions = |bench: &Bench| [bench.horus().instructions(), bench.dpr().instructions()];
     let before = instructions(&warm);
-    let (mut least, mut after) = (f64::INFINITY, before);
+    let (mut link, mut fixed, mut after) = (f64::INFINITY, f64::INFINITY, before);
     for _ in 0..RUNS {
         let mut bench = warm.clone();
-        let began = Instant::now();
-        bench.run_to(setup.duration_ns, setup.threads);
-        least = least.min(began.elapsed().as_secs_f64());
+        fixed = fixed.min(seconds(yardstick));
+        link = link.min(seconds(|| bench.run_to(setup.duration_ns, Threads::One)));
         after = instructions(&bench);
     }
     let each = |board: usize| (after[board] - before[board]) as f64 / virtual_seconds;
-    Ok(Speed { seconds: least / virtual_seconds, horus: each(0), dpr: each(1), copy })
+    Ok(Speed { seconds: link / virtual_seconds, horus: each(0), dpr: each(1), copy, yardstick: fixed })
 }
