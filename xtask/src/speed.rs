@@ -12,22 +12,22 @@ use crate::{Receivers, firmware, workspace};
 /// negligible in longer runs.
 const WARM_UP_NS: u64 = 1_000_000_000;
 
-/// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`]: nine
-/// tenths of the speed that was measured when this bound was set, 4.3 times the yardstick. Twelve measurements beside
-/// other work were between 4.27 and 4.36.
+/// The longest time that a virtual second of the link may take, in times of the yardstick of [`bench::sim::speed`]. The
+/// bound is nine tenths of the speed that was measured when it was set, 4.3 times the yardstick; twelve measurements
+/// beside other work were between 4.27 and 4.36.
 const MOST_YARDSTICKS: f64 = 4.8;
 
-/// Reports instructions per second of the core alone, where the time of `sim` goes, the time of a copy of it, and the time
-/// of a virtual second in times of a fixed piece of work (the yardstick).
+/// Reports instructions per second of the core alone, where the time of `sim` goes, the time of a copy of it, and the
+/// time of a virtual second in times of a fixed piece of work (the yardstick).
 ///
 /// Core: the loops of cortex-m4's example `speed` for half a second each: one computes, one polls a register of a
 /// device. Memory and the device are a few lines; there are no part models.
 ///
-/// Link: both images on one thread on the fast clock, after their first second, the least processor time of five runs. The time
-/// of an instruction in the computing loop, times the instructions that each core executed, is the cores' share. The
-/// rest is only measured as a whole: the cores' cost of accesses, interrupts and memory protection beyond that loop,
-/// part models, front ends, air and the surroundings of the boards. A profiler shows the shares of single functions:
-/// `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
+/// Link: both images on one thread on the fast clock, after their first second, the least processor time of five runs.
+/// The time of an instruction in the computing loop, times the instructions that each core executed, is the cores'
+/// share. The rest is only measured as a whole: the cores' cost of accesses, interrupts and memory protection beyond
+/// that loop, part models, front ends, air and the surroundings of the boards. A profiler shows the shares of single
+/// functions: `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
 #[derive(Args)]
 pub(crate) struct SpeedArgs {
     /// Virtual time of the link to measure, in seconds.
