@@ -203,12 +203,11 @@ violations! {
     DprOverloaded = "the DPR's processor is loaded too much",
     /// A fault counter of HORUS's firmware is not zero, and nothing observed from outside explains the count.
     HorusComplains = "HORUS counts faults that have no cause",
-    /// The DPR's firmware counts faults that have no cause: a counter differs from zero, and nothing observed from
-    /// outside explains it.
+    /// A fault counter of the DPR's firmware is not zero, and nothing observed from outside explains the count.
     DprComplains = "the DPR counts faults that have no cause",
-    /// A program has no telemetry: a counter that the judge needs is missing.
+    /// A firmware's program lacks a counter that the judge needs.
     NoTelemetry = "an image without telemetry",
-    /// The bench acted on a board later than it was due, so the run is not exact in time.
+    /// The bench acted on a board too late, so the times of the run are not exact.
     Late = "the bench acted late",
 }
 
