@@ -4,11 +4,10 @@
 pub const TICK_TO_COMMAND_JITTER: u64 = 100;
 /// As [`TICK_TO_COMMAND_JITTER`], on the pessimistic clock, where an interrupt waits for the longest instruction.
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
-/// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air. The front end alone causes
-/// up to 2.3 µs (docs/design.md#timing).
+/// The largest spread, peak to peak, of the time from a HORUS tick to the first bit on air (docs/design.md#timing).
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
 /// The longest time from a frame's last bit until its image is readable, if the listener reads its FIFO during the
-/// frame. This bound holds whatever the flight controller does: docs/design.md#timing.
+/// frame: docs/design.md#timing.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
 /// The longest time from the end of an SSI transaction until the DPR is ready for the next one: docs/design.md#timing.
 pub const SSI_READY: u64 = 10_000;
@@ -18,8 +17,7 @@ pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 pub const CYCLE: u64 = 10_000_000;
 /// The judge does not judge the load of a run shorter than this. The work of the start would be most of its load.
 pub const LOAD_FROM: u64 = 300_000_000;
-/// The longest processor time that a start of HORUS takes; 36 ms were measured on the pessimistic clock. The bound of
-/// the load applies to the time after the start.
+/// The longest processor time that a start of HORUS takes; 36 ms were measured on the pessimistic clock.
 pub const HORUS_START_WORK: u64 = 40_000_000;
 /// The longest processor time that a start of the DPR takes; 17 ms were measured on the pessimistic clock.
 pub const DPR_START_WORK: u64 = 20_000_000;
@@ -50,17 +48,15 @@ pub const FRAME_LONGEST: u64 = 5_100_000;
 /// The longest time from a transmit command to the end of its frame. At the front end's lowest rate, 106 kbit/s, the
 /// longest frame takes 20 ms.
 pub const COMMAND_TO_END: u64 = 20_500_000;
-/// The longest time after a lost frame at which HORUS may switch the field off. HORUS does that after the second lost
-/// frame in a row, to bring its front end up again.
+/// The longest time after a lost frame at which HORUS may switch the field off to bring its front end up again.
 pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
-/// How long after the return of the field no frame is required. HORUS checks its front end first, so the cycle in which
-/// the field came back has no frame.
+/// How long after the return of the field no frame is required, because HORUS checks its front end first.
 pub const FIELD_READY: u64 = CYCLE;
 /// The longest time from a change of the field at the DPR's antenna until Link-Status must state the change. It covers
 /// two publications without a frame, 12.5 ms each, and the front end's detection.
 pub const FIELD_TOLD: u64 = 30_000_000;
-/// The longest time that HORUS's watchdog takes to bite: 100 ms of an oscillator of nominally 32 kHz that may run at 17
-/// kHz (DS9405).
+/// The longest time that HORUS's watchdog takes to bite: 100 ms at 32 kHz, but its oscillator may run at 17 kHz
+/// (DS9405).
 pub const WATCHDOG_LONGEST: u64 = 190_000_000;
 /// The longest time that HORUS's watchdog takes to bite before its first feed. The watchdog begins with 4096 periods of
 /// 4 cycles of its oscillator (RM0090 21.3), which are 512 ms at 32 kHz and 964 ms at 17 kHz.
@@ -106,8 +102,7 @@ pub const TOO_OLD: u64 = 50_000_000;
 /// If more bytes than this wait in a receiver, HORUS leaves some of them for its next cycle (decision 16) and may drop
 /// them.
 pub const READ_AT_ONCE: u64 = 256;
-/// The number of the dynamic model that every receiver must use, airborne with less than 2 g, in u-blox'
-/// CFG-NAVSPG-DYNMODEL.
+/// The dynamic model that every receiver must use: airborne below 2 g, as u-blox' CFG-NAVSPG-DYNMODEL numbers it.
 pub const DYNAMIC_MODEL: u8 = 7;
 /// The longest time until HORUS has sent a receiver its settings. It counts from HORUS's start, from the loss of a
 /// setting, or from the end of a fault. It covers 1.5 s until HORUS begins, 0.7 s at each of two bit rates, and two
@@ -164,21 +159,18 @@ pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
 /// Between the limits of [`AGREEMENT_M`], two receivers agree if their distance is at most this many times the root of
 /// the sum of the squares of their accuracies.
 pub const AGREEMENT_SIGMAS: f64 = 3.0;
-/// The differences of pitch, yaw and roll, in degrees, up to which two attitudes agree (docs/design.md#voting, decision
-/// 15).
+/// The differences of pitch, yaw and roll, degrees, up to which two attitudes agree (docs/design.md#voting).
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// The difference along each axis, m/s², up to which two accelerations agree.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// How long a voted position that jumps must have lasted for HORUS to have to show it: one second and tolerances
-/// (docs/design.md#voting).
+/// How long a voted position that jumps must have lasted for HORUS to have to show it (docs/design.md#voting).
 pub const HELD_BACK: u64 = RETURNED;
 /// How long a voted position that jumps must have lasted before HORUS may show it: one second less tolerances.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
 /// HORUS adds this time, s, times a receiver's speed to the receiver's accuracy when HORUS brings the position to the
 /// tick. It also adds half of [`UNCERTAIN_ACCELERATION`] times the square of the position's age.
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
-/// The greatest acceleration, m/s², that HORUS assumes of the aircraft since a receiver's message: see
-/// [`UNCERTAIN_SPEED_S`].
+/// The greatest acceleration, m/s², of the aircraft since a receiver's message: see [`UNCERTAIN_SPEED_S`].
 pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
 /// How long an excluded receiver must have agreed with the voted position for HORUS to have to readmit it to the vote.
 /// The rule is one second. HORUS's clock may be off by 2 %, and the judge may not know which messages HORUS had at a
@@ -206,8 +198,7 @@ pub const CLIENT_AGE_SHORT: u64 = 300_000;
 /// How far, ns, the age that a client states may be above the true age. The client assumes the oldest image possible,
 /// and Link-Status rounds to 0.1 ms.
 pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
-/// The number of transactions in a row after which the client must have found the sequence, if each of them reads the
-/// next cycle with a valid position.
+/// The client must find the sequence within this many transactions, each of which reads the next valid cycle.
 pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
 /// How far, ns, the age that the base station states may be from the true age. The base station takes the shortest
 /// transmission as zero. The value covers 45 ms on the air, an image read just before it expires, and the crystals.
@@ -223,8 +214,7 @@ pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- The lines of the receivers
 
-/// How long a line must have been silent for HORUS to be allowed to discard an incomplete message. HORUS does that
-/// after 50 ms.
+/// How long a line must be silent before HORUS may discard an incomplete message; HORUS waits for 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
 /// How long a line must have been silent for HORUS to have discarded an incomplete message. HORUS detects the 50 ms at
 /// one of its checks, one every 10 ms. It then gives the parser 64 zeros at each of up to four checks, more than the
@@ -232,16 +222,14 @@ pub const SILENCE_MAY_END: u64 = 45_000_000;
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// How long no transaction must have been made for the judge to report it: far longer than a control cycle.
 pub const NO_TRANSACTION: u64 = 100_000_000;
-/// How long after a restart of HORUS a frame may still break off. HORUS loads a frame during its transmission, so a
-/// frame that a restart interrupts runs out of bytes within the air time of the longest frame.
+/// How long after a restart of HORUS a frame may still break off: not longer than the longest frame lasts.
 pub const CUT_SHORT: u64 = 6_000_000;
 /// The number of transactions that the DPR serves at most between two images (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
 /// How long after a transaction the DPR, ready again, need not detect the end of a further transaction (`dpr_fw::ssi`).
 /// The value covers 95 µs by a counter of µs, and the processor's work before and after.
 pub const SSI_PAUSE: u64 = 100_000;
-/// The shortest time for which an image is readable after its publication. The DPR's clock, which counts [`EXPIRY`], is
-/// off by no more than 2 % (docs/design.md#sequence).
+/// The shortest time for which an image is readable: the DPR's clock is off by 2 % at most (docs/design.md#sequence).
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 /// The longest time that a frame takes on the air. A frame that took longer was delayed or repeated.
 pub const AIR_DELAY: u64 = 1_000;
@@ -261,11 +249,9 @@ pub const MAX_MISSED: u32 = 25;
 pub const STEP_TOLERANCE: u64 = 2_500_000;
 /// One part in this number of the step, 2 %, is added to [`STEP_TOLERANCE`].
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
-/// The greatest difference between 10 ms and the time between two cycles while the DPR searches for the sequence:
-/// docs/design.md#sequence.
+/// The greatest difference between 10 ms and the time between two cycles in the search (docs/design.md#sequence).
 pub const SEARCH_TOLERANCE: u64 = 500_000;
-/// The number of consecutive cycles, each advancing by exactly one, after which the sequence is found:
-/// docs/design.md#sequence.
+/// The number of consecutive cycles after which the sequence is found (docs/design.md#sequence).
 pub const SEARCH_CYCLES: u8 = 3;
 /// How close to a limit of the sequence's times an instant must be for the judge to require nothing. The value is many
 /// times the scatter of the front ends and the error of the DPR's clock (100 ppm of the longest step are 26 µs).
@@ -275,22 +261,18 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// The longest time from the carrier's return until the listener receives frames. A listener that was being configured,
 /// or that waits after a failed attempt, starts anew.
 pub const ARMED: u64 = 50_000_000;
-/// How long no frame must have arrived for the DPR to be allowed to bring its front end up anew. The DPR does that
-/// after 0.5 s of its own clock.
+/// How long no frame must arrive before the DPR may bring its front end up anew; the DPR waits for 0.5 s.
 pub const SILENCE: u64 = 450_000_000;
 /// How long after the first frame that follows a silence of [`SILENCE`] the DPR may miss frames and Link-Status may
 /// still report a fault. A bring-up of the front end takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// The shortest time between the end of one frame and the beginning of the next in which a listener can receive both:
-/// docs/design.md#air-frame.
+/// The shortest time between two frames in which a listener can receive both (docs/design.md#air-frame).
 pub const FRAME_GAP: u64 = 300_000;
-/// How long the DPR waits for a cycle's second frame (with five receivers) after the end of the first. The second frame
-/// ends 3.935 ms after the first, and the image has to be published before the next cycle's first frame.
+/// How long after a cycle's first frame the DPR waits for the second (with five receivers), which ends 3.935 ms later.
 pub const SECOND_FRAME: u64 = 7_000_000;
 /// How long Link-Status shows a restart of HORUS (docs/design.md#link-status).
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
-/// The DPR calls HORUS's clock implausible if the two boards' clocks differ by more than one part in this number over a
-/// second: docs/design.md#sequence.
+/// HORUS's clock is implausible if it is off by one part in this number over a second (docs/design.md#sequence).
 pub const CLOCK_SHARE: u64 = 50;
 /// The shortest time over which the DPR compares HORUS's clock with its own: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
@@ -314,13 +296,11 @@ pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
 /// The longest time that a self-test of the DPR takes. One pass over flash and RAM takes 3.5 s for the largest program
 /// and RAM allowed; a margin is added for missing idle time of the processor.
 pub const SELF_TEST: u64 = 5_000_000_000;
-/// The longest time that a pass over the DPR's flash takes: 7.7 s for a program of 96 KiB, and a margin for missing
-/// idle time.
+/// The longest time that a pass over the DPR's flash takes: 7.7 s for a program of 96 KiB, and a margin.
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// The shortest time that a pass over the DPR's flash takes: that of a self-test with a program of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// The greatest time, ms, by which Port-Status may be older than Link-Status of the same image: one cycle, and the
-/// delay of the task that makes Port-Status.
+/// The greatest time, ms, by which Port-Status may be older than Link-Status of the same image.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes of a safe state, as the DPR's firmware codes them (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;

@@ -1,12 +1,11 @@
 //! What the bench disturbs on purpose, and everything that the judge excuses because of it.
 //!
-//! A [`Disturbance`] states what the bench disturbs. The log also states when the disturbance begins and when its cause
-//! goes away ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance excuses
-//! ([`Excuse`]), and for how long. [`Disturbances`] holds the present excuses, and the rules query them there.
+//! A [`Disturbance`] states what the bench disturbs, and the log states when it begins and when its cause goes away
+//! ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each disturbance excuses ([`Excuse`]),
+//! and for how long. The rules query [`Disturbances`] for the excuses that hold at present.
 //!
-//! Each excuse has an end. An effect that a firmware keeps until its next start (a counter, a flag) is excused until
-//! that start; any other effect is excused for a bounded time after the cause has gone. A start of the disturbed board
-//! ends the excuses of its disturbances whose cause has gone.
+//! An effect that a firmware keeps until its next start (a counter, a flag) is excused until that start. Any other
+//! effect is excused for a bounded time after the cause has gone, or until the disturbed board starts.
 //!
 //! # Where to add a disturbance
 //!
@@ -22,8 +21,7 @@ use crate::{Board, Event, What, bounds};
 pub enum Disturbance {
     /// The air between the antennas. The log's frame and field events show the effect.
     Air,
-    /// A receiver, its line or its bus. The log states the bytes that the receiver sends, and whether they arrive
-    /// unchanged.
+    /// A receiver, its line or its bus.
     Receiver {
         /// The receiver's number, from 0.
         receiver: usize,
@@ -69,8 +67,7 @@ pub enum Disturbance {
         /// The board that hangs.
         board: Board,
     },
-    /// A task whose interrupt is switched off until the next start, while the board's other tasks run. The task must be
-    /// one that checks in for the watchdog.
+    /// A task whose interrupt is switched off until the next start; it is one that checks in for the watchdog.
     DeadTask {
         /// The board whose task is dead.
         board: Board,
@@ -95,8 +92,8 @@ pub enum Disturbance {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Harm {
-    /// The front end does not answer, and its board can tell: the front end has no supply, every bit that is read from
-    /// it is the same, or its interrupt line stays high.
+    /// The front end does not answer, and its board can tell: every bit that is read is the same, or the interrupt line
+    /// stays high.
     Silent,
     /// The front end answers, but does not report what happens on the air.
     Deaf,
@@ -185,8 +182,7 @@ pub enum Excuse {
     Service,
     /// Link-Status may report a RAM fault.
     RamFault,
-    /// Link-Status may state wrongly whether there is a field, because the front end may have failed to report a
-    /// change.
+    /// Link-Status may state wrongly whether there is a field.
     NoField,
     /// Link-Status may report a flash fault.
     FlashFault,
@@ -443,8 +439,7 @@ impl Disturbances {
         at < self.until(excuse)
     }
 
-    /// Returns the instant, ns, at which this excuse ends, as far as the log has shown. The instant has passed if the
-    /// excuse does not hold.
+    /// Returns the instant, ns, at which this excuse ends; a past instant if the excuse does not hold.
     #[must_use]
     pub fn until(&self, excuse: Excuse) -> u64 {
         self.over[excuse as usize]
@@ -528,8 +523,7 @@ mod tests {
         What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
-    /// Returns each excuse that holds, and for how long, ns, after the cause has gone; `None` means until the next
-    /// start.
+    /// Returns each excuse that holds, and for how long, ns, after the cause has gone (`None`: until a start).
     fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
         let until = |excuse| disturbances.until(excuse);
         let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);

@@ -159,8 +159,7 @@ pub enum What {
         /// Whether the oscillator works.
         works: bool,
     },
-    /// The levels of a pair of pins from which HORUS reads one of its inputs change. No input is active when the run
-    /// begins.
+    /// The levels of a pair of pins from which HORUS reads one of its inputs change.
     StateInput {
         /// The number of the input: 0 the relay, 1 the motor cut, 2 the emergency measure.
         input: usize,
@@ -226,8 +225,7 @@ pub enum What {
     Fed {
         /// The receiver's number, from 0.
         receiver: usize,
-        /// The time that one byte takes, ns. Byte n (from 0) has crossed the line n + 1 such times after the event's
-        /// instant.
+        /// The time that each byte takes on the line, ns.
         byte_ns: u64,
         /// The bytes that cross the line.
         bytes: Bytes,

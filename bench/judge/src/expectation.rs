@@ -1,10 +1,10 @@
 //! Determines which cycles the DPR shows by the rules of the sequence (docs/design.md#sequence), as seen from outside.
 //!
 //! The judge cannot observe everything on which the outcome depends, such as whether the listener received a frame
-//! while it was being armed. Therefore the judge keeps every state that a correct DPR can be in (`State`). For each
-//! frame it determines all states that may follow. What a DPR does in all of these states, it [must](Certainty::Must)
-//! do. What it does in none, it must [never](Certainty::Never) do. Otherwise nothing is required. Uncertainty ends when
-//! the sequence has been found in all states, which takes four cycles.
+//! while it was being armed. Therefore it keeps every state that a correct DPR can be in (`State`), and determines for
+//! each frame all states that may follow. What a DPR does in all of these states, it [must](Certainty::Must) do. What
+//! it does in none, it must [never](Certainty::Never) do. Uncertainty ends when the sequence has been found in all
+//! states, after four cycles.
 //!
 //! This module is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
@@ -69,8 +69,8 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Returns whether this frame is the second of the cycle whose first frame is `first`. Both the ends and the intact
-    /// objects of the frames must fit.
+    /// Returns whether this frame, by its end and its intact objects, is the second of the cycle whose first is
+    /// `first`.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {
         let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
@@ -186,8 +186,7 @@ impl State {
     }
 }
 
-/// How long after the last cycle, ns, a state becomes that of a DPR without any cycle: no cycle can be in sequence
-/// then.
+/// How long after the last cycle, ns, no cycle can continue the sequence any more.
 const FORGOTTEN: u64 = 300_000_000;
 
 /// All states that a correct DPR can be in after the frames that have reached its antenna.
@@ -201,8 +200,7 @@ pub struct Expectation {
     last_end: Option<u64>,
     /// The instant, ns, at which the last whole frame ended that the listener certainly could receive.
     last_whole: u64,
-    /// The last period, ns, in which the DPR may have concluded from a long silence that its front end does not
-    /// receive.
+    /// The last period, ns, in which the DPR may have concluded that its front end does not receive.
     silence: Range<u64>,
 }
 
@@ -329,8 +327,7 @@ impl Expectation {
         verdict
     }
 
-    /// Returns the instant, ns, until which the DPR must hold the sequence, and that until which it may hold it; 0
-    /// without a sequence.
+    /// Returns the instants, ns, until which the DPR must, and may, hold the sequence; 0 without a sequence.
     #[must_use]
     pub fn held_until(&self) -> (u64, u64) {
         let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
@@ -345,8 +342,7 @@ impl Expectation {
         Certainty::of(self.states.iter().map(|state| state.frozen))
     }
 
-    /// Returns whether the DPR may have concluded by the instant `at`, ns, from a long silence that its front end does
-    /// not receive.
+    /// Returns whether the DPR may have concluded by the instant `at`, ns, that its front end does not receive.
     #[must_use]
     pub fn is_silent(&self, at: u64) -> bool {
         at > self.last_whole + bounds::SILENCE || self.silence.contains(&at)
@@ -383,8 +379,7 @@ mod tests {
             expectation.take(&event, &context);
             most = most.max(expectation.states.len());
         }
-        // Each cycle of the last 300 ms may be the last that the DPR received. In each case the search may have made
-        // any number of steps.
+        // Any cycle of the last 300 ms may be the last received, with any number of steps of the search made.
         assert!((100..150).contains(&most), "{most}");
     }
 

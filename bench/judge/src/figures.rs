@@ -75,8 +75,7 @@ impl Max {
 pub struct Faults {
     /// The number of injected faults of each kind.
     pub injected: BTreeMap<String, u64>,
-    /// The number of objects that were read as valid although HORUS never sent them, or although they were out of
-    /// sequence, stale or expired.
+    /// The number of objects read as valid that HORUS never sent, or that were out of sequence, stale or expired.
     pub invalid_shown_valid: u64,
     /// The longest time from the end of a disturbance to the first valid object that HORUS sent after that end, in
     /// cycles of 10 ms, rounded up; `None` without disturbances.
@@ -95,8 +94,7 @@ pub struct Exclusion {
     /// The instant, ns, of the tick of the first cycle without the exclusion, or of the restart that ended it; `None`
     /// if the exclusion lasted until the end of the run.
     pub until_ns: Option<u64>,
-    /// The distance along the ground, m, from the farthest other receiver when the exclusion began; `None` if not
-    /// known.
+    /// The distance along the ground, m, from the farthest other receiver at the beginning; `None` if not known.
     pub away_m: Option<f64>,
     /// The distance in height, m, from the farthest other receiver when the exclusion began; `None` if not known.
     pub height_m: Option<f64>,
@@ -111,8 +109,8 @@ pub struct Voter {
     pub degraded: u64,
     /// The number of cycles without a position.
     pub none: u64,
-    /// The largest distance along the ground, mm, of a valid position from the aircraft at that tick; `None` without a
-    /// position, or if the aircraft's position is not known.
+    /// The largest distance along the ground, mm, of a valid position from the aircraft; `None` if there is none to
+    /// measure.
     pub worst_mm: Option<u64>,
     /// The exclusions in order of time; only the first [`Voter::MOST_EXCLUSIONS`] are kept.
     pub exclusions: Vec<Exclusion>,
@@ -170,8 +168,8 @@ pub struct Figures {
     pub ready_ns: Option<Max>,
     /// The number of cycles whose Reported-Position was read with a valid position.
     pub valid_cycles: u64,
-    /// The instant, ns, since which all transactions read no valid position: the fall of chip select of the first of
-    /// them. `None` if the last transaction read a valid position, or if none ever did.
+    /// The instant, ns, since which no transaction has read a valid position: the beginning of the first such
+    /// transaction. `None` if the last transaction read a valid position, or if none ever did.
     pub invalid_since_ns: Option<u64>,
     /// For each receiver, the instant, ns, at which its last valid position had arrived.
     pub last_solution_ns: Vec<Option<u64>>,

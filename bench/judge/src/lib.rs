@@ -12,15 +12,13 @@
 //!
 //! # What is excused
 //!
-//! The log records each disturbance that the bench makes on purpose. [`disturbance`] alone determines what each
-//! disturbance excuses, and for how long.
+//! [`disturbance`] alone determines what each disturbance in the log excuses, and for how long.
 //!
 //! # How rules are kept apart
 //!
 //! One cause must lead to one violation. Therefore each rule requires of a stage only what follows from the stage
 //! before: a frame after a tick, an object in the image if the object reached the DPR's antenna whole, and an object at
-//! the base station if the flight controller has forwarded it. If something is missing, the violation is reported for
-//! the first stage at which it is missing.
+//! the base station if the flight controller has forwarded it.
 #![forbid(unsafe_code)]
 
 pub mod bounds;

@@ -79,8 +79,7 @@ pub fn is_vacant(bytes: &[u8]) -> bool {
 pub struct Frame {
     /// The payload between LEN and CRC-16.
     pub payload: Vec<u8>,
-    /// The frame's number in its cycle, from 0, which follows from the length; `None` if no frame of the profile is so
-    /// long.
+    /// The frame's number in its cycle, from 0; `None` if no frame of the profile has this length.
     pub number: Option<usize>,
     /// The frame's objects; empty if no frame of the profile has this length.
     pub objects: Vec<Placed>,
@@ -168,8 +167,7 @@ impl Reading {
     }
 }
 
-/// The range of the map that the next transaction reads, called the window. A transaction may request the window of its
-/// successor.
+/// The window is the range of the map that the next transaction reads; each transaction may request the next window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     offset: usize,
@@ -234,8 +232,7 @@ impl Asked {
     }
 }
 
-/// Returns whether the last four bytes are the CRC of the bytes before them, most significant byte first
-/// (docs/design.md#crc).
+/// Returns whether the last four bytes are the CRC of those before them, big-endian (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

@@ -35,8 +35,7 @@ impl Events {
         Self { gps, events: vec![] }
     }
 
-    /// Returns a run in which HORUS sends `cycles` cycles and no receiver sends anything. The field comes on before the
-    /// first tick, and the run ends before the tick after the last cycle.
+    /// Returns a run of `cycles` cycles in which no receiver sends anything. The field is on before the first tick.
     pub(crate) fn flawless(gps: usize, cycles: u64) -> Self {
         let mut events = Self::new(gps);
         events.field(8 * MS, true);

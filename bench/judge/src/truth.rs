@@ -60,8 +60,7 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // Of the frames from before HORUS's last start but one, only those are kept that a transaction may
-                // still show.
+                // Frames from before HORUS's last start but one are dropped once no transaction can show them.
                 let gone = |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > KEPT;
                 while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();

@@ -55,23 +55,19 @@ violations! {
     FieldDropped = "the field dropped",
     /// A value in a GPS object is not that of the receiver's last message.
     ContentWrong = "a GPS object differs from what its receiver said",
-    /// A bit of a GPS object's status, such as those for the fix or a valid position, does not fit what the receiver
-    /// sent.
+    /// A bit of a GPS object's status does not fit what the receiver sent.
     StatusWrong = "a GPS object's status differs from what its receiver sent",
-    /// A value of Reported-Position is not the median of the agreeing receivers' values, or its number of agreeing
-    /// receivers or its status is wrong.
+    /// Reported-Position does not follow from the agreeing receivers, or its status is wrong.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
     /// HORUS shows a voted position that has no majority of receivers, or that jumps. A position jumps if it is farther
     /// from the last one than an aircraft can have flown. HORUS may show it only after it has lasted for a second.
     VoteWrong = "a voted position without a majority, or one that jumps",
-    /// HORUS shows no voted position although a majority of receivers agrees. The position does not jump, or has lasted
-    /// for a second.
+    /// HORUS shows no voted position although a majority agrees and the position need not be held back.
     VoteMissing = "no voted position although a majority agrees",
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no receiver of the voted
     /// position. Or an excluded receiver returns before, or not after, it has agreed for a second.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
-    /// HORUS shows as valid the position of a receiver without the airborne model, which HORUS should have set long
-    /// before.
+    /// HORUS shows as valid the position of a receiver without the airborne model, long after it should have set that.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
     /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
     /// that was active or contradicted itself for the debounce time, or shows what no input justifies.
@@ -82,8 +78,7 @@ violations! {
     NotConfigured = "a receiver is not set as HORUS needs it",
     /// HORUS has no position although enough receivers work, and no other violation explains the absence.
     NoPosition = "HORUS has no position in a sound run",
-    /// Reported-Position shows a valid position at which the aircraft was not within the time for which a solution is
-    /// valid.
+    /// Reported-Position shows a valid position that is too far from where the aircraft was.
     PositionOff = "a position far from where the aircraft is",
     /// HORUS states wrongly whether it runs without its crystal.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
@@ -140,15 +135,13 @@ violations! {
     LateReadable = "a frame was readable too late after its last bit",
     /// A sample was readable too late after its tick.
     LateSample = "a sample was readable too late",
-    /// After a disturbance, no valid object that HORUS sent since was read within the number of cycles that a recovery
-    /// may take.
+    /// After a disturbance the flight controller reads no new valid object within the cycles of a recovery.
     RecoversLate = "the link recovers too late",
     /// The age of the sample in Link-Status does not fit the tick at which the sample was taken.
     LinkAge = "Link-Status tells a wrong age",
     /// The counters in Link-Status do not fit the frames that reached the antenna.
     LinkCounters = "Link-Status tells wrong counters",
-    /// The flags in Link-Status do not fit the frames that reached the antenna, the DPR's starts or the injected
-    /// faults.
+    /// The flags in Link-Status do not fit the frames at the antenna, the DPR's starts or the injected faults.
     LinkFlags = "Link-Status tells wrong flags",
     /// The timestamp of Link-Status differs from the time since the DPR's start.
     LinkTime = "Link-Status tells a wrong time",

@@ -139,8 +139,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
     plan.publications[2].image = plan.publications[0].image.clone();
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
-    // While a bit of an image may be disturbed, an image with the same content may replace it, but an older one may
-    // not.
+    // An image with the same content may replace one with a disturbed bit, but an older image may not.
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();

@@ -28,8 +28,8 @@ fn a_read_spliced_from_two_images_is_torn() {
                 let objects = (0..plan.layout.objects()).map(|index| plan.layout.in_image(index).unwrap());
                 let places: Vec<_> = std::iter::once(0..32).chain(objects).collect();
                 let inside = places.iter().find(|place| place.contains(&at) && place.start < at);
-                // The bytes of two images are joined at this offset. The object there may differ by one bit from that
-                // of one image.
+                // The bytes of two images are joined here. The object there may differ by one bit from one of the
+                // images.
                 let near = inside.is_some_and(|inside| {
                     [&now, &before].iter().any(|image| distance(&image[inside.clone()], &spliced[inside.clone()]) == 1)
                 });

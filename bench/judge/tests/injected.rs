@@ -9,8 +9,7 @@ use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
 
-/// Returns the violations of the SSI. `BaseChanged` is left out: the tests change what was read but not what was
-/// forwarded.
+/// Returns the violations without `BaseChanged`: the tests change what was read but not what was forwarded.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
     common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
 }

@@ -239,8 +239,7 @@ fn the_dpr_must_be_ready_again_once_misuse_is_over() {
         let mut plan = Plan::new(3, 60);
         let over = plan.publications[plan.showing(300)].at + 3 * MS;
         let ended = over - sooner;
-        // No other transaction comes close to the end of the misuse. Therefore this one ends together with it, and the
-        // image that it read is forwarded.
+        // No other transaction comes close to the end of the misuse, so this one ends together with it.
         plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
         plan.selects.push(ended - plan.transaction_ns());
         plan.selects.sort_unstable();
@@ -308,8 +307,6 @@ fn the_dpr_must_be_ready_10_us_after_a_transaction() {
     assert_eq!(found(&late), [(NotReady, 1)]);
 }
 
-/// While the flight controller misuses the SSI, the DPR may leave a transaction unserved, and may take the buffers late
-/// after it.
 #[test]
 fn buffers_taken_after_a_transaction_owed_nothing_are_not_held_back() {
     for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
@@ -612,8 +609,7 @@ fn a_dpr_selected_for_over_a_cycle_need_not_get_ready() {
         let began = due + 1 - CYCLE - longer;
         let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
         assert_eq!(never_ready(selected), blamed, "selected, {longer}");
-        // The DPR was deselected just before the end of the time for its start, and has [`bounds::SSI_READY`] to become
-        // ready.
+        // The DPR was deselected just before the end of the time for its start, and needs [`bounds::SSI_READY`] more.
         let ended = due - 5_000;
         let began = ended - CYCLE - longer;
         let let_go = |after: u64| {

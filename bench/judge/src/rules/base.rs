@@ -133,8 +133,7 @@ impl Base {
         }
     }
 
-    /// Reports each profile that was forwarded before `until` and has not arrived, unless a changed profile explains
-    /// it.
+    /// Reports each profile that was forwarded before `until` and has not arrived, intact or changed.
     fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
         let Some(until) = until else { return };
         while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {

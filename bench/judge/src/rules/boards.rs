@@ -75,8 +75,7 @@ struct Complaint {
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// For HORUS and for the DPR, whether something other than an injected fault explains the faults counted since the
-    /// last start.
+    /// For HORUS and for the DPR, whether the log explains the faults counted since the last start.
     explained: [bool; 2],
     /// The core faults after which the board has not restarted yet: the board, the instant, ns, and the fault in words.
     faulted: Vec<(Board, u64, String)>,
@@ -84,8 +83,7 @@ pub struct Boards {
     restarted: Option<(Board, u64)>,
     /// The instant, ns, by which each hung board must have restarted; `None` once reported.
     restart_due: [Option<u64>; 2],
-    /// How long each board has been stopped, ns, and the instant, ns, since which it is stopped now. A stopped core's
-    /// activity does not count as load.
+    /// How long each board has been stopped, ns, and the instant, ns, since which it is stopped now.
     stopped: [(u64, Option<u64>); 2],
     field: bool,
     /// The last frame that HORUS sent whole, until it has reached the antenna.
@@ -220,8 +218,7 @@ impl Boards {
         *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
-    /// Records that a board starts or loses its supply. Its counters then start from zero, and a frame under way is cut
-    /// off.
+    /// Records that a board starts or loses its supply; its counters then start from zero.
     fn starts(&mut self, board: Board, at: u64) {
         self.goes_on(board, at);
         self.explained[board as usize] = false;
@@ -396,8 +393,7 @@ mod tests {
     const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
     const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
 
-    /// Returns the violations that are found if a board hangs at 50 ms and `what` happens `after` that. The run ends at
-    /// 600 ms.
+    /// Returns the violations if a board hangs at 50 ms and `what` happens `after` that, in a run until 600 ms.
     fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
         let mut events = run();
         events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);

@@ -11,8 +11,8 @@
 //! instant between the first and the last arrival. The client learns the age only from Link-Status and the time since
 //! FRESH rose, so it may use a lower age that Link-Status stated. Another rule judges Link-Status.
 //!
-//! The client need not use data that are out of sequence or disturbed, so it need not have a position then. While
-//! [`Excuse::Service`] holds, no age is required. Using a forbidden position is always a violation.
+//! The client need not have a position while data are out of sequence or disturbed. While [`Excuse::Service`] holds, no
+//! age is required. Using a forbidden position is always a violation.
 
 use std::collections::VecDeque;
 
@@ -212,8 +212,8 @@ impl Client {
     }
 }
 
-/// Returns the timestamp of Reported-Position and whether its position is valid, if both it and Link-Status were read
-/// intact. A position does not count as valid if its sample may become too old for flying before its image expires.
+/// Returns the timestamp and validity of an intact Reported-Position with an intact Link-Status. A position does not
+/// count as valid if its sample may become too old for flying before its image expires.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
@@ -282,8 +282,7 @@ mod tests {
         found(Client::new(&header(1)), &log.log()).0
     }
 
-    /// Returns the violations that are found if cycle 1 is read `after` its sample, ns, and the client states this
-    /// position and age.
+    /// Returns the violations if cycle 1 is read `after` its sample, ns, and the client states this position and age.
     fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
         let mut log = Events::new(1);
         heard(&mut log, 1, valid);
@@ -364,8 +363,7 @@ mod tests {
 
     #[test]
     fn the_client_may_count_the_younger_age_that_link_status_reported() {
-        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and the client uses it until 1 ms beyond
-        // the limit.
+        // The sample is read 10 ms after it was taken and 4 ms after FRESH, and used until 1 ms beyond the limit.
         let flown = |fresh: &[u64], told: u64, last: u64| {
             let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
             let mut log = Events::new(1);
@@ -415,8 +413,7 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
-        // The last sample is read `by` later than the others. Link-Status states the age `told`, in its unit, for all
-        // of them.
+        // The last sample is read `by` later than the others; Link-Status always states the age `told`, in its unit.
         let late = |by: u64, told: u64| {
             let mut log = Events::new(1);
             for n in 1..=finds {

@@ -156,8 +156,7 @@ mod tests {
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
-    /// Returns the violations that are found if a bit of `memory` changes at 5 ns, in a run of these events until
-    /// `end`.
+    /// Returns the violations if a bit of `memory` changes at 5 ns, in a run of these events until `end`.
     fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
         found_in(events, end)
@@ -172,8 +171,7 @@ mod tests {
         transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
     }
 
-    /// Returns a transaction that shows the cycle of this timestamp (ms), and whose Link-Status reports a RAM fault or
-    /// not.
+    /// Returns a transaction that shows the cycle of this timestamp (ms), with or without a RAM fault in Link-Status.
     fn shows(timestamp: u32, fault: bool) -> What {
         let status = LinkStatusBits::new().with_ram_fault(fault);
         let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();

@@ -21,8 +21,7 @@ pub struct Receivers {
     waiting: Vec<Option<u64>>,
     /// For each receiver, the instant, ns, at which the last byte was read from it.
     read_until: Vec<u64>,
-    /// For each receiver, the instant, ns, since which it sends no positions; `None` if it does, if its settings are
-    /// not known, or once reported.
+    /// For each receiver, the instant, ns, since which it sends no positions; `None` otherwise, or once reported.
     unset: Vec<Option<u64>>,
 }
 

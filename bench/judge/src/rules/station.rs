@@ -49,8 +49,7 @@ struct Newest {
     status: ReportedStatus,
     /// If known, the tick of the sample, ns, and by how much, ns, the station may overstate the sample's age.
     tick: Option<(u64, u64)>,
-    /// The number of profiles in sequence that end with this one, and the instant, ns, at which the first of them
-    /// arrived.
+    /// The number of profiles in sequence up to this one, and the instant, ns, at which the first of them arrived.
     row: (u32, u64),
     /// Whether the first profile of this sequence is the first that arrived in the run.
     first: bool,
@@ -137,8 +136,7 @@ impl Station {
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
-    /// Records that a sample has arrived, with its tick, ns, and the number of HORUS's start. Returns by how much, ns,
-    /// the station may overstate the sample's age.
+    /// Records that a sample has arrived. Returns by how much, ns, the station may overstate its age.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
@@ -158,8 +156,7 @@ impl Station {
         })
     }
 
-    /// Returns the age, ns, of the sample shown at the instant `at`, and the greatest age that the station may state
-    /// for it.
+    /// Returns the age, ns, of the sample shown at the instant `at`, and the greatest that the station may state.
     fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
         let (tick, late) = shown.tick?;
@@ -224,8 +221,8 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// Returns the violations that are found if [`CYCLES`] cycles arrive with the status that `of` returns, and the
-    /// station then makes these statements at their instants.
+    /// Returns the violations if [`CYCLES`] cycles arrive with the status that `of` returns, and the station then makes
+    /// these statements.
     fn broken(
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,

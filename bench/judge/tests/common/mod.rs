@@ -250,8 +250,7 @@ impl Ssi {
         }
     }
 
-    /// Puts an image in between transactions. Returns whether the transaction that begins at `selected` then finds the
-    /// DPR busy.
+    /// Puts an image in between transactions. Returns whether the next transaction then finds the DPR busy.
     fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
         let Publication { at, image } = publication;
         let released = at + RELEASED_AFTER;
@@ -327,8 +326,7 @@ pub(crate) fn dpr_reset(asked: bool) -> What {
     What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
-/// Returns the indices of the transactions that read the same image as the one before, after which nothing is
-/// forwarded.
+/// Returns the indices of the transactions that repeat an image, after which nothing is forwarded.
 pub(crate) fn repeats(log: &Log) -> Vec<usize> {
     let mut last: Option<&[u8]> = None;
     let mut places = vec![];

@@ -16,8 +16,7 @@ use crate::bounds;
 
 /// The number of inputs: relay, motor cut, emergency measure.
 const INPUTS: usize = 3;
-/// The number of samples on which a reading can depend: the last ten, and two before them that may belong to a row of
-/// three.
+/// The last ten samples, and two before them that may belong to a row of three, determine the reading.
 const SAMPLES: usize = 12;
 /// With more uncertain samples than this there are too many outcomes to judge.
 const MOST_UNSURE: usize = 6;
@@ -98,8 +97,8 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Returns whether HORUS has certainly accepted a reading of each input. Only then must HORUS report `Monitoring`
-    /// once it has a position.
+    /// Returns whether HORUS has certainly accepted a reading of each input, and so must report `Monitoring` if
+    /// located.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }
@@ -188,8 +187,8 @@ mod tests {
         HorusState::PositionLost,
     ];
 
-    /// Returns the states that HORUS may report at each of `ticks` ticks from 100 ms on, if input `input` has these
-    /// levels from these instants (ms) on.
+    /// Returns the states that HORUS may report at `ticks` ticks from 100 ms on, for levels of `input` from instants
+    /// (ms) on.
     fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
         let mut state = Inputs::new();
         let mut levels = levels.iter().peekable();
@@ -251,8 +250,7 @@ mod tests {
 
     #[test]
     fn a_settled_pair_that_chatters_is_a_contradiction_after_ten_samples() {
-        // Ticks 0 to 4 (100 to 140 ms) sample the pair as inactive. From tick 5 on at most two samples in a row are
-        // equal.
+        // Ticks 0 to 4 sample the pair as inactive. From tick 5 on at most two samples in a row are equal.
         let chatter: Vec<(f64, bool, bool)> =
             (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
         let shown = allowed(1, &chatter, 17);

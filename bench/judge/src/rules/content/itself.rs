@@ -1,5 +1,4 @@
-//! Judges what HORUS states about itself in Reported-Position: the reason of its last start, its crystal, and its
-//! memory.
+//! Judges what HORUS states about itself in Reported-Position: the reason of its start, its crystal and its memory.
 //!
 //! | bits | right value |
 //! |---|---|

@@ -19,8 +19,8 @@
 //! Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself (`itself`) are
 //! judged in every cycle.
 //!
-//! No message to HORUS states the receiver's dynamic model. `models` judges it by the settings that the receiver
-//! reports in the log.
+//! No message to HORUS states the dynamic model; `models` judges it by the settings that the receiver reports in the
+//! log.
 //!
 //! One object is reported at most once for its values and once for its status. If both are wrong, the judge reports the
 //! status in two cases: the values are those of a message that the status calls valid, or the values are absent and the
@@ -56,8 +56,7 @@ const HEARD: u16 = 1 << 7;
 const EXCLUDED: u16 = 1 << 9;
 /// The lowest of the status bits that state the age of the solution.
 const AGE_SHIFT: u16 = 10;
-/// How long, ns, the ages of solutions are not known after an irregular tick. A solution stays valid for a shorter
-/// time.
+/// How long, ns, the ages of solutions are not known after an irregular tick: longer than a solution is valid.
 const UNTIMED: u64 = 2_000_000_000;
 
 #[derive(Clone, Debug)]
@@ -97,8 +96,7 @@ impl Line {
         }
     }
 
-    /// Allows HORUS to drop the bytes that it reads until the instant `until`, ns, and the first bytes that it reads
-    /// after that.
+    /// Allows HORUS to drop what it reads until the instant `until`, ns, and the first bytes that it reads after that.
     fn doubt(&mut self, until: u64) {
         (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
     }
@@ -163,16 +161,15 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
-    /// Returns whether HORUS may have received, by the instant `at`, a position that the GPS objects of `tick` may
-    /// lack.
+    /// Returns whether HORUS may have received, by `at`, a position that the GPS objects of `tick` may lack.
     fn heard_since(&self, tick: u64, at: u64) -> bool {
         let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
         positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
             || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
     }
 
-    /// Determines which of the messages that had arrived by the instant `by` HORUS has certainly taken. HORUS may have
-    /// missed a message that began before `first_tick`.
+    /// Determines which messages that had arrived by `by` HORUS has certainly taken: only those begun since
+    /// `first_tick`.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
             let Message { begun, arrived, sure, said } = message;
@@ -188,8 +185,8 @@ impl Line {
         }
     }
 
-    /// Returns the messages from which the position in a GPS object of `tick` may come, and whether this position is
-    /// certainly still valid at the next tick.
+    /// Returns the messages from which the position in a GPS object of `tick` may come, and whether the position
+    /// certainly stays valid until the next tick.
     fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {

@@ -30,8 +30,8 @@ impl Models {
         }
     }
 
-    /// Returns the wrong model of a receiver (from 0) at the instant `at`, ns, if HORUS, which runs since `since`, ns,
-    /// should have set it right by then. Each wrong model is returned once.
+    /// Returns, once, the wrong model of a receiver (from 0) that HORUS, started at `since`, should have set right by
+    /// `at`, ns.
     pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
         let other = self.other.get_mut(receiver)?;
         let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;

@@ -7,13 +7,12 @@ use gnss_sim::ubx::WEEK_MS;
 use super::ubx::{Kind, MessageContent, Motion, STALE};
 use crate::bounds;
 
-/// The number of steps of the time of week from which HORUS determines a receiver's period. The period lies between the
-/// shortest and the longest of these steps, so a lost message affects the period only for a while.
+/// The number of steps of the time of week from which HORUS determines a receiver's period. A lost message therefore
+/// affects the period only for a while.
 const STEPS: usize = 4;
 /// How long after a message's arrival, ns, HORUS may still find it in the bytes of its line.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
-/// The greatest number of messages that are kept because each may be the last one that HORUS has taken. Beyond it the
-/// oldest is dropped.
+/// The greatest number of messages that are kept because each may be the last that HORUS has taken.
 const MOST_CANDIDATES: usize = 64;
 
 /// A receiver's period, as HORUS determines it (docs/design.md#validity).
@@ -42,8 +41,7 @@ impl Pace {
         }
     }
 
-    /// Records a message that HORUS may have taken or not. Any allowed period is then possible, until [`STEPS`] further
-    /// steps are certain.
+    /// Records a message that HORUS may have taken. The period is uncertain until [`STEPS`] further steps are certain.
     fn doubted(&mut self) {
         let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
         *self = Self { time_of_week: None, steps: any.into() };
@@ -76,8 +74,8 @@ pub(super) struct Age {
 }
 
 impl Age {
-    /// Returns the age at `tick` of a message that arrived between the two instants of `born`. HORUS's clock may be off
-    /// by 2 % without its crystal, and HORUS counts whole milliseconds from the instant at which it takes the message.
+    /// Returns the age at `tick` of a message that arrived between the instants `born`, in whole milliseconds of
+    /// HORUS's clock, which may be off by 2 % without its crystal.
     pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
@@ -88,8 +86,7 @@ impl Age {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    /// Returns whether the age may be at most a limit, and whether it may be greater. The limit lies between `least`
-    /// and `most`, ns.
+    /// Returns whether the age may be within, and whether it may exceed, a limit between `least` and `most`, ns.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
     }
@@ -181,8 +178,7 @@ impl Track {
         self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
-    /// Returns the earliest and the latest instant, ns, at which the content of a message was new that arrived between
-    /// the two instants of `arrived`.
+    /// Returns the earliest and the latest instant, ns, at which the content of a message was new.
     fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
         let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
         let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
@@ -210,8 +206,7 @@ impl Track {
         })
     }
 
-    /// Returns whether the position in a GPS object of `tick` is certainly still valid at the next tick without a newer
-    /// message.
+    /// Returns whether the position in a GPS object of `tick` certainly stays valid until the next tick.
     pub(super) fn lasts(&self, tick: u64, values: [u64; 3]) -> bool {
         let (least, most) = self.pace.range();
         let slack = bounds::VALID_BEYOND_PERIOD;

@@ -101,8 +101,7 @@ pub(super) struct Message {
     pub(super) begun: u64,
     /// The instant, ns, at which the message's last byte had arrived.
     pub(super) arrived: u64,
-    /// Whether HORUS must have read the message: no byte was disturbed, and no earlier bytes look like a longer
-    /// message.
+    /// Whether HORUS must have read the message: undisturbed, and not within what looks like a longer message.
     pub(super) sure: bool,
     /// The kind, the time of week (ms) and the content; `None` for a kind that HORUS does not read.
     pub(super) said: Option<(Kind, u32, MessageContent)>,
@@ -143,8 +142,7 @@ impl Reader {
 
         self.last = self.crossings.last().map(|byte| byte.to).or(self.last);
 
-        // HORUS may wait in vain for the end that a wrong message claims (`doubtful`), or for that of an incomplete one
-        // (`waiting`).
+        // HORUS may wait in vain for the end of a wrong message (`doubtful`), or of an incomplete one (`waiting`).
         let (mut doubtful, mut waiting) = (self.doubtful, 0);
         let (mut open, mut start) = (None, 0);
         while let Some(rest) = self.bytes.get(start..).filter(|rest| !rest.is_empty()) {

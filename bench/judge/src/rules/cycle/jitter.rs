@@ -32,8 +32,7 @@ impl Series {
         self.extremes.map(|(min, max)| Span { min: min.value, max: max.value })
     }
 
-    /// Returns the span and the extreme value that is farther from the mean; `None` if the series spreads by `bound` at
-    /// most.
+    /// Returns the span and the extreme farther from the mean; `None` for a spread of at most `bound`.
     fn beyond(&self, bound: u64) -> Option<Outlier> {
         let (min, max) = self.extremes?;
         let span = self.span().filter(|span| span.width() > bound)?;
@@ -50,8 +49,7 @@ struct Outlier {
     bound: u64,
 }
 
-/// The times that may vary only a little while HORUS runs. The first and the second frame of a cycle have separate
-/// series.
+/// The times that may vary only a little; the first and the second frame of a cycle have separate series.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Jitter {
     pub(super) ticks: Series,

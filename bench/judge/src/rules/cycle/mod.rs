@@ -126,8 +126,7 @@ struct Run {
     /// The instant, ns, at which the last cycle's first frame began; `None` if that cycle had a violation.
     led: Option<u64>,
     jitter: Jitter,
-    /// The ticks and frames missing since the last frame, and when the judge noticed each. They are reported when it is
-    /// known whether HORUS was hung.
+    /// What is missing since the last frame, and since when; reported once a hang of HORUS is ruled out.
     missing: Vec<(u64, Missing)>,
 }
 
@@ -151,8 +150,7 @@ impl Run {
         }
     }
 
-    /// Returns the tick of a command or frame that began at the instant `began`. It may be the last tick but one,
-    /// because a frame is logged at its end.
+    /// Returns the tick, the last or the last but one, of a command or frame that began at the instant `began`.
     fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
         self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
     }
@@ -470,8 +468,7 @@ impl Cycle {
         }
     }
 
-    /// Returns the instant of the command of the frame that began at `started`. Reports earlier commands, which have no
-    /// frame.
+    /// Returns the instant of the command of the frame begun at `started`. Reports earlier commands without a frame.
     fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
         let mut own = None;

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use crate::bounds;
 use crate::expectation::{Certainty, Delivery};
 
-/// How long, ns, the DPR may take to notice that HORUS's clock has become implausible or plausible: two comparisons,
-/// each of at most a second and one step.
+/// How long, ns, the DPR may take to notice a change of HORUS's clock: two comparisons, each of at most a second and a
+/// step.
 const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
 
 /// The cycles of about the last second, over which HORUS's clock is compared with the DPR's.

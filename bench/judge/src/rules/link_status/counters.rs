@@ -10,12 +10,10 @@ use crate::expectation::{Certainty, Delivery};
 #[derive(Clone, Copy, Debug)]
 struct Missed {
     frames: u64,
-    /// The last frame that was certainly received: the instant of its sample, ns, its end, ns, and its number in the
-    /// cycle.
+    /// The last frame certainly received: the instant of its sample, ns, its end, ns, and its number in the cycle.
     last: Option<(u64, u64, u64)>,
     total: u64,
-    /// How many more frames may count as missed, if the DPR received only some of the uncertain frames since the last
-    /// certain one.
+    /// How many more frames the DPR may have missed, of those since the last certain one.
     perhaps: u64,
     /// The last frame that may have been received: the instant of its sample, ns, and its number in the cycle.
     maybe: Option<(u64, u64)>,
@@ -126,16 +124,14 @@ impl Counters {
         self.doubts += u64::from(!sure || must != may || !clear);
     }
 
-    /// Returns the least and the greatest number of missed frames in an image published at `at`, ns, up to
-    /// `publication`, ns, after its frame or deadline.
+    /// Returns the least and the greatest number of missed frames in an image published at `at`, ns.
     fn missed(&self, at: u64, publication: u64) -> [u64; 2] {
         let [least, most] = &self.missed;
         let least = least.total + least.overdue(at.saturating_sub(publication + bounds::SEQUENCE_BAND));
         [least, most.total + most.overdue(at + bounds::SEQUENCE_BAND).max(most.perhaps)]
     }
 
-    /// Returns whether an image published at `at`, ns, may have the counters in `values`. `next` has the counters after
-    /// the next frame, if the image may include that frame.
+    /// Returns whether an image published at `at`, ns, may have these counters; `next` includes one more frame.
     pub(super) fn fit(&self, values: &LinkValues, at: u64, publication: u64, next: Option<&Self>) -> bool {
         let missed = self.missed_until(at, publication, next);
         within(values.objects_accepted, self.accepted)
@@ -156,15 +152,13 @@ impl Counters {
             == places * u64::from(values.frames_received)
     }
 
-    /// Returns this image's counters for comparison with later images; `None` if a frame was overdue at `at`, ns, the
-    /// image's publication.
+    /// Returns this image's counters as a reference for later ones; `None` if a frame was overdue at `at`, ns.
     pub(super) fn baseline(&self, values: &LinkValues, at: u64) -> Option<Baseline> {
         let overdue = self.missed.iter().any(|missed| missed.overdue(at + bounds::SEQUENCE_BAND) > 0);
         (!overdue).then_some(Baseline { values: *values, counters: *self })
     }
 
-    /// Returns whether the counters have advanced since the earlier image `before` as the frames since then require.
-    /// Returns true if it was uncertain what the DPR counted.
+    /// Returns whether the counters have advanced since the image `before` as they must; true if that is uncertain.
     pub(super) fn follow(
         &self,
         before: &Baseline,

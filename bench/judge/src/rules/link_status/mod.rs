@@ -47,14 +47,12 @@ use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 /// The number of frames, and of rises of FRESH, that are kept: a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The uncertainty of the age, ns. It covers the resolution of the DPR's clock, its front end's detection of a frame's
-/// end, and the scatter of HORUS's front end (2.3 µs).
+/// The uncertainty of the age, ns: the DPR's clock, its detection of a frame's end, and HORUS's front end (2.3 µs).
 const INSTANTS: u64 = 30_000;
 
 const AGE_UNIT: u64 = 100_000;
 
-/// The tolerance, ns, of the second for which Link-Status reports a restart of HORUS. It covers the commit and the
-/// crystals.
+/// The tolerance, ns, of the second for which Link-Status reports a restart: the commit and the crystals.
 const RESTART_BAND: u64 = 2_000_000;
 
 /// A Reported-Position that the DPR accepted, or may have accepted.
@@ -132,8 +130,7 @@ pub struct LinkStatus {
     reasons: Reasons,
     /// Whether HORUS's field is at the DPR's antenna, and the instant, ns, of the last change.
     field: (bool, u64),
-    /// The bytes of the transaction that was judged last. Equal bytes are not judged again, because a rise of FRESH in
-    /// between announced no new image.
+    /// The bytes of the transaction that was judged last, which are not judged again.
     last: Vec<u8>,
     /// The bytes that FRESH announced last.
     offered: Vec<u8>,
@@ -172,8 +169,7 @@ impl Rule for LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // A further rise of FRESH for the same image is no publication, and rule `ssi` reports it. Two images
-                // differ in their Link-Status at offset 0.
+                // A further rise of FRESH for the same image is no publication, and rule `ssi` reports it.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
                 if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
@@ -214,8 +210,7 @@ impl LinkStatus {
         }
     }
 
-    /// Records that the DPR may fail to receive from the instant `at` on. The DPR may not have read a frame that ended
-    /// just before.
+    /// Records that the DPR may fail to receive from `at` on, also a frame that ended just before.
     fn may_have_missed(&mut self, at: u64) {
         let mut newest = self.snapshots.iter_mut().rev();
         let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
@@ -315,8 +310,7 @@ impl LinkStatus {
         }
     }
 
-    /// Returns the indices of the possible snapshots of an image published at `published`; `None` if another rule
-    /// reports the image.
+    /// Returns the indices of the possible snapshots of an image; `None` if another rule reports the image.
     fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
         let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
         let last = newest(&|it| it.ended() <= published)?;
@@ -441,8 +435,8 @@ impl LinkStatus {
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
     }
 
-    /// Returns whether an image published at `published` reports that there is no field. A front end that starts while
-    /// the field is on detects it with the first frame. A front end that was disturbed may not detect it.
+    /// Returns whether an image reports that there is no field. A front end that starts while the field is on detects
+    /// it with the first frame. A disturbed front end may not detect it.
     fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
         let (on, since) = self.field;
         let from = since.max(dpr_since + bounds::START);
@@ -481,8 +475,7 @@ impl LinkStatus {
         }
         let band = bounds::SEQUENCE_BAND;
         let waits = frame.number + 1 < self.layout.frames();
-        // Close to the deadline either value is right. While the DPR waits for the second frame, the image may still be
-        // that of the cycle before.
+        // Close to the deadline, or during the wait for a second frame, the image may be that of the cycle before.
         if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
             return [Certainty::May; 2];
         }

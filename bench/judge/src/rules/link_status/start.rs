@@ -9,8 +9,7 @@ use crate::{Cause, What, bounds};
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons after the supply has come on. A DPR that finds its RAM intact states a brown-out, because it
-    /// cannot distinguish a short power-off from one.
+    /// Returns the reasons after power-on, among them a brown-out, since a short power-off may leave RAM intact.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
@@ -40,8 +39,8 @@ impl Reasons {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Time {
-    /// The instant, ns, at which the first image since the start was published, and by how much, ns, its stated time
-    /// was too short.
+    /// The instant, ns, of the first image's publication since the start, and by how much, ns, its stated time was
+    /// short.
     first: Option<(u64, i128)>,
     last_ms: u32,
 }
@@ -50,8 +49,7 @@ pub(super) struct Time {
 const RESOLUTION: u64 = 2_000_000;
 
 impl Time {
-    /// Returns, in words, how the time `told_ms` is wrong in an image published at `published`, ns, by a DPR that
-    /// started at `since`, ns.
+    /// Returns, in words, how the time `told_ms` in an image is wrong, for a DPR that started at `since`, ns.
     pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64) -> Option<String> {
         let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
         let passed = published - since;

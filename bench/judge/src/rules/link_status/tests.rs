@@ -363,8 +363,7 @@ fn a_rise_of_fresh_for_the_same_image_is_no_publication() {
     // Most images are first read after the second rise of FRESH.
     let run = Run { control: 7 * MS, ..Run::new(3) };
     let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
-    // Each rise of FRESH announces an image, a number here. FRESH rises again 3 ms later, for the same image or
-    // another.
+    // Each image is a number here. FRESH rises again 3 ms later, for the same image or another.
     let broken = |another: u64| {
         let mut log = run.log(|_| {});
         let mut again = vec![];

@@ -1,5 +1,5 @@
-//! Judges what Port-Status reports about the DPR's own health: its clock, its passes over the flash, the faults found,
-//! and the reason of its last safe state.
+//! Judges the DPR's own health in Port-Status: clock, passes over the flash, faults found, reason of the last safe
+//! state.
 //!
 //! | field | right value |
 //! |---|---|
@@ -42,8 +42,7 @@ impl HealthFields {
         self.slow = true;
     }
 
-    /// Returns, in words, what is wrong with the health fields in an image that was published at `published` (ns) and
-    /// read by `reading`.
+    /// Returns, in words, what is wrong with the health fields in an image published at `published`, ns.
     pub(super) fn wrong(
         &mut self,
         values: &PortValues,

@@ -34,15 +34,13 @@ use model::{Model, Place, status_in, writes};
 /// The number of rises of FRESH that are kept: a transaction may be long.
 const REMEMBERED: usize = 64;
 
-/// The number of written objects that are kept until Port-Status shows their effect: more than can be written between
-/// two images.
+/// The number of written objects that are kept: more than can be written between two images.
 const WRITTEN: usize = 128;
 
 /// The longest time, ns, from the making of Port-Status, to which its ages refer, until its publication.
 const MADE_BEFORE: u64 = 4 * bounds::CYCLE;
 
-/// The longest time, ns, from a transaction's end until the DPR has judged what it wrote, with the error of the
-/// crystals.
+/// The longest time, ns, from a transaction's end until the DPR has judged what it wrote.
 const JUDGED_AFTER: u64 = 2_000_000;
 
 const MS: u64 = 1_000_000;
@@ -63,13 +61,12 @@ pub struct PortRule {
     /// The possible states after each transaction, the oldest first; empty if, and only if, the state is not known.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status. It wrote an
-    /// object, or the flight controller misused the SSI.
+    /// The instant, ns, at which the last transaction ended that may have changed a counter of Port-Status.
     written: u64,
     /// The values of Port-Status when it was last read, and the number of transactions since then.
     known: (PortValues, u32),
-    /// The access violations in Link-Status, those in Port-Status, and the timestamp of the last command, all read
-    /// while no written object was pending. `None` after a wrong Port-Status, which is another violation.
+    /// The access violations in Link-Status, those in Port-Status, and the timestamp of the last command, read while no
+    /// written object was pending; `None` if not known.
     counted: Option<(u32, u32, u32)>,
     health: HealthFields,
     /// Whether Port-Status has reported that the last self-test failed.
@@ -190,8 +187,7 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No write is pending, so Port-Status must show the last write, unless the image replaced one with the same
-            // content.
+            // No write is pending, so Port-Status must show the last one, unless the image replaced an equal one.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -206,8 +202,7 @@ impl PortRule {
             }
             return;
         }
-        // An object written before the last rise of FRESH but one must show. An object written before the last rise may
-        // show.
+        // What was written before the last rise of FRESH but one must show. What was written before the last rise may.
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
@@ -235,8 +230,7 @@ impl PortRule {
         }
     }
 
-    /// Judges the number of access violations in Link-Status. It counts all kinds since the DPR's start. Therefore it
-    /// must grow as the counts in Port-Status do, unless a command clears those.
+    /// Judges the violations in Link-Status: they grow with the counts in Port-Status, unless a command clears those.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
         let Some(before) = &mut self.counted else { return };
@@ -262,8 +256,7 @@ impl PortRule {
         }
     }
 
-    /// Compares the bytes, status bits and ages of both uplinks in the image with what the flight controller has
-    /// written.
+    /// Compares the bytes, status bits and ages of both uplinks in the image with what was written.
     fn uplinks(
         &self,
         places: std::ops::RangeInclusive<usize>,
@@ -300,8 +293,7 @@ impl PortRule {
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If the number of commands is equal and the last command differs, that command has cleared the counters and counts
-    // as the first.
+    // If only the last command differs, it has cleared the counters and counts as the first.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
@@ -327,8 +319,8 @@ fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {
     next
 }
 
-/// Returns whether Port-Status may state this status bit and age (ms) of a writer's uplink in an image published at
-/// `published`, ns. The uplink's bytes are compared if they were read.
+/// Returns whether Port-Status may state this status bit and age (ms) of an uplink, whose bytes are compared if they
+/// were `read`.
 fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, published: u64) -> bool {
     let (stored, at) = match place {
         Place::Unknown => return true,

@@ -9,8 +9,7 @@ use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
 use crate::rules::is_later;
 
-/// The number of bytes of a transaction that the DPR receives: a request, an object, and eight bytes that nothing may
-/// be written to.
+/// The number of bytes that the DPR receives: a request, an object, and eight bytes that must be empty.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 
 /// The number of consecutive newer timestamps after which the DPR accepts a writer whose timestamps stepped back.
@@ -136,8 +135,7 @@ impl Model {
         }
     }
 
-    /// Returns the states that are possible after a transaction that ended at `at`, ns, if the DPR's map has `map_len`
-    /// bytes.
+    /// Returns the states that are possible after a transaction that ended at `at`, ns.
     pub(super) fn after(&self, mosi: &[u8], at: u64, map_len: usize) -> Vec<Self> {
         let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
@@ -156,8 +154,7 @@ impl Model {
         states
     }
 
-    /// Returns the states that are possible after the DPR received this uplink or command, which is not
-    /// [vacant](is_vacant) (docs/design.md#ssi, `profile::port_status`).
+    /// Returns the states that are possible after this uplink or command, which is not [vacant](is_vacant).
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
             return vec![self.refused(Violation::TooShort)];
@@ -186,8 +183,8 @@ impl Model {
         })
     }
 
-    /// Returns what `then` returns if the timestamp is newer than those before, and else the state after a refusal.
-    /// Returns both if the earlier timestamps are not known.
+    /// Returns the states of `then` if the timestamp is newer, those of a refusal if not, and both if that is not
+    /// known.
     fn in_time(mut self, series: usize, timestamp: u32, then: impl Fn(Self) -> Vec<Self>) -> Vec<Self> {
         let Some(mut known) = self.timestamps[series] else {
             let refused = self.clone().refused(Violation::UplinkNotNewer);

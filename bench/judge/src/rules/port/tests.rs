@@ -517,8 +517,7 @@ fn a_write_as_fresh_rises_shows_two_images_later() {
 #[test]
 fn what_port_status_has_decided_stays_so() {
     let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
-    // When the second command arrives, the first self-test may have ended. The images published within `over` say that
-    // it has.
+    // The first self-test may have ended when the second command arrives. The images within `over` say that it has.
     let decided = |over: Range<u64>| {
         broken(&log(&written, |published| {
             let mut shown = Shown::default();
@@ -588,8 +587,7 @@ fn the_limits_of_an_uplinks_age() {
     assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
 }
 
-/// Returns whether Port-Status may have the values that `change` makes after the DPR received the objects `sent` since
-/// its start, each in one transaction.
+/// Returns whether Port-Status may have these values after the DPR received the objects `sent` since its start.
 fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let map_len = Layout::for_receivers(3).unwrap().map_len();
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));

@@ -1,5 +1,4 @@
-//! Compares the objects that transactions read with those that reached the DPR's antenna: is an object missing, out of
-//! sequence or too old?
+//! Judges which objects transactions read as valid: is one missing, out of sequence or too old?
 //!
 //! An object or a cycle is *shown* if a transaction reads it as valid. Two records are the reference: what HORUS put on
 //! the air ([`crate::truth`]), and how much of it reached the DPR's antenna ([`crate::expectation`]).
@@ -16,8 +15,7 @@
 //! | the deadline after the last frame has passed | `ShownStale` |
 //! | HORUS sent it before another object of its kind that was already shown | `Regression` |
 //!
-//! Stale data that stay in the image expire later. Both have one cause, so stale data are reported only if they
-//! disappear before they have expired.
+//! Stale data that stay in the image expire later; data with both faults are reported only as expired.
 //!
 //! `NotShown` means that no transaction shows a cycle that must be shown. `Vacant` means that an object is missing
 //! while others of its cycle are shown. Both concern only transactions that began after the cycle's image had to be
@@ -117,8 +115,7 @@ enum Fate {
         /// The instant, ns, at which the frame's first preamble bit began.
         started: u64,
     },
-    /// The object must not be shown: the violation, the serial number of the object's frame, and the violation in
-    /// words.
+    /// The object must not be shown: the violation, the serial number of its frame, and the violation in words.
     Wrong(Violation, u64, String),
 }
 
@@ -283,8 +280,8 @@ impl Shown {
         self.ask(reading, answered, findings);
     }
 
-    /// Reports stale data that the present transaction no longer shows, unless they have expired. `now` is the stale
-    /// data that it shows, if any.
+    /// Reports stale data when they are no longer shown, unless they have expired. `now` is the stale data still shown,
+    /// if any.
     fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
         let serial = now.as_ref().map(|(serial, _)| *serial);
         if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
@@ -324,8 +321,8 @@ impl Shown {
         Fate::Right { serial, started }
     }
 
-    /// Returns the instant, ns, at which the image with this object expires for a transaction that began at `selected`;
-    /// `None` if no image may show the object.
+    /// Returns the instant, ns, at which the image expires in which a transaction begun at `selected` may read this
+    /// object.
     fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
         let mut found = false;
         for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
@@ -338,8 +335,7 @@ impl Shown {
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
-            // The object came again in a later frame and was rejected, and that frame's image has replaced the earlier
-            // one.
+            // The object came again in a later frame, and that frame's image has replaced the earlier one.
             if delivery.received == Certainty::Must && selected > readable {
                 return None;
             }
@@ -349,8 +345,7 @@ impl Shown {
         known.map(|known| known.expired)
     }
 
-    /// Judges whether a transaction shows the cycles that must be shown. With `answered`, another violation explains a
-    /// missing cycle.
+    /// Judges whether a transaction shows the cycles that it must, unless another violation explains it (`answered`).
     fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
         let selected = reading.selected;
         for due in &mut self.due {

@@ -13,13 +13,11 @@
 //! each other before a recovery, count as one: the recovery is measured from the last end, and the latest limit
 //! applies.
 //!
-//! A late recovery is not reported if a violation since the beginning of the disturbance explains it
-//! ([`keeps_from_reading`]).
+//! A late recovery is not reported after a violation that explains it ([`keeps_from_reading`]).
 
 use crate::{Event, Findings, Violation, What, bounds};
 
-/// How long, ns, before the end of the run disturbances are no longer measured. Recoveries and watchdogs take less
-/// time.
+/// How long, ns, before the end of the run disturbances are no longer measured: longer than any recovery takes.
 const TAIL: u64 = 400_000_000;
 
 /// Disturbances that count as one, because the link did not recover between them.
@@ -53,7 +51,7 @@ pub(super) struct Recovery {
     off: [bool; 2],
     hung: [bool; 2],
     /// The disturbances of the last [`TAIL`] from which the link has recovered. With each is the instant, ns, at which
-    /// the transaction began that read an object sent after it.
+    /// the transaction began that showed the recovery.
     recent: Vec<(Causes, u64)>,
     /// The last frame that HORUS sent: the instant, ns, of its first bit, and its bytes.
     sent: Option<(u64, Vec<u8>)>,
@@ -112,8 +110,7 @@ impl Recovery {
         self.off.contains(&true) || self.hung.contains(&true)
     }
 
-    /// Records that a transaction that began at `selected`, ns, showed an object of a frame whose first bit was at
-    /// `started`, ns.
+    /// Records that a transaction begun at `selected`, ns, showed an object of a frame begun at `started`, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
         if self.is_open() {
             return;
@@ -233,8 +230,7 @@ mod tests {
         Event { at, what: testing::injected(kind, until) }
     }
 
-    /// Returns the violations that are found if these events happen and, after them, a frame is sent and read just
-    /// before `read`.
+    /// Returns the violations if these events happen and then a frame is sent and read just before `read`.
     fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
         let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
         events.iter().for_each(|event| recovery.take(event, &mut findings));
@@ -293,8 +289,8 @@ mod tests {
     fn of_causes_that_overlap_each_has_its_own_bound() {
         let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
         let air = |until| injected(60 * MS, Disturbance::Air, until);
-        // The link has 15 cycles after the front end's fault, until 250 ms, and 5 cycles after the air's, until 170 ms
-        // or 260 ms.
+        // The link must recover by 250 ms from the fault of the front end, and by 170 ms or 260 ms from that of the
+        // air.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
         assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);

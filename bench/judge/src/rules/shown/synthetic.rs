@@ -1,5 +1,4 @@
-//! Makes the log of a synthetic run in which HORUS, the air and the DPR follow the design, for the tests of the rules
-//! `shown` and `link_status`.
+//! Makes a log in which HORUS, the air and the DPR follow the design, to test the rules `shown` and `link_status`.
 //!
 //! The DPR is a small model that shows what `profile::sequence` permits, which the judge does not use.
 

@@ -3,7 +3,6 @@
 //! If the image changes during a transaction, the transaction reads bytes of several images. Each byte of the object
 //! then is one that HORUS sent in some cycle, or a fill byte of a scrub, but no single cycle explains all of them. An
 //! object that differs by only one bit from what was sent counts as damaged.
-//! occurs in another cycle.
 
 use std::collections::VecDeque;
 
@@ -37,8 +36,8 @@ impl Damage {
         self.links.push_back(*link);
     }
 
-    /// Reports what is wrong with the bytes that a transaction read, and returns whether anything is. With `spliced`,
-    /// Link-Status and the objects come from two images.
+    /// Reports what is wrong with the bytes of a transaction; returns whether anything is. With `spliced`, Link-Status
+    /// and the objects come from two images.
     pub(super) fn find(
         &self,
         reading: &Reading,

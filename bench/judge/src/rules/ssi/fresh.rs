@@ -24,8 +24,7 @@ use crate::read::{Reading, State};
 use crate::rules::is_later;
 use crate::{Findings, Violation};
 
-/// The number of rises of FRESH that are kept: more than there are within a transaction, unless the flight controller
-/// hangs.
+/// The number of rises of FRESH that are kept: more than there usually are within a transaction.
 const REMEMBERED: usize = 64;
 
 /// The features that distinguish one image from another.
@@ -62,8 +61,7 @@ impl Mark {
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
-    /// Returns whether both may be the features of one image; `None` if not known. One image shows each cycle, but
-    /// timestamps recur after a restart of HORUS.
+    /// Returns whether both may be of one image; `None` if not known. Timestamps recur after a restart of HORUS.
     fn is_of(&self, other: &Self) -> Option<bool> {
         let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
         let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
@@ -73,8 +71,7 @@ impl Mark {
         }
     }
 
-    /// Returns whether both certainly are the features of one image. Images of one millisecond differ in their
-    /// counters. Without Link-Status nothing is certain, since timestamps recur after a restart of HORUS.
+    /// Returns whether both certainly are of one image, which without Link-Status they are not: timestamps recur.
     fn is_the_same_as(&self, other: &Self) -> bool {
         let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links

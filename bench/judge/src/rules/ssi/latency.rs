@@ -1,5 +1,4 @@
-//! Measures the time from a cycle's tick, and from its last bit, until the cycle is readable. Keeps the objects that
-//! HORUS sent in the last cycles.
+//! Measures how soon after its tick and its last bit a cycle is readable, and keeps the objects of the last cycles.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -82,8 +81,8 @@ impl Cycles {
         }
     }
 
-    /// Records that the DPR's front end fails at the instant `at`, ns. A frame that the front end has not handed over
-    /// is lost. If that is the second of two, the DPR shows the first alone when the second is overdue.
+    /// Records that the DPR's front end fails at `at`, ns, and loses a frame that it has not handed over. Without its
+    /// second frame, the first is shown only when the second is overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
         let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
         for cycle in &mut self.cycles {
@@ -146,8 +145,7 @@ impl Cycles {
         }
     }
 
-    /// Records that the cycle with the timestamp `stamp` was read before FRESH announced it; a later rise of FRESH for
-    /// it is not measured. Returns whether a rise for the cycle was already reported as late.
+    /// Records that a cycle was read before FRESH announced it. Returns whether its rise was already reported as late.
     pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
         let Some(cycle) = self.cycle(stamp) else { return false };
         cycle.readable = true;

@@ -33,8 +33,7 @@ impl Read {
 enum Why {
     /// Hardware gave the buffers to the processor at the end of a transaction.
     Transaction,
-    /// Hardware took the buffers because the image's time is over. The processor has nothing to give back until the
-    /// next image.
+    /// Hardware took the buffers because the image's time is over; they are not due back until the next image.
     Expiry,
     /// The processor took the buffers by itself.
     Own,
@@ -49,8 +48,7 @@ struct Hold {
 /// The end of a transaction after which the DPR is not ready yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
-    /// The instant, ns, from which [`bounds::SSI_READY`] counts: the end of the transaction, or of the pause after the
-    /// one before.
+    /// The instant, ns, from which [`bounds::SSI_READY`] counts: a transaction's end, or the end of a pause.
     since: u64,
     /// Whether the DPR has to become ready, because there is an image to be read.
     owed: bool,
@@ -94,8 +92,7 @@ pub(super) struct Service {
     /// The instant, ns, at which the last transaction longer than a cycle ended.
     long_ended: u64,
     busy: bool,
-    /// Whether the DPR may leave the present transaction unserved, because the one before has just ended or the image's
-    /// time is over.
+    /// Whether the DPR may leave the present transaction unserved: just after another one, or after the image's time.
     may_be_busy: bool,
     /// The instant, ns, at which FRESH first rose during the present transaction.
     rose_within: Option<u64>,
@@ -103,8 +100,7 @@ pub(super) struct Service {
     /// The instant, ns, until which the DPR may pause and need not detect the end of a transaction.
     paused_until: u64,
     pending: Option<Pending>,
-    /// The instant, ns, of a rise of FRESH when the DPR did not have to become ready. No other bound then limits when
-    /// the image is readable.
+    /// The instant, ns, of a rise of FRESH after which no other bound limits when the image is readable.
     claimed: Option<u64>,
     ready_at: Option<u64>,
     rose_at: Option<u64>,
@@ -145,8 +141,8 @@ impl Service {
     /// Resets the state at a start of the DPR. Overdue service is not reported, because the restart is judged.
     fn restart(&mut self, since: u64) {
         let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
-        // A transaction that is under way at the start is not served. Its beginning, and the end of an earlier long
-        // transaction, need not be kept: both matter only after the time for a start.
+        // A transaction that is under way at the start is not served. Its beginning matters only after the time for a
+        // start.
         let busy = under_way;
         *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
@@ -196,8 +192,7 @@ impl Service {
         }
     }
 
-    /// Records a rise of FRESH; with `offers`, a transaction could begin. Returns whether there is a reason if none
-    /// could.
+    /// Records a rise of FRESH. Returns whether there is a reason why no transaction could begin, if `offers` is false.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
         if self.under_way {
@@ -329,8 +324,7 @@ impl Service {
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
-        // The watchdog restarts a DPR that hangs, and another rule judges that. Therefore only a longer series is a
-        // silence.
+        // A DPR that hangs is restarted and judged by another rule, so only a longer series is a silence.
         if streak.last - streak.first > bounds::EXPIRY + bounds::START {
             self.silence(findings);
         }

@@ -5,8 +5,7 @@ use super::*;
 use crate::Board;
 use crate::testing::COMMAND;
 
-/// Returns the violations that are found if burst `number` of GPS1 is on a disturbed line and HORUS takes it or not
-/// (`taken`).
+/// Returns the violations if burst `number` of GPS1 is on a disturbed line and HORUS takes it or not (`taken`).
 fn disturbed(number: usize, taken: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0][number].clean = false;
@@ -126,8 +125,7 @@ fn horus_may_drop_a_message_from_before_its_first_tick() {
     assert_eq!(nothing(&scene)[0].0, Violation::StatusWrong);
 }
 
-/// Returns the violations that are found if GPS1 sends until 545 ms, and HORUS restarts in the cycle of 570 ms and
-/// ticks again from 600 ms on.
+/// Returns the violations if GPS1 sends until 545 ms, and HORUS restarts and ticks again from 600 ms on.
 fn restarted(power: bool, remembers: bool) -> Vec<(Violation, u64)> {
     let mut scene = Scene::new(1);
     scene.receivers[0].truncate(6);

@@ -187,8 +187,7 @@ impl Scene {
         kinds(&self.events(change))
     }
 
-    /// Returns the violations that are found if `change` changes GPS1 in cycle `number`. Reported-Position follows from
-    /// the changed GPS1.
+    /// Returns the violations if `change` changes GPS1, and with it Reported-Position, in cycle `number`.
     fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
         self.said(|cycle, as_reported, gps| {
             if cycle == number {

@@ -91,8 +91,6 @@ fn a_message_may_be_shown_until_its_successor_must_be_taken() {
     assert_eq!(already(first - 1), CONTENT);
 }
 
-/// The arrival of the message's last byte is moved by single nanoseconds.
-/// single nanoseconds.
 #[test]
 fn the_bands_of_taking_a_message_are_as_stated() {
     let shows = |arrives_after_tick: i64, new: bool| {

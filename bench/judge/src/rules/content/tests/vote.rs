@@ -61,8 +61,7 @@ fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
     said.into_iter().map(|(violation, _)| violation).collect()
 }
 
-/// Returns the violations that are found if Reported-Position is the vote of these receivers and no receiver is
-/// excluded.
+/// Returns the violations if Reported-Position is the vote of these receivers and no receiver is excluded.
 fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
     let mut before = false;
     let said = scene.said(|_, reported, gps| {

@@ -37,8 +37,7 @@
 //! receiver that was not excluded must not be excluded then if it agreed with all others, has sent nothing new, and
 //! fewer than M others have.
 //!
-//! An altitude, an attitude and an acceleration are each voted only from members that have one. At least M members must
-//! have one, and all of these have to agree.
+//! An altitude, an attitude and an acceleration are each voted from at least M members that have one and all agree.
 //!
 //! At most one violation is reported for a cycle. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
@@ -91,14 +90,12 @@ struct Returning {
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
     receivers: usize,
-    /// The number of the last cycle that the judge has seen, from HORUS's start, and the receivers excluded in that
-    /// cycle.
+    /// The number, from HORUS's start, of the last cycle that the judge has seen, and the receivers excluded in it.
     last: (u64, Set),
     /// The GPS objects of that cycle.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
-    /// The receivers that must, and those that may, be excluded in the first cycle after HORUS's start; `None` after
-    /// that cycle.
+    /// The receivers that must, and may, be excluded in HORUS's first cycle; `None` after that cycle.
     restarted: Option<(Set, Set)>,
     /// The receivers that the vote after the last cycle may have excluded.
     doubtful: Set,
@@ -289,8 +286,8 @@ impl Vote {
         *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
-    /// Returns, in words, what is wrong with the receivers excluded in the first cycle seen after a start, cycle
-    /// `number`.
+    /// Returns, in words, what is wrong with the receivers excluded in cycle `number`, the first one seen since a
+    /// start.
     fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
         if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
             return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
@@ -304,8 +301,7 @@ impl Vote {
         self.last.0 + 1 == number
     }
 
-    /// Judges Reported-Position in cycle `number` since HORUS's start, whose GPS objects are right. The state
-    /// `Starting` is judged only if HORUS's accepted inputs are known.
+    /// Judges Reported-Position in cycle `number` since HORUS's start, whose GPS objects are right.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
@@ -357,8 +353,8 @@ impl Vote {
         judged
     }
 
-    /// Records for each receiver whether it may return from exclusion: whether it agrees with every member of the
-    /// result or, without a result, with one of the eligible receivers.
+    /// Records whether each receiver may return from exclusion: whether it agrees with all members of the result or,
+    /// without a result, with one of the eligible receivers.
     fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
         let eligible = cycle.sure & !(cycle.now & cycle.before);
@@ -648,8 +644,7 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// Returns, in words, what is wrong with attitude or acceleration. The voter used each member's values of this cycle or
-/// of the cycle before.
+/// Returns, in words, what is wrong with attitude or acceleration, voted from values of this cycle or the one before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
     if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
         return None;

@@ -1,5 +1,5 @@
-//! Computes where the receivers are at a tick, how far apart they are, and whether they agree. All results are ranges,
-//! because the log does not state exactly when HORUS took a message, nor always which one.
+//! Computes where the receivers are at a tick, how far apart they are, and whether they agree. The results are ranges,
+//! because the log does not state exactly when HORUS took which message.
 //!
 //! A position is older than the message that brought it. Its age follows from the delay between the message's time of
 //! week and its arrival (decision 15, brought to the tick). Candidates are the receivers whose position may be voted
@@ -76,8 +76,7 @@ struct Version {
     altitude: Option<f64>,
     /// The messages from which the position may come; empty if not known.
     messages: Vec<Held>,
-    /// The receiver's movement since the position's epoch, and the accuracy; `None` until the age of the position is
-    /// known.
+    /// The receiver's movement and accuracy; `None` until the age of the position is known.
     held: Option<Brought>,
 }
 
@@ -104,8 +103,7 @@ impl Place {
         self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
     }
 
-    /// Returns the delay, s, from the message's time of week to its arrival, modulo a week and within half a week of
-    /// `reference` (ns).
+    /// Returns the delay, s, from the message's time of week to its arrival; `reference` as in [`since_epoch`].
     fn lag(&self, reference: i64) -> Option<Range> {
         let lags =
             self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
@@ -130,8 +128,7 @@ impl Place {
         Some([north, east])
     }
 
-    /// Returns the altitude at the tick, m, `None` for a 2D fix. The second value says whether the kind of the fix is
-    /// uncertain.
+    /// Returns the altitude at the tick, m, `None` for a 2D fix, and whether the kind of the fix is uncertain.
     pub(super) fn altitude(&self) -> (Option<Range>, bool) {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
@@ -249,8 +246,7 @@ fn lag(held: &Held, reference: i64) -> Range {
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
 }
 
-/// Returns the age, s, of a message's position at the tick. The candidates' middle delay lies in the range `middle`, if
-/// known.
+/// Returns the age, s, of a message's position at the tick, for this middle delay of the candidates, if known.
 fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
     let since_arrival = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));

@@ -238,8 +238,7 @@ fn what_is_told_says_when() {
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
 
-/// Returns the violations of a run in which `edit` changes how the frame of cycle 20 arrived, and no image shows that
-/// cycle.
+/// Returns the violations if `edit` changes how the frame of cycle 20 arrived, and no image shows that cycle.
 fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
     let mut log = run.log(hide(200));
     let at = run.end(20);
