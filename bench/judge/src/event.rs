@@ -249,8 +249,8 @@ pub enum What {
     Fresh {
         /// Whether the pin rose.
         high: bool,
-        /// The bytes that a transaction would read at the first ready instant after FRESH rose. `None` if FRESH fell,
-        /// or if another transaction began before that instant.
+        /// The bytes that a transaction would read when the DPR is first ready after FRESH rose. `None` if FRESH fell,
+        /// or if a transaction was under way or began before that instant.
         offered: Option<Bytes>,
     },
     /// The state of the buffers of the DPR's SPI peripheral changed.

@@ -5,10 +5,10 @@
 //!
 //! # One cause, one violation
 //!
-//! A change of bytes on the way to the base station is [`Violation::BaseChanged`] alone: the profile is not reported as
-//! missing.
-//! A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone. If the flight controller
-//! forwarded the profile so, the transaction was torn, and another rule reports it.
+//! - A change of bytes on the way to the base station is [`Violation::BaseChanged`] alone: the profile is not reported
+//!   as missing.
+//! - A profile whose shown objects are of several cycles is [`Violation::BaseMixed`] alone. If the flight controller
+//!   forwarded the profile so, the transaction was torn, and another rule reports it.
 //! - In a profile that mixes cycles, an object that is not shown does not count as hidden.
 
 use std::collections::VecDeque;

@@ -59,7 +59,8 @@ struct First {
 }
 
 impl First {
-    /// Returns the least and the greatest age, ns, of the sample at the instant `at`, ns, by Link-Status and FRESH.
+    /// Returns the least and the greatest age, ns, of the sample at the instant `at`, ns, that Link-Status and FRESH
+    /// allow.
     const fn ages(&self, at: u64) -> (u64, u64) {
         let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
         (self.told + (at - self.selected), self.told + sealed + (at - self.announced))

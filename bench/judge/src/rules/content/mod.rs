@@ -11,13 +11,13 @@
 //!
 //! # What is not judged
 //!
-//! An object whose timestamp does not continue that of the cycle before; rule `cycle` reports the timestamp.
-//! Ages, for two seconds after a missing or irregular tick or after a timestamp that jumped: HORUS counts its time in
-//! ticks.
-//! What HORUS states about its receivers, its vote and its inputs, while [`Excuse::Content`] holds.
-//! Reported-Position, in a cycle with a wrong or missing GPS object and in the cycle after it. Otherwise `vote` judges
-//! Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself (`itself`) are
-//! judged in every cycle.
+//! - An object whose timestamp does not continue that of the cycle before; rule `cycle` reports the timestamp.
+//! - Ages, for two seconds after a missing or irregular tick or after a timestamp that jumped: HORUS counts its time in
+//!   ticks.
+//! - What HORUS states about its receivers, its vote and its inputs, while [`Excuse::Content`] holds.
+//! - Reported-Position, in a cycle with a wrong or missing GPS object and in the cycle after it. Otherwise `vote`
+//!   judges Reported-Position and the bits *excluded*. HORUS's state (`inputs`) and its statements about itself
+//!   (`itself`) are judged in every cycle.
 //!
 //! No message to HORUS states the dynamic model; `models` judges it by the settings that the receiver reports in the
 //! log.

@@ -6,11 +6,11 @@
 //!
 //! # What is not required
 //!
-//! This rule requires nothing while [`Excuse::Service`] holds, because the DPR may have received any number of the
-//! written bytes. After that the judge accepts Port-Status once, when no written object is pending, if the transactions
-//! can have led to its values. Later values are compared with these.
-//! While [`Excuse::UnsoundImage`] holds, the only requirement is that a damaged object is not valid.
-//! This rule requires nothing of a map that FRESH has not announced in time, because another rule reports it.
+//! - This rule requires nothing while [`Excuse::Service`] holds, because the DPR may have received any number of the
+//!   written bytes. After that the judge accepts Port-Status once, when no written object is pending, if the
+//!   transactions can have led to its values. Later values are compared with these.
+//! - While [`Excuse::UnsoundImage`] holds, the only requirement is that a damaged object is not valid.
+//! - This rule requires nothing of a map that FRESH has not announced in time, because another rule reports it.
 
 mod health;
 mod model;
@@ -187,7 +187,8 @@ impl PortRule {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
-            // No write is pending, so Port-Status must show the last one, unless the image replaced an equal one.
+            // No write is pending, so Port-Status must show the last write, unless the image replaced one with the same
+            // content.
             let shows = previous.is_some_and(|previous| self.written < previous);
             if shows && !disturbances.excuse(Excuse::UnsoundImage, selected) {
                 let (before, transactions) = self.known;
@@ -293,7 +294,7 @@ impl PortRule {
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
     let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
-    // If only the last command differs, it has cleared the counters and counts as the first.
+    // If the number of commands is equal but the last command differs, that command has cleared the counters.
     let carried_out = now.commands_carried_out > 0
         && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.

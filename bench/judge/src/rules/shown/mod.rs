@@ -30,11 +30,11 @@
 //!
 //! # Limits
 //!
-//! The image before may stay after a frame that the DPR received but that brought nothing to show. Such an image is
-//! reported only when its deadline or its 25 ms have passed.
-//! A transaction longer than a second is not judged, because the frames of its bytes are not kept for so long.
-//! While [`Excuse::Hearing`] holds, no cycle must be shown, and any that reached the antenna may be. When an
-//! [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
+//! - The image before may stay after a frame that the DPR received but that brought nothing to show. Such an image is
+//!   reported only when its deadline or its 25 ms have passed.
+//! - A transaction longer than a second is not judged, because the frames of its bytes are not kept for so long.
+//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any that reached the antenna may be. When an
+//!   [`Excuse::Withdrawal`] begins, a cycle that no transaction has had to show yet need not be shown any more.
 
 mod recovery;
 #[cfg(test)]

@@ -293,7 +293,7 @@ impl Service {
         }
     }
 
-    /// Reports what the DPR should have done before `now`: it is ready for the next transaction, or the run is over.
+    /// Reports what the DPR should have done before `now`, when it is ready for the next transaction or the run ends.
     fn settle(&mut self, now: u64, findings: &mut Findings) {
         if let Some(Pending { since, owed: true }) = self.pending.take() {
             self.waited(Violation::NotReady, since, now, findings);

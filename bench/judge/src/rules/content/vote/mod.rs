@@ -43,11 +43,11 @@
 //!
 //! # What is not judged
 //!
-//! The cycle after one with a missing or wrong object, because it is not known which receivers were excluded before.
-//! Positions and agreement, while it is not known which message HORUS uses. HORUS's ticks are irregular then, or the
-//! object fits neither case of a message that HORUS may have taken.
-//! Which of several sets of the same size HORUS chooses.
-//! The status bit about HORUS's clock.
+//! - The cycle after one with a missing or wrong object, because it is not known which receivers were excluded before.
+//! - Positions and agreement, while it is not known which message HORUS uses: HORUS's ticks are irregular, or the
+//!   object fits a message that HORUS may have taken neither as taken nor as missed.
+//! - Which of several sets of the same size HORUS chooses.
+//! - The status bit about HORUS's clock.
 //!
 //! Injected faults excuse nothing here: HORUS has to apply decision 15 to the messages that it takes.
 

@@ -246,7 +246,7 @@ fn lag(held: &Held, reference: i64) -> Range {
     Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
 }
 
-/// Returns the age, s, of a message's position at the tick, for this middle delay of the candidates, if known.
+/// Returns the age, s, of a message's position at the tick; `middle` is the candidates' middle delay, if known.
 fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
     let since_arrival = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
