@@ -15,7 +15,7 @@ pub const SSI_READY: u64 = 10_000;
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 /// The length of a cycle: docs/design.md#timing.
 pub const CYCLE: u64 = 10_000_000;
-/// The judge does not judge the load of a run shorter than this. The work of the start would be most of its load.
+/// The load is judged only in a run longer than this, because a start takes most of the load of a shorter run.
 pub const LOAD_FROM: u64 = 300_000_000;
 /// The longest processor time that a start of HORUS takes; 36 ms were measured on the pessimistic clock.
 pub const HORUS_START_WORK: u64 = 40_000_000;

@@ -309,7 +309,7 @@ impl Expectation {
                 frozen: false,
             };
             self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
-            // The DPR may have received this cycle as a repetition of a cycle that another state has missed.
+            // The cycle also counts as frozen if the DPR received an earlier cycle with the same timestamp.
             self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
             (Certainty::May, Certainty::May)

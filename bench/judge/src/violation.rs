@@ -67,7 +67,7 @@ violations! {
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no receiver of the voted
     /// position. Or an excluded receiver returns before, or not after, it has agreed for a second.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
-    /// HORUS shows as valid the position of a receiver without the airborne model, long after it should have set that.
+    /// HORUS shows as valid the position of a receiver whose dynamic model HORUS should have set long before.
     NotAirborne = "a position of a receiver that does not navigate as airborne",
     /// HORUS's state does not fit its inputs (relay, motor cut, emergency measure). The state does not show an input
     /// that was active or contradicted itself for the debounce time, or shows what no input justifies.

@@ -12,7 +12,7 @@
 //! nothing more is required of a board after it has started or lost its supply. The stuck bit of a buffer must be
 //! reported only while new cycles are shown, because only then are the buffers used in turn.
 //!
-//! A changed bit in other RAM or in a register may have no effect; the other rules judge its effects.
+//! Nothing is required after a bit changes elsewhere in RAM or in a register, because the change may have no effect.
 
 use super::Rule;
 use crate::disturbance::{Excuse, Memory};

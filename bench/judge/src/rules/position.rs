@@ -6,7 +6,8 @@
 //! this limit, because a disturbed receiver may agree with the others. Nothing is required while a quorum of receivers
 //! is disturbed, or one of two receivers, or the only one.
 //!
-//! A position missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation since the last one explains it.
+//! A position that is missing for [`bounds::POSITION_WITHIN`] is reported, unless a violation since the last position
+//! explains its absence.
 
 use std::collections::VecDeque;
 

@@ -97,8 +97,8 @@ impl Inputs {
         self.tick = Some(at);
     }
 
-    /// Returns whether HORUS has certainly accepted a reading of each input, and so must report `Monitoring` if
-    /// located.
+    /// Returns whether HORUS has certainly accepted a reading of each input. Only then must HORUS report `Monitoring`
+    /// once it has a position.
     pub(super) fn is_known(&self) -> bool {
         self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
     }

@@ -9,7 +9,8 @@ use crate::{Cause, What, bounds};
 pub(super) struct Reasons(Option<&'static [ResetReason]>);
 
 impl Reasons {
-    /// Returns the reasons after power-on, among them a brown-out, since a short power-off may leave RAM intact.
+    /// Returns the reasons after power-on. After a short power-off the DPR may find its RAM intact and states a
+    /// brown-out.
     pub(super) const fn power_on() -> Self {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }

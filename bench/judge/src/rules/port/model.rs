@@ -68,7 +68,7 @@ pub(super) struct Model {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Test {
-    /// No self-test is under way; the last one ended so.
+    /// No self-test is under way; the last one ended with this result.
     Idle { passed: bool, failed: bool },
     /// A self-test began at this instant, ns, and may have ended.
     Begun(u64),

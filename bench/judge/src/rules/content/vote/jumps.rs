@@ -124,7 +124,7 @@ pub(super) struct Found<T> {
 
 #[derive(Clone, Debug)]
 enum Last<T> {
-    /// HORUS has shown none since its start.
+    /// HORUS has shown no place or altitude since its start.
     Nothing,
     Unknown,
     /// HORUS showed this place or altitude at the tick at this instant.
