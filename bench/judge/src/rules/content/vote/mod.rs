@@ -9,8 +9,8 @@
 //! receiver with a valid position in both objects is a candidate, unless its older position may expire before its newer
 //! one comes. A receiver with a valid position in one object may be a candidate. A receiver that is excluded in both
 //! cycles is not eligible for the result. The judge takes position, velocity and accuracy from the messages, and knows
-//! their ages within the limits of [`Age`]. It determines for each two receivers whether they agree, disagree, or may
-//! do either ([`places`]).
+//! their ages within the limits of `track::Age`. For each two receivers the judge determines whether they agree,
+//! disagree, or may do either ([`places`]).
 //!
 //! The members of a result are the eligible receivers from which it was voted. HORUS states only their number.
 //! Therefore the judge tries every set of so many receivers, and reports a violation only if no set fits.
